@@ -1,0 +1,46 @@
+# make demo: set everything up and run the main job.   make test: set everything up and pass the tests.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+# One thread in BLAS: the arrays are small, and the ray caster wants the cores.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: demo test check bench lock clean clean-cache wheel
+
+demo: $(STAMP)
+	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
+	@echo "open runs/paper-example-1/report.html"
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n 2
+
+check: $(STAMP)
+	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP)
+	$(BIN)/python -m benchmarks.table
+
+wheel: $(STAMP)
+	$(BIN)/python -m build --wheel --no-isolation
+
+$(STAMP): pyproject.toml requirements.lock
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	touch $@
+
+# Pins every dependency (also the developers' tools) for all platforms and Python versions that are supported.
+lock:
+	$(PYTHON) -m pip install --quiet uv
+	$(PYTHON) -m uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --no-emit-index-url --output-file requirements.lock
+
+clean-cache:
+	find src benchmarks -name '*.nbi' -delete -o -name '*.nbc' -delete
+
+clean: clean-cache
+	rm -rf $(VENV) dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,1 @@
+"""Reading and writing cameras: one file per format."""

@@ -1,0 +1,48 @@
+"""Every exception that omniservo raises on purpose.
+
+A wrong call raises; an unlucky computation returns a result with a status and its evidence.
+"""
+
+
+class OmniservoError(Exception):
+    """The root: catching it catches everything that omniservo raises on purpose."""
+
+
+class InputError(OmniservoError, ValueError):
+    """The call or a file is wrong. The message names file, field, given value and what is legal."""
+
+
+class ServoStop(OmniservoError):
+    """The control loop refuses to go on; the arm is stopped. ``reason`` names the cause in one word."""
+
+    reason = "stopped"
+
+
+class FeatureLoss(ServoStop):
+    """Too few features are left to control six degrees of freedom."""
+
+    reason = "feature_loss"
+
+
+class SingularInteraction(ServoStop):
+    """The interaction matrix is singular: the features do not determine a camera twist."""
+
+    reason = "singular_interaction"
+
+
+class JointLimit(ServoStop):
+    """The commanded motion would leave the joint range, or the arm is at a singular configuration."""
+
+    reason = "joint_limit"
+
+
+class StaleImage(ServoStop):
+    """The newest image is older than the loop allows."""
+
+    reason = "stale_image"
+
+
+class Divergence(ServoStop):
+    """The feature error exceeds its bound: the camera is not where the plan says."""
+
+    reason = "divergence"

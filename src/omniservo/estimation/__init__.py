@@ -1,0 +1,1 @@
+"""Bearings of two views to motion and structure."""

@@ -1,0 +1,1 @@
+"""Array checks, compiled kernels, polynomial bases and bearings."""

@@ -1,0 +1,89 @@
+"""Array types, and the check that every array passes at a public boundary."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+ByteArray = npt.NDArray[np.uint8]
+
+
+def finite_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -> FloatArray:
+    """Return ``value`` as a float64 array of the given shape, or say what is wrong with it.
+
+    Args:
+        name: what the caller calls it; stands first in every message.
+        value: anything NumPy turns into numbers.
+        shape: required shape; None is any length. A leading ``...`` is written as ``-1``:
+            ``(-1, 3)`` accepts ``(3,)``, ``(n, 3)``, ``(m, n, 3)``.
+
+    Raises:
+        InputError: not numeric, of another shape, or with NaN or infinity.
+    """
+    array = _as_floats(name, value)
+    wanted = tuple(shape)
+    tail = wanted[1:] if wanted[:1] == (-1,) else wanted
+    given = array.shape[len(array.shape) - len(tail) :] if wanted[:1] == (-1,) else array.shape
+    if len(given) != len(tail) or any(w is not None and w != g for w, g in zip(tail, given, strict=True)):
+        raise InputError(f"{name}: shape {array.shape} given; {_spell(wanted)} is needed")
+    if not np.isfinite(array).all():
+        bad = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise InputError(f"{name}: {array[bad]} at index {bad}; every number must be finite")
+    return array
+
+
+def finite_number(
+    name: str, value: Any, *, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
+) -> float:
+    """Return ``value`` as a float with minimum <= value <= maximum and value > above.
+
+    Raises:
+        InputError: not a number, NaN, infinite, or out of range.
+    """
+    if isinstance(value, bool | str | bytes):
+        raise InputError(f"{name}: {value!r} given; a number is needed")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {value!r} given; a number is needed") from None
+    if not math.isfinite(number):
+        raise InputError(f"{name}: {number} given; a finite number is needed")
+    if number < minimum or number > maximum or number <= above:
+        low = f"> {above:g}" if above > -math.inf else f">= {minimum:g}" if minimum > -math.inf else ""
+        high = f"<= {maximum:g}" if maximum < math.inf else ""
+        raise InputError(f"{name}: {number:g} given; legal: {' and '.join(x for x in (low, high) if x)}")
+    return number
+
+
+def frozen(array: FloatArray) -> FloatArray:
+    """Return a read-only copy: values of the field's nouns never change after construction."""
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy
+
+
+def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
+    try:
+        array = np.asarray(value)
+        if array.dtype == object or array.dtype.kind not in "fiu":
+            raise TypeError
+        return array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {_shortened(value)} given; an array of numbers is needed") from None
+
+
+def _spell(shape: tuple[int | None, ...]) -> str:
+    parts = ["…" if s == -1 else "any" if s is None else str(s) for s in shape]
+    return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

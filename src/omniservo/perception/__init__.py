@@ -1,0 +1,1 @@
+"""Images to dots; dots tracked and matched between views."""

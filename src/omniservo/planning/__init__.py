@@ -1,0 +1,1 @@
+"""Certified camera paths: problem, constraints, search, certificate, plan."""

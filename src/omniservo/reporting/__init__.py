@@ -1,0 +1,1 @@
+"""Figures, animation and the HTML report of a run."""

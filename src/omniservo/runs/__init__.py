@@ -1,0 +1,1 @@
+"""Whole jobs: a task becomes a folder of results."""

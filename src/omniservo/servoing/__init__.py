@@ -1,0 +1,1 @@
+"""Features with their interaction matrices, control law and time laws."""

@@ -1,0 +1,1 @@
+"""The world, the ray-cast camera, the simulated robot and the closed loop."""

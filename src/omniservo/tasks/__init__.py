@@ -1,0 +1,1 @@
+"""Task files: everything a run needs, validated."""
