@@ -1,0 +1,176 @@
+"""Files at the program's edge: untrusted ones read within bounds, results written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from omniservo.errors import InputError
+
+MAX_BYTES = 16 * 2**20
+"""Largest document that is read [bytes]: a plan with 10⁵ points fits."""
+
+_MAX_DEPTH = 32
+
+
+def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
+    """Return the file's text (UTF-8).
+
+    Raises:
+        InputError: missing, a folder, unreadable, larger than ``max_bytes``, or not text.
+    """
+    file = Path(path)
+    try:
+        if not file.is_file():
+            raise InputError(f"{path}: no such file" if not file.exists() else f"{path}: not a file")
+        if file.stat().st_size > max_bytes:
+            raise InputError(f"{path}: {file.stat().st_size} bytes; at most {max_bytes} are read")
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file (UTF-8)") from None
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+
+
+def read_document(path: str | Path) -> Any:
+    """Return what a JSON or YAML file holds, as plain dicts, lists, strings, numbers, booleans and None.
+
+    Nothing in the file can run code or refer to other files. Aliases, duplicate keys and nesting deeper
+    than 32 are refused.
+
+    Raises:
+        InputError: as `read_text`, or the text is neither JSON nor YAML (with the line).
+    """
+    return parse_document(read_text(path), str(path))
+
+
+def parse_document(text: str, source: str) -> Any:
+    """Return what JSON or YAML text holds; see `read_document`. ``source`` stands first in messages."""
+    try:
+        if text.lstrip()[:1] in ("{", "["):
+            return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=float)
+        return yaml.load(text, Loader=_PlainLoader)  # noqa: S506  a SafeLoader with fewer powers
+    except json.JSONDecodeError as error:
+        raise InputError(f"{source}: line {error.lineno}: not JSON: {error.msg}") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}: " if mark is not None else ""
+        problem = getattr(error, "problem", None) or "not YAML"
+        raise InputError(f"{source}: {where}{problem}") from None
+    except (RecursionError, ValueError) as error:
+        message = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise InputError(f"{source}: {message}") from None
+
+
+def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write a file whole or not at all: into a temporary file beside it, then renamed.
+
+    Raises:
+        InputError: the file exists and ``force`` is False, or its folder cannot be written.
+    """
+    file = Path(path)
+    if file.exists() and not force:
+        raise InputError(f"{path}: exists; --force (force=True) replaces it")
+    if file.is_dir():
+        raise InputError(f"{path}: a folder; a file is needed")
+    data = content.encode() if isinstance(content, str) else content
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(file)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """Give an empty temporary folder that becomes ``path`` if the block ends well, and vanishes otherwise.
+
+    Raises:
+        InputError: the folder exists and ``force`` is False, or its parent cannot be written.
+    """
+    folder = Path(path)
+    if folder.exists() and not force:
+        raise InputError(f"{path}: exists; --force (force=True) replaces it")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{path}: a file; a folder is needed")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    try:
+        yield temporary
+        temporary.chmod(0o755)
+        if folder.exists():
+            shutil.rmtree(folder)
+        temporary.replace(folder)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """SafeLoader without aliases and duplicate keys, and with 1e-3 read as a number."""
+
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            event = self.peek_event()  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, "aliases are not read", event.start_mark)
+        self.depth += 1
+        if self.depth > _MAX_DEPTH:
+            raise ValueError(f"nested deeper than {_MAX_DEPTH}")
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a field's name must be plain", key.start_mark
+                )
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"field {key.value!r} is given twice", key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+_PlainLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_PlainLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
+    list("-+0123456789."),
+)
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    fields = dict(pairs)
+    if len(fields) != len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"field {twice!r} is given twice")
+    return fields

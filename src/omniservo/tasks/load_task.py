@@ -1,0 +1,107 @@
+"""Reading task files: the shipped ones by name, the user's by path."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from omniservo.calibration import load_camera
+from omniservo.cameras import PRESETS, UnifiedCamera, preset
+from omniservo.errors import InputError
+from omniservo.files import read_document
+from omniservo.tasks.quantities import ANGLE_UNITS, LENGTH_UNITS
+from omniservo.tasks.task import FORMAT, Task
+
+
+def shipped_tasks() -> tuple[str, ...]:
+    """Names of the tasks that come with the package, sorted."""
+    folder = resources.files("omniservo.tasks") / "shipped"
+    return tuple(sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")))
+
+
+def load_task(task: str | Path, *, camera: str | Path | None = None) -> Task:
+    """Read a task: a shipped name or the path of a YAML file.
+
+    Args:
+        task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
+        camera: a calibration file (or preset name) that replaces the task's camera.
+
+    Raises:
+        InputError: the file is not a valid task; the message names file, field, value and what is legal.
+    """
+    names = shipped_tasks()
+    if str(task) in names:
+        with resources.as_file(resources.files("omniservo.tasks") / "shipped" / f"{task}.yaml") as path:
+            return _from_file(path, str(task), camera)
+    path = Path(task)
+    if not path.is_file():
+        raise InputError(
+            f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
+        )
+    return _from_file(path, str(path), camera)
+
+
+def _from_file(path: Path, source: str, camera: str | Path | None) -> Task:
+    document = read_document(path)
+    if not isinstance(document, dict):
+        raise InputError(f"{source}: a task is a mapping of fields, not {type(document).__name__}")
+    fields = dict(document)
+    if fields.pop("format", None) != FORMAT:
+        raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
+    context = _units(fields.pop("units", {}), source)
+    if camera is None:
+        fields["camera"] = _camera(fields.get("camera"), path.parent, source)
+    else:
+        fields["camera"] = preset(str(camera)) if str(camera) in PRESETS else load_camera(camera)
+    try:
+        return Task.model_validate(fields, context=context)
+    except ValidationError as error:
+        raise InputError(_first_problem(error, source)) from None
+
+
+def _units(units: Any, source: str) -> dict[str, float]:
+    legal = {"length": LENGTH_UNITS, "angle": ANGLE_UNITS}
+    if not isinstance(units, dict) or set(units) - set(legal):
+        raise InputError(f"{source}: units: {units!r} given; legal: a mapping with length and angle")
+    context = {}
+    for quantity, names in legal.items():
+        unit = units.get(quantity, next(iter(names)))
+        if unit not in names:
+            raise InputError(f"{source}: units.{quantity}: {unit!r} given; legal: {', '.join(names)}")
+        context[quantity] = names[unit]
+    return context
+
+
+def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:
+    if isinstance(value, dict):
+        return UnifiedCamera.from_dict(value, source=f"{source}: camera")
+    if not isinstance(value, str):
+        raise InputError(
+            f"{source}: camera: {value!r} given; legal: a preset's name, a calibration file, a camera"
+        )
+    if value in PRESETS:
+        return preset(value)
+    path = (folder / value).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise InputError(f"{source}: camera: {value!r} leaves the task's folder; legal: a file inside it")
+    if not path.is_file():
+        raise InputError(f"{source}: camera: {value!r} is neither a file nor a preset: {', '.join(PRESETS)}")
+    return load_camera(path)
+
+
+def _first_problem(error: ValidationError, source: str) -> str:
+    problem = error.errors()[0]
+    field = ".".join(str(part) for part in problem["loc"]) or "task"
+    if problem["type"] == "extra_forbidden":
+        return f"{source}: {field}: no such field"
+    given = "" if problem["type"] == "missing" else f"; {_shortened(problem['input'])} given"
+    more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+    return f"{source}: {field}: {problem['msg']}{given}{more}"
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,242 @@
+"""The task: everything that one run needs, read from a YAML file and validated.
+
+The file's frames: poses and points of target and obstacles are stated in the *initial camera frame*
+(what a person measures from the camera), the start pose in the world.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.tasks.quantities import Angle, Direction, NonNegativeLength, Point, PositiveLength
+
+FORMAT = "omniservo.task/1"
+"""The task format that this version reads."""
+
+_UNIT_TOLERANCE = 1e-6
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class Pose(_Section):
+    """A pose: translation and either a unit quaternion (x, y, z, w) or a rotation vector."""
+
+    translation: Point = (0.0, 0.0, 0.0)
+    """[m]"""
+    quaternion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] | None = None
+    """(x, y, z, w), unit within 1e-6"""
+    rotation_vector: tuple[Angle, Angle, Angle] | None = None
+    """axis times angle [rad]"""
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Pose:
+        if self.quaternion is not None and self.rotation_vector is not None:
+            raise ValueError("give quaternion or rotation_vector, not both")
+        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > _UNIT_TOLERANCE:
+            raise ValueError(f"quaternion has norm {np.linalg.norm(self.quaternion):g}; it must be 1")
+        return self
+
+    @property
+    def transform(self) -> RigidTransform:
+        """The pose as SciPy's RigidTransform."""
+        if self.quaternion is not None:
+            rotation = Rotation.from_quat(self.quaternion)
+        else:
+            rotation = Rotation.from_rotvec(self.rotation_vector or (0.0, 0.0, 0.0))
+        return RigidTransform.from_components(np.asarray(self.translation), rotation)
+
+
+class Sensor(_Section):
+    """How the camera delivers images."""
+
+    rate: Annotated[FiniteFloat, Field(gt=0, le=1000)] = 30.0
+    """frames per second [Hz]"""
+    latency: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.02
+    """from exposure to delivery [s]"""
+    noise: Annotated[FiniteFloat, Field(ge=0, le=50)] = 2.0
+    """standard deviation of the grey values, of 255"""
+    blur: Annotated[FiniteFloat, Field(ge=0, le=5)] = 0.4
+    """standard deviation of the lens's point spread [px]"""
+
+
+class ArmMount(_Section):
+    """The arm, where it stands, and how the camera sits on it."""
+
+    model: Literal["rx60"] = "rx60"
+    """a shipped arm"""
+    foot: Point
+    """the arm's foot in the world [m]"""
+    flange_T_camera: Pose
+    """the camera in the flange frame"""
+
+
+class Start(_Section):
+    """Where the camera is at the beginning."""
+
+    world_T_camera: Pose
+    """the initial camera pose in the world; +Z of the world is up"""
+    joints_near: tuple[Angle, Angle, Angle, Angle, Angle, Angle]
+    """chooses among the inverse-kinematics branches: the nearest is taken [rad]"""
+
+
+class Dot(_Section):
+    """One dark dot of the target."""
+
+    center: Point
+    """[m]"""
+    normal: Direction = (0.0, 0.0, -1.0)
+    """out of the dot's face, towards the viewer"""
+
+
+class Block(_Section):
+    """A box in the initial camera frame."""
+
+    center: Point
+    """[m]"""
+    half_extents: tuple[PositiveLength, PositiveLength, PositiveLength]
+    """[m]"""
+    rotation_vector: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """of the box's axes in the initial camera frame [rad]"""
+
+    @property
+    def transform(self) -> RigidTransform:
+        """initial_T_block."""
+        return RigidTransform.from_components(
+            np.asarray(self.center), Rotation.from_rotvec(np.asarray(self.rotation_vector))
+        )
+
+
+class Target(_Section):
+    """What is looked at: dots on boards."""
+
+    dot_radius: PositiveLength
+    """[m]"""
+    dots: Annotated[tuple[Dot, ...], Field(min_length=1, max_length=400)]
+    boards: tuple[Block, ...] = ()
+    """the bright bodies that carry the dots, or stand behind them"""
+
+
+class Teach(_Section):
+    """How the goal is taught: the arm is brought there and a picture is taken."""
+
+    initial_T_goal: Pose
+    """where the operator brings the camera, relative to its initial pose"""
+
+
+class KnownLength(_Section):
+    """The distance between two dots, numbered as in the initial picture (top to bottom, left to right)."""
+
+    dots: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
+    length: PositiveLength
+    """[m]"""
+
+    @field_validator("dots")
+    @classmethod
+    def _two_dots(cls, dots: tuple[int, int]) -> tuple[int, int]:
+        if dots[0] == dots[1]:
+            raise ValueError("the two dots must differ")
+        return dots
+
+
+class Scale(_Section):
+    """What makes the estimate metric: exactly one of the three."""
+
+    displacement: PositiveLength | None = None
+    """distance between initial and goal camera centre [m], the paper's α"""
+    known_length: KnownLength | None = None
+    odometry: bool = False
+    """the displacement follows from the arm's joint readings at both poses"""
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Scale:
+        if (self.displacement is not None) + (self.known_length is not None) + self.odometry != 1:
+            raise ValueError("give exactly one of displacement, known_length, odometry: true")
+        return self
+
+
+class Sphere(_Section):
+    """An obstacle as the planner knows it, in the initial camera frame; radius 0 is a point."""
+
+    center: Point
+    radius: NonNegativeLength = 0.0
+    clearance: NonNegativeLength | None = None
+    """own clearance instead of the planner's [m]"""
+
+
+class Workspace(_Section):
+    """A box that the camera centre must not leave, in the initial camera frame."""
+
+    min: Point
+    max: Point
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        if any(a >= b for a, b in zip(self.min, self.max, strict=True)):
+            raise ValueError("every coordinate of min must be smaller than that of max")
+        return self
+
+
+class Degrees(_Section):
+    """Highest polynomial degrees of the path."""
+
+    rotation: Annotated[int, Field(ge=1, le=8)] = 2
+    translation: Annotated[int, Field(ge=1, le=8)] = 2
+
+
+class Planning(_Section):
+    """What the path must keep."""
+
+    obstacles: tuple[Sphere, ...] = ()
+    clearance: NonNegativeLength = 0.0
+    """camera centre to every obstacle's surface, as executed [m]"""
+    tracking_margin: NonNegativeLength = 0.0
+    """added to the clearance when planning, because the arm does not follow exactly [m]"""
+    visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 2.0
+    """[px]"""
+    least_distance: PositiveLength = 0.02
+    """camera centre to every target point [m]; 20 mm where the file says nothing"""
+    occlusion: bool = False
+    workspace: Workspace | None = None
+    degrees: Degrees = Degrees()
+
+
+class Servo(_Section):
+    """How the path is followed."""
+
+    feature: Literal["bearing", "virtual-plane"] = "bearing"
+    time_law: Literal["rest-to-rest", "exponential"] = "rest-to-rest"
+    duration: Annotated[FiniteFloat, Field(gt=0, le=600)] | None = None
+    """of the rest-to-rest law [s]; where absent: the shortest that keeps the joint limits, at least 4 s"""
+    rate: Annotated[FiniteFloat, Field(gt=0, le=100)] = 1.0
+    """λ₁ of the exponential law (42) [1/s]"""
+    gain: Annotated[FiniteFloat, Field(gt=0, le=100)] = 3.0
+    """λ₂ of (43) [1/s]"""
+    tolerance_px: Annotated[FiniteFloat, Field(gt=0, le=10)] = 0.1
+    """rms distance to the goal image at which the job is done [px]"""
+    time_limit: Annotated[FiniteFloat, Field(gt=0, le=3600)] = 30.0
+    """[s]"""
+
+
+class Task(_Section):
+    """One whole job. Build it with `load_task`; every length is in m, every angle in rad."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")]
+    summary: Annotated[str, Field(max_length=200)]
+    camera: Any
+    """a UnifiedCamera once loaded; in the file: a preset's name, a calibration file, or a camera"""
+    sensor: Sensor = Sensor()
+    arm: ArmMount
+    start: Start
+    target: Target
+    obstacles: tuple[Block, ...] = ()
+    """the bodies that are really there"""
+    teach: Teach
+    scale: Scale
+    planning: Planning = Planning()
+    servo: Servo = Servo()
