@@ -5,11 +5,8 @@ from omniservo.files import parse_document, read_document, whole_folder, write_w
 
 
 def test_exponents_without_a_point_are_numbers():
-    assert parse_document("a: 1e-3\nb: [2, 2.5]\nc: '1e-3'", "file") == {
-        "a": 1e-3,
-        "b": [2, 2.5],
-        "c": "1e-3",
-    }
+    text = "a: 1e-3\nb: [2, 2.5]\nc: '1e-3'"
+    assert parse_document(text, "file") == {"a": 1e-3, "b": [2, 2.5], "c": "1e-3"}
 
 
 def test_json_is_read_by_its_first_character():

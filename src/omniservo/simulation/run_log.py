@@ -1,0 +1,84 @@
+"""The log of a run: one row per control step, in memory as columns, on disk as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True)
+class LogRow:
+    """One control step. Everything under *truth* is the simulator's and serves scoring only."""
+
+    time: float
+    """[s] since the start of the servo"""
+    w: float
+    """path parameter that the time law gave"""
+    joints: FloatArray
+    """(6,) [rad]"""
+    joint_velocities: FloatArray
+    """(6,) commanded [rad/s]"""
+    twist: FloatArray
+    """(6,) commanded camera twist (linear, angular), camera frame [m/s, rad/s]"""
+    pixels: FloatArray
+    """(n, 2) dots as detected [px]; NaN where lost"""
+    valid: BoolArray
+    """(n,) dots found in this frame"""
+    reference_pixels: FloatArray
+    """(n, 2) where the dots should be at this time [px]"""
+    error_px: float
+    """rms of detected minus reference [px]"""
+    goal_error_px: float
+    """rms of detected minus goal image [px]"""
+    estimated_position: FloatArray
+    """(3,) camera centre estimated from the image, initial camera frame [m]"""
+    true_position: FloatArray
+    """truth: (3,) camera centre, initial camera frame [m]"""
+    true_rotation: FloatArray
+    """truth: (3,) rotation vector of initial_R_camera [rad]"""
+    true_pixels: FloatArray
+    """truth: (n, 2) projections of the dots' centres [px]"""
+    arm_clearance: float
+    """truth: smallest distance between arm or camera body and any obstacle [m]; negative: penetration"""
+    control_seconds: float
+    """time from the dots' pixels to the joint velocities [s]"""
+
+
+@dataclass
+class RunLog:
+    """All rows of a run and how it ended."""
+
+    rows: list[LogRow] = field(default_factory=list)
+    contacts: set[tuple[str, str]] = field(default_factory=set)
+    """truth: pairs of bodies that touched"""
+    stop_reason: str = ""
+    """empty: converged; else one word, as in `omniservo.errors`"""
+    stop_message: str = ""
+
+    def column(self, name: str) -> FloatArray:
+        """Return one field of all rows, stacked: (steps, …)."""
+        return np.asarray([getattr(row, name) for row in self.rows], dtype=np.float64)
+
+    def to_csv(self) -> str:
+        """Return the log as CSV: arrays spread over columns ``name_0, name_1_0, …``."""
+        text = io.StringIO()
+        writer = csv.writer(text)
+        if not self.rows:
+            return ""
+        names = [f.name for f in fields(LogRow)]
+        header: list[str] = []
+        for name in names:
+            shape = np.shape(getattr(self.rows[0], name))
+            header += ["_".join([name, *map(str, index)]) for index in np.ndindex(*shape)]
+        writer.writerow(header)
+        for row in self.rows:
+            values: list[float] = []
+            for name in names:
+                values += np.ravel(np.asarray(getattr(row, name), dtype=np.float64)).tolist()
+            writer.writerow(values)
+        return text.getvalue()

@@ -1,0 +1,91 @@
+"""The taught goal: what a person shows once, kept in one file."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.files import read_document, write_whole
+from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, frozen
+
+FORMAT = "omniservo.goal/1"
+"""The file format that this version reads and writes."""
+
+_FIELDS = {"format", "camera", "image_png", "dots", "joints"}
+_MAX_PIXELS = 64_000_000
+
+
+@dataclass(frozen=True)
+class TaughtGoal:
+    """The goal image with the camera that took it, its dots and, where known, the arm's joints."""
+
+    camera: UnifiedCamera
+    image: ByteArray
+    """(height, width) grey values"""
+    dots: FloatArray
+    """(n, 2) [px], top to bottom, then left to right"""
+    joints: FloatArray | None
+    """(6,) [rad], None where the arm's pose was not recorded"""
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the goal as one JSON file (image as PNG inside).
+
+        Raises:
+            InputError: the file exists and ``force`` is False.
+        """
+        buffer = io.BytesIO()
+        Image.fromarray(self.image).save(buffer, format="PNG")
+        document = {
+            "format": FORMAT,
+            "camera": self.camera.to_dict(),
+            "dots": self.dots.tolist(),
+            "joints": None if self.joints is None else self.joints.tolist(),
+            "image_png": base64.b64encode(buffer.getvalue()).decode("ascii"),
+        }
+        write_whole(path, json.dumps(document), force=force)
+
+    @classmethod
+    def load(cls, path: str | Path) -> TaughtGoal:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: not such a file; the message names file, field and what is legal.
+        """
+        document = read_document(path)
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}")
+        if set(document) != _FIELDS:
+            odd = ", ".join(sorted(set(document) ^ _FIELDS))
+            raise InputError(f"{path}: {odd}: missing or unknown; legal: {', '.join(sorted(_FIELDS))}")
+        camera = UnifiedCamera.from_dict(document["camera"], source=f"{path}: camera")
+        joints = document["joints"]
+        return cls(
+            camera,
+            _image(document["image_png"], camera, str(path)),
+            frozen(finite_array(f"{path}: dots", document["dots"], (None, 2))),
+            None if joints is None else frozen(finite_array(f"{path}: joints", joints, (None,))),
+        )
+
+
+def _image(encoded: object, camera: UnifiedCamera, source: str) -> ByteArray:
+    try:
+        data = base64.b64decode(str(encoded), validate=True)
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:
+            if picture.size != (camera.width, camera.height) or camera.width * camera.height > _MAX_PIXELS:
+                raise InputError(
+                    f"{source}: image_png: {picture.size[0]}×{picture.size[1]} px; "
+                    f"the camera has {camera.width}×{camera.height}"
+                )
+            return np.asarray(picture.convert("L"), dtype=np.uint8)
+    except (ValueError, OSError, SyntaxError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{source}: image_png: not a PNG image") from None
