@@ -71,6 +71,19 @@ def parse_document(text: str, source: str) -> Any:
         raise InputError(f"{source}: {message}") from None
 
 
+def writable(path: str | Path, *, force: bool = False) -> None:
+    """Refuse a result's path before the work is done, not after it.
+
+    Raises:
+        InputError: the path exists and ``force`` is False, or its folder does not exist.
+    """
+    target = Path(path)
+    if target.exists() and not force:
+        raise InputError(f"{path}: exists; --force (force=True) replaces it")
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: its folder {target.parent} does not exist")
+
+
 def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) -> None:
     """Write a file whole or not at all: into a temporary file beside it, then renamed.
 
@@ -78,8 +91,7 @@ def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) 
         InputError: the file exists and ``force`` is False, or its folder cannot be written.
     """
     file = Path(path)
-    if file.exists() and not force:
-        raise InputError(f"{path}: exists; --force (force=True) replaces it")
+    writable(file, force=force)
     if file.is_dir():
         raise InputError(f"{path}: a folder; a file is needed")
     data = content.encode() if isinstance(content, str) else content

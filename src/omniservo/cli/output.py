@@ -1,0 +1,77 @@
+"""What every command shares: where words go, and which exit code they mean."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+DONE = 0
+"""the job is done"""
+ANSWER_IS_NO = 1
+"""computed, and the answer is no"""
+WRONG_INPUT = 2
+"""the input or the call is wrong"""
+
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", help="Nothing on standard output but what was asked for.")
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where a command's words go."""
+
+    as_json: bool
+    quiet: bool
+
+    def line(self, text: str) -> None:
+        """Print a line for a person; nothing under --json and --quiet."""
+        if not (self.as_json or self.quiet):
+            Console(highlight=False, soft_wrap=True).print(text, markup=False)
+
+    def result(self, values: dict[str, Any]) -> None:
+        """Print the command's JSON object under --json."""
+        if self.as_json:
+            print(json.dumps(_plain(values), allow_nan=False))
+
+    @contextmanager
+    def working(self, what: str) -> Iterator[Any]:
+        """Show progress on standard error while the block runs; yields a function that changes the words."""
+        if self.quiet or self.as_json or not sys.stderr.isatty():
+            yield lambda words: None
+            return
+        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            bar = progress.add_task(what, total=None)
+            yield lambda words: progress.update(bar, description=words)
+
+
+def answer_is_no(reason: str) -> typer.Exit:
+    """Say why the answer is no, and return the exit to raise."""
+    print(f"omniservo: {reason}", file=sys.stderr)
+    return typer.Exit(ANSWER_IS_NO)
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN and no infinity: they become null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

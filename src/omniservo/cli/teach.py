@@ -1,0 +1,33 @@
+"""``omniservo teach``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption
+
+
+def teach(
+    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
+    out: Annotated[Path, typer.Option("--out", help="Write the taught goal here (JSON).")],
+    camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
+    seed: SeedOption = 0,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Bring the arm to the goal, take a picture, save it with its dots and the arm's joints."""
+    from omniservo.files import writable
+    from omniservo.runs import teach_goal
+    from omniservo.tasks import load_task
+
+    output = Output(as_json, quiet)
+    writable(out, force=force)
+    with output.working("teaching"):
+        goal = teach_goal(load_task(task, camera=camera), seed=seed)
+    goal.save(out, force=force)
+    output.line(f"{len(goal.dots)} dots; written: {out}")
+    output.result({"out": str(out), "dots": goal.dots, "joints": goal.joints})
