@@ -1,0 +1,199 @@
+"""Outliers: random minimal samples of matches, scored in px, with local optimisation (LO-RANSAC, MSAC score).
+
+The score of a match under E is its Sampson distance in pixels: |bᵀEb*| over the length of that form's
+gradient in the four pixel coordinates, to first order the smallest pixel correction that satisfies E. The
+camera's Jacobian carries it, so a pixel counts the same in the middle and at the rim.
+Chum, Matas, Kittler 2003 (local optimisation); Torr, Zisserman 2000 (MSAC).
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.estimation.essential_matrix import epipolar_gram, motions_from_essential
+from omniservo.estimation.linear_systems import symmetric_eigen
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+
+SAMPLE = 8
+MOST_SAMPLES = 3000
+CONFIDENCE = 0.999
+LOCAL_ROUNDS = 3
+
+
+@kernel
+def sampson_distances(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    essential: FloatArray,
+    distances: FloatArray,
+    weights: FloatArray,
+) -> None:
+    """Write the signed Sampson distances (n,) [px] and the weights (n,) 1/‖gradient‖² that belong to them.
+
+    ``bearings`` (n, 6) holds (b, b*); ``jacobians`` (n, 12) their derivatives to the pixels, 3×2 row by row.
+    """
+    e = essential
+    for j in range(bearings.shape[0]):
+        bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
+        gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
+        lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
+        ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
+        lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
+        mx = e[0, 0] * bx + e[1, 0] * by + e[2, 0] * bz
+        my = e[0, 1] * bx + e[1, 1] * by + e[2, 1] * bz
+        mz = e[0, 2] * bx + e[1, 2] * by + e[2, 2] * bz
+        square = 1e-300
+        for c in range(2):
+            first = lx * jacobians[j, c] + ly * jacobians[j, 2 + c] + lz * jacobians[j, 4 + c]
+            second = mx * jacobians[j, 6 + c] + my * jacobians[j, 8 + c] + mz * jacobians[j, 10 + c]
+            square += first * first + second * second
+        weights[j] = 1.0 / square
+        distances[j] = (bx * lx + by * ly + bz * lz) / math.sqrt(square)
+
+
+@kernel
+def find_consensus(
+    bearings: FloatArray, jacobians: FloatArray, threshold: float, seed: int, essential: FloatArray
+) -> tuple[float, int]:
+    """Write into ``essential`` (3, 3) the matrix with the least MSAC score; return (score, inliers).
+
+    The score is Σ min(d², threshold²) [px²]. Sampling ends when a sample free of outliers has been drawn
+    with probability :data:`CONFIDENCE`, or after :data:`MOST_SAMPLES`. The same seed gives the same answer.
+    """
+    n = bearings.shape[0]
+    distances, weights = np.empty(n), np.empty(n)
+    trial = np.empty((3, 3))
+    chosen = np.empty(SAMPLE, dtype=np.int64)
+    state = seed
+    best, count, needed, drawn = math.inf, 0, MOST_SAMPLES, 0
+    while drawn < needed:
+        drawn += 1
+        state = _draw(state, n, chosen)
+        if not _essential_of_sample(bearings, chosen, trial):
+            continue
+        score, inliers = _score(bearings, jacobians, trial, threshold, distances, weights)
+        if not score < best:
+            continue
+        best, count = score, inliers
+        essential[:, :] = trial
+        for _ in range(LOCAL_ROUNDS):
+            if not _improve(bearings, threshold, distances, weights, trial):
+                break
+            score, inliers = _score(bearings, jacobians, trial, threshold, distances, weights)
+            if not score < best:
+                break
+            best, count = score, inliers
+            essential[:, :] = trial
+        clean = (count / n) ** SAMPLE
+        if clean > 1e-12:
+            limit = math.log(1.0 - CONFIDENCE) / math.log(1.0 - min(clean, 1.0 - 1e-12))
+            needed = min(MOST_SAMPLES, int(limit) + 1)
+    return best, count
+
+
+@kernel
+def _score(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    essential: FloatArray,
+    threshold: float,
+    distances: FloatArray,
+    weights: FloatArray,
+) -> tuple[float, int]:
+    """Return the MSAC score [px²] and the number of matches within the threshold."""
+    sampson_distances(bearings, jacobians, essential, distances, weights)
+    score, inliers = 0.0, 0
+    for j in range(distances.shape[0]):
+        if abs(distances[j]) < threshold:
+            inliers += 1
+        score += min(distances[j] * distances[j], threshold * threshold)
+    return score, inliers
+
+
+@kernel
+def _improve(
+    bearings: FloatArray, threshold: float, distances: FloatArray, weights: FloatArray, essential: FloatArray
+) -> bool:
+    """Replace ``essential`` by the eight-point solution, in px weights, of the matches in reach."""
+    inliers = 0
+    for j in range(distances.shape[0]):
+        if abs(distances[j]) < threshold:
+            inliers += 1
+        else:
+            weights[j] = 0.0
+    if inliers < SAMPLE:
+        return False
+    gram = np.empty((9, 9))
+    epipolar_gram(bearings, weights, gram)
+    _, vectors = symmetric_eigen(gram)
+    return _nearest_essential(vectors[:, 0].copy(), essential)
+
+
+@kernel
+def _nearest_essential(entries: FloatArray, essential: FloatArray) -> bool:
+    """Write the essential matrix nearest to nine entries: equal singular values, [t]× R."""
+    rotations, t = np.empty((2, 3, 3)), np.empty(3)
+    for i in range(9):
+        essential[i // 3, i % 3] = entries[i]
+    if not motions_from_essential(essential, rotations, t):
+        return False
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for c in range(3):
+            essential[i, c] = t[j] * rotations[0, k, c] - t[k] * rotations[0, j, c]
+    return True
+
+
+@kernel
+def _draw(state: int, n: int, chosen: IntArray) -> int:
+    """Fill ``chosen`` with distinct numbers below n; return the next state (48-bit linear congruence)."""
+    for i in range(chosen.shape[0]):
+        fresh = False
+        while not fresh:
+            state = (state * 25214903917 + 11) & ((1 << 48) - 1)
+            chosen[i] = (state >> 17) % n
+            fresh = True
+            for k in range(i):
+                if chosen[k] == chosen[i]:
+                    fresh = False
+    return state
+
+
+@kernel
+def _essential_of_sample(bearings: FloatArray, chosen: IntArray, essential: FloatArray) -> bool:
+    """Write the essential matrix nearest to the null vector of eight matches; False where it is not unique.
+
+    Gaussian elimination with full pivoting on the 8×9 matrix.
+    """
+    a = np.empty((SAMPLE, 9))
+    order = np.arange(9)
+    for i in range(SAMPLE):
+        for p in range(3):
+            for q in range(3):
+                a[i, 3 * p + q] = bearings[chosen[i], p] * bearings[chosen[i], 3 + q]
+    for step in range(SAMPLE):
+        row, column, largest = step, step, 0.0
+        for i in range(step, SAMPLE):
+            for k in range(step, 9):
+                if abs(a[i, k]) > largest:
+                    row, column, largest = i, k, abs(a[i, k])
+        if largest < 1e-12:
+            return False
+        order[step], order[column] = order[column], order[step]
+        for i in range(SAMPLE):
+            a[i, step], a[i, column] = a[i, column], a[i, step]
+        for k in range(9):
+            a[step, k], a[row, k] = a[row, k], a[step, k]
+        for i in range(step + 1, SAMPLE):
+            factor = a[i, step] / a[step, step]
+            for k in range(step, 9):
+                a[i, k] -= factor * a[step, k]
+    null = np.empty(9)
+    null[order[8]] = 1.0
+    for i in range(SAMPLE - 1, -1, -1):
+        entry = -a[i, 8]
+        for k in range(i + 1, SAMPLE):
+            entry -= a[i, k] * null[order[k]]
+        null[order[i]] = entry / a[i, i]
+    return _nearest_essential(null, essential)

@@ -1,0 +1,163 @@
+"""The eight-point algorithm on bearings: essential matrix, the four motions, cheirality, linear structure.
+
+Two bearings b, b* of one point, seen from the initial and the goal camera, obey bᵀ E b* = 0 with
+E = [t]× R for initial_T_goal = {R, t}. Bearings have no image plane, so directions past 90° are members
+like any other, and cheirality asks for positive distances, not depths.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.estimation.linear_systems import symmetric_eigen
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+
+FAR = 50.0
+"""Distance, in lengths of t, given to a point whose rays do not meet in front of both cameras."""
+
+PARALLEL = 1e-14
+"""sin² of the angle between two rays below which they are parallel to rounding."""
+
+
+@kernel
+def epipolar_gram(bearings: FloatArray, weights: FloatArray, gram: FloatArray) -> None:
+    """Write AᵀA (9, 9) into ``gram``; A has the row √weight (b ⊗ b*) for each point, E is read row by row.
+
+    ``bearings`` (n, 6) holds (b, b*); ``weights`` (n,), 0 leaves a point out.
+    """
+    row = np.empty(9)
+    gram[:, :] = 0.0
+    for j in range(bearings.shape[0]):
+        if weights[j] == 0.0:
+            continue
+        for a in range(3):
+            for b in range(3):
+                row[3 * a + b] = bearings[j, a] * bearings[j, 3 + b]
+        for a in range(9):
+            for b in range(a + 1):
+                gram[a, b] += weights[j] * row[a] * row[b]
+    for a in range(9):
+        for b in range(a):
+            gram[b, a] = gram[a, b]
+
+
+@kernel
+def motions_from_essential(essential: FloatArray, rotations: FloatArray, translation: FloatArray) -> bool:
+    """Write the two rotations (2, 3, 3) and the unit translation (3,), up to sign, of the nearest E.
+
+    With E ≈ u₁v₁ᵀ + u₂v₂ᵀ and u₃ = u₁ × u₂, v₃ = v₁ × v₂: t = ±u₃ and R = ±(u₁v₂ᵀ − u₂v₁ᵀ) + u₃v₃ᵀ.
+    Returns False where the second singular value vanishes: no motion can be read from such a matrix.
+    """
+    square = np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):
+            square[i, k] = (
+                essential[i, 0] * essential[k, 0]
+                + essential[i, 1] * essential[k, 1]
+                + essential[i, 2] * essential[k, 2]
+            )
+    values, vectors = symmetric_eigen(square)
+    if not values[1] > 1e-16 * values[2]:
+        return False
+    v = np.empty((3, 3))
+    for k in range(2):
+        scale = 1.0 / math.sqrt(values[2 - k])
+        for i in range(3):
+            v[i, k] = scale * (
+                essential[0, i] * vectors[0, 2 - k]
+                + essential[1, i] * vectors[1, 2 - k]
+                + essential[2, i] * vectors[2, 2 - k]
+            )
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        v[i, 2] = v[j, 0] * v[k, 1] - v[k, 0] * v[j, 1]
+        translation[i] = vectors[j, 2] * vectors[k, 1] - vectors[k, 2] * vectors[j, 1]
+    for i in range(3):
+        for k in range(3):
+            turn = vectors[i, 2] * v[k, 1] - vectors[i, 1] * v[k, 0]
+            axis = translation[i] * v[k, 2]
+            rotations[0, i, k] = axis + turn
+            rotations[1, i, k] = axis - turn
+    return True
+
+
+@kernel
+def ray_distances(
+    bearings: FloatArray, j: int, rotation: FloatArray, translation: FloatArray
+) -> tuple[float, float]:
+    """Return the distances (λ, λ*) at which λ b and t + λ* R b* come closest; infinite for parallel rays."""
+    bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
+    gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
+    dx = rotation[0, 0] * gx + rotation[0, 1] * gy + rotation[0, 2] * gz
+    dy = rotation[1, 0] * gx + rotation[1, 1] * gy + rotation[1, 2] * gz
+    dz = rotation[2, 0] * gx + rotation[2, 1] * gy + rotation[2, 2] * gz
+    nx, ny, nz = by * dz - bz * dy, bz * dx - bx * dz, bx * dy - by * dx
+    sine2 = nx * nx + ny * ny + nz * nz
+    if sine2 < PARALLEL:
+        return math.inf, math.inf
+    tx, ty, tz = translation[0], translation[1], translation[2]
+    first = ((ty * dz - tz * dy) * nx + (tz * dx - tx * dz) * ny + (tx * dy - ty * dx) * nz) / sine2
+    second = ((ty * bz - tz * by) * nx + (tz * bx - tx * bz) * ny + (tx * by - ty * bx) * nz) / sine2
+    return first, second
+
+
+@kernel
+def motion_in_front(
+    bearings: FloatArray,
+    essential: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+) -> int:
+    """Write the motion, of the four that E allows, with most points at positive distances from both cameras.
+
+    Returns how many those are, or −1 where E has no motion.
+    """
+    rotations = np.empty((2, 3, 3))
+    if not motions_from_essential(essential, rotations, translation):
+        return -1
+    best = -1
+    best_k = 0
+    sign = 1.0
+    for k in range(2):
+        plus = 0
+        minus = 0
+        for j in range(bearings.shape[0]):
+            first, second = ray_distances(bearings, j, rotations[k], translation)
+            if first > 0.0 and second > 0.0:
+                plus += 1
+            elif first < 0.0 and second < 0.0:
+                minus += 1
+        if max(plus, minus) > best:
+            best = max(plus, minus)
+            best_k = k
+            sign = 1.0 if plus >= minus else -1.0
+    for i in range(3):
+        translation[i] *= sign
+        for j in range(3):
+            rotation[i, j] = rotations[best_k, i, j]
+    return best
+
+
+@kernel
+def linear_structure(
+    bearings: FloatArray, rotation: FloatArray, translation: FloatArray, points: FloatArray
+) -> None:
+    """Write the points (n, 3) that minimise the algebraic error ‖b × h‖² + ‖R b* × (h − t)‖².
+
+    That minimum is the middle of the shortest link between the two rays. Where noise makes the rays meet
+    behind a camera, or not at all, the point is put on its initial ray at :data:`FAR` translations.
+    """
+    for j in range(bearings.shape[0]):
+        first, second = ray_distances(bearings, j, rotation, translation)
+        if first > 0.0 and second > 0.0 and first < 1e4:
+            for i in range(3):
+                goal = translation[i] + second * (
+                    rotation[i, 0] * bearings[j, 3]
+                    + rotation[i, 1] * bearings[j, 4]
+                    + rotation[i, 2] * bearings[j, 5]
+                )
+                points[j, i] = 0.5 * (first * bearings[j, i] + goal)
+        else:
+            for i in range(3):
+                points[j, i] = FAR * bearings[j, i]

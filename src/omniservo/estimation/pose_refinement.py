@@ -1,0 +1,258 @@
+"""The camera's pose from one image of known points, refined from a good guess (perspective-n-point)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
+from omniservo.errors import InputError
+from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
+from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
+from omniservo.geometry.kernel import kernel
+
+LEAST_POINTS = 4
+"""Three points leave up to four poses and nothing to check them by."""
+
+MOST_STEPS = 20
+LEAST_PIVOT = 1e-12
+SMALLEST_STEP = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRefinement:
+    """A pose that minimises the reprojection error in px, with its evidence."""
+
+    reference_T_camera: RigidTransform | None
+    """The refined pose; None where ``ok`` is False."""
+    rms_px: float
+    """Root mean square over the valid points of the distance between pixel and projection [px]."""
+    covariance: FloatArray
+    """(6, 6) of (translation in the reference frame [m], rotation vector applied on the right [rad]) for
+    noise of σ² = Σr²/(2n − 6); NaN where ``ok`` is False."""
+    ok: bool
+    """False: fewer than four valid points, a guess that puts a point outside the camera's domain, points
+    that do not determine a pose, or no convergence."""
+
+
+def refine_pose(
+    camera: UnifiedCamera,
+    points: npt.ArrayLike,
+    pixels: npt.ArrayLike,
+    reference_T_camera: RigidTransform,
+    valid: npt.ArrayLike | None = None,
+) -> PoseRefinement:
+    """Return the pose that minimises Σ ‖π(Rᵀ(h − t)) − p‖² [px²], from the guess ``reference_T_camera``.
+
+    Levenberg-Marquardt with analytic Jacobians; a local method, so the guess must lie in the basin: the
+    pose of the previous control step does.
+
+    Args:
+        camera: the camera that saw ``pixels``.
+        points: (n, 3) [m], the target in the reference frame.
+        pixels: (n, 2) [px]; rows where ``valid`` is False are not read and may be NaN.
+        reference_T_camera: the guess.
+        valid: (n,) bool; None: all rows.
+
+    Raises:
+        InputError: wrong shapes, or a number that is not finite in a row that is valid.
+    """
+    model = finite_array("points", points, (None, 3))
+    use = np.ones(len(model), dtype=np.bool_) if valid is None else np.asarray(valid)
+    if use.shape != (len(model),) or use.dtype != np.bool_:
+        raise InputError(f"valid: {use.dtype} {use.shape} given; bool ({len(model)},) is needed")
+    seen = np.asarray(pixels, dtype=np.float64)
+    if seen.shape != (len(model), 2):
+        raise InputError(f"pixels: shape {seen.shape} given; {(len(model), 2)} is needed")
+    finite_array("pixels (valid rows)", seen[use], (None, 2))
+    seen = np.ascontiguousarray(seen)
+    quaternion = np.ascontiguousarray(reference_T_camera.rotation.as_quat())
+    translation = np.ascontiguousarray(reference_T_camera.translation, dtype=np.float64)
+    quaternion, translation, rms, ok = refine_pose_kernel(
+        camera.parameters, model, seen, use, quaternion, translation
+    )
+    covariance = np.full((6, 6), math.nan)
+    if ok:
+        ok = _pose_covariance(camera.parameters, model, seen, use, quaternion, translation, covariance)
+    pose = RigidTransform.from_components(translation, Rotation.from_quat(quaternion)) if ok else None
+    return PoseRefinement(pose, float(rms), frozen(covariance), bool(ok))
+
+
+@kernel
+def refine_pose_kernel(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    quaternion: FloatArray,
+    translation: FloatArray,
+) -> tuple[FloatArray, FloatArray, float, bool]:
+    """Return (quaternion (4,), translation (3,), rms_px, ok): :func:`refine_pose` on plain arrays.
+
+    ``parameters`` are the camera's; (``quaternion``, ``translation``) is reference_T_camera, scalar last.
+    Where ok is False the guess comes back with rms_px infinite or that of the last pose.
+    """
+    q = turn_quaternion(quaternion, 0.0, 0.0, 0.0)
+    t = translation.copy()
+    normal = np.empty((6, 6))
+    factor = np.empty((6, 6))
+    gradient = np.empty(6)
+    step = np.empty(6)
+    count = 0
+    for j in range(valid.shape[0]):
+        if valid[j]:
+            count += 1
+    cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
+    if count < LEAST_POINTS or not cost < math.inf:
+        return quaternion.copy(), t, math.inf, False
+    damping = 0.0
+    for _ in range(MOST_STEPS):
+        for i in range(6):
+            for k in range(6):
+                factor[i, k] = normal[i, k]
+            factor[i, i] += damping * normal[i, i]
+            step[i] = -gradient[i]
+        if not factor_cholesky(factor, 6, LEAST_PIVOT):
+            if damping > 1.0:
+                break
+            damping = max(10.0 * damping, 1e-6)
+            continue
+        solve_factored(factor, 6, step)
+        trial_q = turn_quaternion(q, step[3], step[4], step[5])
+        trial_t = np.array([t[0] + step[0], t[1] + step[1], t[2] + step[2]])
+        trial = _cost(parameters, points, pixels, valid, trial_q, trial_t)
+        decrement = 0.0
+        for i in range(6):
+            decrement -= gradient[i] * step[i]
+        # The cost cannot show a change below its rounding: such a step is taken and is the last.
+        last = decrement <= 1e-12 * cost + SMALLEST_STEP * SMALLEST_STEP * count
+        if trial <= cost or (last and trial < math.inf):
+            q, t = trial_q, trial_t
+            if last:
+                final = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
+                ok = factor_cholesky(normal, 6, LEAST_PIVOT)
+                return q, t, math.sqrt(final / count), ok
+            cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
+            damping = 0.1 * damping if damping > 1e-6 else 0.0
+        else:
+            damping = max(10.0 * damping, 1e-4)
+    return quaternion.copy(), translation.copy(), math.sqrt(cost / count), False
+
+
+@kernel
+def _cost(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    q: FloatArray,
+    t: FloatArray,
+) -> float:
+    """Return Σ ‖projection − pixel‖² [px²] over the valid points; infinity where one leaves the domain."""
+    r = np.empty((3, 3))
+    matrix_from_quaternion(q, r)
+    cost = 0.0
+    for j in range(points.shape[0]):
+        if not valid[j]:
+            continue
+        x, y, z = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
+        u, v, ok = project_point(
+            parameters,
+            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
+            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+        )
+        if not ok:
+            return math.inf
+        cost += (u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2
+    return cost
+
+
+@kernel
+def _normal_equations(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    q: FloatArray,
+    t: FloatArray,
+    normal: FloatArray,
+    gradient: FloatArray,
+) -> float:
+    """Fill JᵀJ (6, 6) and Jᵀr (6,) for (dt, δ) and return the cost, or infinity outside the domain.
+
+    c = Rᵀ(h − t) with R ← R exp([δ]×): dc = −Rᵀ dt + [c]× δ.
+    """
+    r = np.empty((3, 3))
+    matrix_from_quaternion(q, r)
+    normal[:, :] = 0.0
+    gradient[:] = 0.0
+    row = np.empty((2, 6))
+    cost = 0.0
+    for j in range(points.shape[0]):
+        if not valid[j]:
+            continue
+        hx, hy, hz = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
+        x = r[0, 0] * hx + r[1, 0] * hy + r[2, 0] * hz
+        y = r[0, 1] * hx + r[1, 1] * hy + r[2, 1] * hz
+        z = r[0, 2] * hx + r[1, 2] * hy + r[2, 2] * hz
+        u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
+        if not ok:
+            return math.inf
+        pose_rows(row, 0, r, x, y, z, j00, j01, j02)
+        pose_rows(row, 1, r, x, y, z, j10, j11, j12)
+        du, dv = u - pixels[j, 0], v - pixels[j, 1]
+        cost += du * du + dv * dv
+        for a in range(6):
+            gradient[a] += row[0, a] * du + row[1, a] * dv
+            for b in range(a + 1):
+                normal[a, b] += row[0, a] * row[0, b] + row[1, a] * row[1, b]
+    for a in range(6):
+        for b in range(a):
+            normal[b, a] = normal[a, b]
+    return cost
+
+
+@kernel
+def pose_rows(
+    row: FloatArray, i: int, r: FloatArray, x: float, y: float, z: float, jx: float, jy: float, jz: float
+) -> None:
+    """Write row ``i`` of J·[−Rᵀ, [c]×]: one pixel coordinate's derivative to (dt, δ), c = (x, y, z)."""
+    for k in range(3):
+        row[i, k] = -(jx * r[k, 0] + jy * r[k, 1] + jz * r[k, 2])
+    row[i, 3] = jy * z - jz * y
+    row[i, 4] = jz * x - jx * z
+    row[i, 5] = jx * y - jy * x
+
+
+@kernel
+def _pose_covariance(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    q: FloatArray,
+    t: FloatArray,
+    covariance: FloatArray,
+) -> bool:
+    """Write σ²(JᵀJ)⁻¹, σ² = Σr²/(2n − 6), into ``covariance`` (6, 6); False where JᵀJ is singular."""
+    normal = np.empty((6, 6))
+    column = np.empty(6)
+    cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, column)
+    count = 0
+    for j in range(valid.shape[0]):
+        if valid[j]:
+            count += 1
+    if not factor_cholesky(normal, 6, LEAST_PIVOT):
+        return False
+    variance = cost / (2 * count - 6)
+    for k in range(6):
+        column[:] = 0.0
+        column[k] = variance
+        solve_factored(normal, 6, column)
+        covariance[:, k] = column
+    return True
