@@ -161,7 +161,7 @@ def _loss(error: float, scale: float) -> float:
     """Return the Cauchy loss of a squared residual [px²]."""
     if scale == math.inf:
         return error
-    return scale * scale * float(math.log1p(error / (scale * scale))
+    return scale * scale * math.log1p(error / (scale * scale))
 
 
 @kernel
