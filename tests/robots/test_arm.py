@@ -1,0 +1,192 @@
+"""The arm against an independent Denavit–Hartenberg product, finite differences and its own limits."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.errors import InputError, JointLimit
+from omniservo.robots import Arm
+
+# Modified (Craig) DH table of the standard RX60: alpha [deg], a [m], d [m], theta offset [deg].
+# Lengths: maker's manual D28045004E, 02/2008, pages 26-28: 341, 290, 49, 310, 65 mm. The elbow lies on -y
+# at q = 0: the manual gives the size of the offset, the scenes its side.
+DH = [
+    (0, 0, 0.341, 0),
+    (-90, 0, 0, -90),
+    (0, 0.290, -0.049, 90),
+    (90, 0, 0.310, 0),
+    (-90, 0, 0, 0),
+    (90, 0, 0.065, 0),
+]
+FLANGE_T_CAMERA = RigidTransform.from_components([0, 0, 0.0905], Rotation.from_euler("z", 90, degrees=True))
+BASE_IN_WORLD = np.array([0, 0, -0.341])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return Arm.rx60()
+
+
+def dh_product(q):
+    pose = np.eye(4)
+    for (alpha, a, d, offset), angle in zip(DH, q, strict=True):
+        step = np.eye(4)
+        step[:3, :3] = (
+            Rotation.from_euler("x", alpha, degrees=True)
+            * Rotation.from_rotvec([0, 0, np.deg2rad(offset) + angle])
+        ).as_matrix()
+        step[:3, 3] = [a, *(Rotation.from_euler("x", alpha, degrees=True).apply([0, 0, d])[1:])]
+        pose = pose @ step
+    return pose
+
+
+def random_joints(arm, count, seed):
+    low, high = arm.joint_range.T
+    return np.random.default_rng(seed).uniform(low, high, (count, 6))
+
+
+def test_forward_kinematics_equal_the_makers_dh_table(arm):
+    for q in random_joints(arm, 200, 1):
+        np.testing.assert_allclose(arm.base_T_flange(q).as_matrix(), dh_product(q), atol=1e-12)
+
+
+def test_stretched_arm_is_as_high_as_the_manual_says(arm):
+    np.testing.assert_allclose(arm.base_T_flange(np.zeros(6)).translation, [0, -0.049, 1.006], atol=1e-12)
+
+
+def test_limits_and_speeds_are_the_manuals(arm):
+    limits = [[-160, 160], [-127.5, 127.5], [-134.5, 134.5], [-270, 270], [-109.5, 120.5], [-270, 270]]
+    np.testing.assert_allclose(np.rad2deg(arm.joint_range), limits)
+    np.testing.assert_allclose(np.rad2deg(arm.joint_speed), [287, 287, 319, 410, 320, 700])
+    assert (arm.joint_acceleration > 0).all()
+    assert arm.joint_names == ("j1", "j2", "j3", "j4", "j5", "j6")
+
+
+@pytest.mark.parametrize(
+    ("joints", "position"),
+    [
+        ([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3], [0.2405, -0.0500, 0.5000]),
+        ([31.0, 71.7, -66.6, -31.1, 85.6, 2.6], [0.4403, 0.1139, 0.4000]),
+    ],
+)
+def test_joints_of_the_papers_scenes_put_the_camera_where_they_say(arm, joints, position):
+    base_T_camera = arm.base_T_flange(np.deg2rad(joints)) * FLANGE_T_CAMERA
+    np.testing.assert_allclose(base_T_camera.translation + BASE_IN_WORLD, position, atol=1e-3)
+    initial = Rotation.from_matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    assert (base_T_camera.rotation * initial.inv()).magnitude() < np.deg2rad(0.5)
+
+
+def test_flange_jacobian_equals_finite_differences(arm):
+    step = 1e-6
+    for q in random_joints(arm, 20, 2):
+        here = arm.base_T_flange(q)
+        for joint in range(6):
+            change = step * np.eye(6)[joint]
+            ahead = here.inv() * arm.base_T_flange(q + change)
+            behind = here.inv() * arm.base_T_flange(q - change)
+            linear = (ahead.translation - behind.translation) / (2 * step)
+            angular = (ahead.rotation.as_rotvec() - behind.rotation.as_rotvec()) / (2 * step)
+            np.testing.assert_allclose(arm.flange_jacobian(q)[:, joint], [*linear, *angular], atol=1e-8)
+
+
+def test_camera_jacobian_equals_finite_differences(arm):
+    flange_T_camera = RigidTransform.from_components(
+        [0.03, -0.02, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1])
+    )
+    step = 1e-6
+    for q in random_joints(arm, 20, 3):
+        here = arm.base_T_flange(q) * flange_T_camera
+        for joint in range(6):
+            change = step * np.eye(6)[joint]
+            ahead = here.inv() * arm.base_T_flange(q + change) * flange_T_camera
+            behind = here.inv() * arm.base_T_flange(q - change) * flange_T_camera
+            linear = (ahead.translation - behind.translation) / (2 * step)
+            angular = (ahead.rotation.as_rotvec() - behind.rotation.as_rotvec()) / (2 * step)
+            column = arm.camera_jacobian(q, flange_T_camera)[:, joint]
+            np.testing.assert_allclose(column, [*linear, *angular], atol=1e-8)
+
+
+def test_joint_velocities_reproduce_the_camera_twist(arm):
+    q = np.deg2rad([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3])
+    twist = np.array([0.02, -0.05, 0.1, 0.3, -0.2, 0.1])
+    velocities = arm.joint_velocities(q, twist, FLANGE_T_CAMERA)
+    np.testing.assert_allclose(arm.camera_jacobian(q, FLANGE_T_CAMERA) @ velocities, twist, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [[0, 43, -64, 10, 0, 20], [0, 20, 0, 0, 60, 0], [5, 30, 60, 20, 0.5, 0]],
+    ids=["wrist straight", "elbow straight", "wrist nearly straight"],
+)
+def test_singular_arm_refuses_to_move(arm, joints):
+    with pytest.raises(JointLimit, match="singular"):
+        arm.joint_velocities(np.deg2rad(joints), [0, 0, 0.1, 0, 0, 0], FLANGE_T_CAMERA)
+
+
+def test_every_inverse_branch_reaches_the_pose_within_limits(arm):
+    for q in random_joints(arm, 200, 4):
+        goal = arm.base_T_flange(q)
+        branches = arm.inverse(goal)
+        assert np.abs(branches - q).max(axis=1).min() < 1e-7
+        for branch in branches:
+            assert arm.within_limits(branch)
+            np.testing.assert_allclose(arm.base_T_flange(branch).as_matrix(), goal.as_matrix(), atol=1e-9)
+
+
+def test_inverse_branches_are_distinct_and_sorted(arm):
+    branches = arm.inverse(arm.base_T_flange(np.deg2rad([31.0, 71.7, -66.6, -31.1, 85.6, 2.6])))
+    assert len(branches) > 4
+    assert sorted(map(tuple, branches)) == [tuple(b) for b in branches]
+    gaps = np.abs(branches[:, None] - branches[None]).max(axis=-1) + np.eye(len(branches))
+    assert gaps.min() > 1e-3
+
+
+def test_nearest_branch_is_the_one_the_arm_stands_in(arm):
+    for q in random_joints(arm, 100, 5):
+        np.testing.assert_allclose(arm.inverse_near(arm.base_T_flange(q), q + 1e-3), q, atol=1e-7)
+
+
+def test_straight_wrist_keeps_joint_four_where_it_is(arm):
+    q = np.deg2rad([10, 30, 40, 77, 0, -20])
+    np.testing.assert_allclose(arm.inverse_near(arm.base_T_flange(q), q), q, atol=1e-7)
+
+
+def test_pose_out_of_reach_is_named(arm):
+    with pytest.raises(InputError, match="out of the arm's reach"):
+        arm.inverse(RigidTransform.from_translation([1.2, 0, 0.3]))
+    with pytest.raises(InputError, match="out of the arm's reach"):
+        arm.inverse(
+            RigidTransform.from_translation([0.01, 0.01, 0.9])
+        )  # closer to axis 1 than the elbow's offset
+
+
+def test_pose_that_only_forbidden_joints_reach_is_named(arm):
+    folded_back = np.deg2rad([0, 0, 140, 0, 30, 0])  # the elbow would have to bend beyond 134.5 degrees
+    with pytest.raises(InputError, match="every branch leaves a joint's range"):
+        arm.inverse(arm.base_T_flange(folded_back))
+
+
+@pytest.mark.parametrize("bad", [[0, 0, 0], [0, 0, np.nan, 0, 0, 0], "upwards"])
+def test_wrong_joints_are_refused(arm, bad):
+    with pytest.raises(InputError, match="q"):
+        arm.base_T_flange(bad)
+
+
+def test_reserve_narrows_the_range(arm):
+    q = np.deg2rad([0, 0, 0, 0, 120, 0])
+    assert arm.within_limits(q)
+    assert not arm.within_limits(q, reserve=np.deg2rad(1.0))
+
+
+def test_another_kind_of_arm_is_refused(tmp_path):
+    other = tmp_path / "other.xml"
+    other.write_text(
+        "<mujoco><custom><numeric name='joint_speed_deg_s' data='1'/>"
+        "<numeric name='joint_acceleration_deg_s2' data='1'/></custom><worldbody><body><joint name='a'/>"
+        "<geom size='0.1'/><site name='flange'/></body></worldbody></mujoco>"
+    )
+    with pytest.raises(InputError, match="six joints with axes z y y z y z"):
+        Arm(other)
+    other.write_text("not an arm")
+    with pytest.raises(InputError, match="arm "):
+        Arm(other)
