@@ -1,0 +1,151 @@
+"""Dark dots on a light ground, found to a few hundredths of a pixel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.perception.dot_centres import circle_centres
+from omniservo.perception.dot_kernels import COLUMNS, measure_blobs
+from omniservo.perception.dots import DotOptions, Dots
+
+SMALL_BLOCK = 41
+"""[px] side of the neighbourhood whose mean is the threshold for dots up to half of it"""
+MAX_STRAY = 0.4
+"""part of the ring that may be something else: an edge that just touches the dot hides up to 0.35 of it"""
+MAX_SKEWNESS = 0.09
+"""beyond what noise explains; a whole ellipse has none, blurred or not; a half one has 0.24"""
+MAX_MISFIT = 0.055
+"""rms deviation from an ellipse of one grey, relative to the contrast; 0.4 px² / area may be added"""
+MIN_SIGNAL = 5.0
+"""contrast over the deviation of the ring from its plane"""
+
+
+def find_dots(
+    image: ByteArray, camera: UnifiedCamera | None = None, options: DotOptions | None = None
+) -> Dots:
+    """Find every whole dark ellipse on a light ground.
+
+    Pixels darker than the mean around them, in two sizes of neighbourhood, give blobs; each blob gets
+    grey-weighted moments (`dot_kernels`) and counts as a dot where it is one grey inside an ellipse, is symmetric, and a bright
+    ring lies all around it. A dot that is cut by the image's border, by something in front of it or by the edge of the image
+    circle is none.
+
+    With a camera, ``pixels`` is the image of the circle's centre (`circle_centres`), without it the centroid.
+
+    Args:
+        image: (height, width) grey values, uint8.
+        camera: the camera that took the image.
+        options: limits of size, contrast and shape.
+
+    Raises:
+        InputError: not such an image, or not of the camera's size.
+    """
+    options = options or DotOptions()
+    check_image(image, camera)
+    if min(image.shape) < 9:
+        return Dots.none()
+    noise = noise_of(image)
+    offset = max(0.5 * options.min_contrast, 3.5 * noise)
+    if offset >= 250:
+        return Dots.none()
+    blocks = [SMALL_BLOCK, 2 * int(options.max_diameter) + 1]
+    starts = [blob_moments(_darker_than_mean(image, block, offset), (0, 0), options) for block in blocks]
+    rows = measure(image, np.concatenate(starts), noise, options)
+    return dots_from(rows, camera)
+
+
+def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOptions) -> FloatArray:
+    """Measure blobs and keep the dots, each once: rows (n, `COLUMNS`) of `measure_blobs`, top to bottom.
+
+    Args:
+        image: (height, width) grey values.
+        starts: (m, 5) centre and second moments of each blob [px, px²].
+        noise: standard deviation of the grey values.
+        options: what counts as a dot.
+    """
+    rows = np.zeros((len(starts), COLUMNS))
+    if len(starts):
+        measure_blobs(image, starts, float(options.max_diameter), rows)
+    rows = rows[_is_dot(rows, max(noise, 0.5), options)]
+    rows = rows[np.argsort(rows[:, 10], kind="stable")]
+    kept: list[int] = []
+    for i, row in enumerate(rows):
+        reach = 0.5 * np.sqrt(row[11])
+        if all(np.hypot(row[0] - rows[k, 0], row[1] - rows[k, 1]) > reach for k in kept):
+            kept.append(i)
+    rows = rows[kept]
+    return np.asarray(rows[np.lexsort((rows[:, 0], rows[:, 1]))])
+
+
+def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> Dots:
+    """Turn measured rows into dots, in order, with the centre corrected where the camera is known."""
+    centroids, covariance = rows[:, :2], rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2)
+    pixels = centroids if camera is None else circle_centres(camera, centroids, covariance)
+    order = np.lexsort((pixels[:, 0], pixels[:, 1]))
+    return Dots(pixels[order], rows[order, 11], covariance[order])
+
+
+def blob_moments(mask: ByteArray, corner: tuple[int, int], options: DotOptions) -> FloatArray:
+    """Return centre and second moments (n, 5) of the connected parts of a mask that may be dots.
+
+    Args:
+        mask: (h, w), non-zero where dark.
+        corner: (u, v) of the mask's first pixel in the image.
+        options: limits of size.
+    """
+    count, _, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+    w, h, area = (stats[:, k] for k in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT, cv2.CC_STAT_AREA))
+    left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
+    inside = (left > 0) & (top > 0) & (left + w < mask.shape[1]) & (top + h < mask.shape[0])
+    size = (area >= 3) & (np.maximum(w, h) <= options.max_diameter + 2) & (area >= 0.15 * w * h)
+    good = inside & size & (np.arange(count) > 0)
+    u, v = (centroids[good] + corner).T
+    return np.stack([u, v, w[good] ** 2 / 16.0, np.zeros_like(u), h[good] ** 2 / 16.0], 1)
+
+
+def noise_of(image: ByteArray) -> float:
+    """Estimate the standard deviation of the grey noise from the median of |second differences| along every fourth row."""
+    rows = image[::4].astype(np.int16)
+    bend = np.abs(rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2])
+    # the median of |normal| is 0.6745 σ, and a second difference has √6 σ
+    return float(np.median(bend)) / (0.6745 * np.sqrt(6.0))
+
+
+def check_image(image: Any, camera: UnifiedCamera | None) -> None:
+    """Raise InputError unless ``image`` is a grey image (height, width) of uint8, of the camera's size."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 2 or image.size == 0:
+        given = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise InputError(f"image: {given} given; legal: a non-empty uint8 array (height, width)")
+    if camera is not None and image.shape != (camera.height, camera.width):
+        raise InputError(
+            f"image: {image.shape[1]}×{image.shape[0]} given; the camera's is {camera.width}×{camera.height}"
+        )
+
+
+def _darker_than_mean(image: ByteArray, block: int, offset: float) -> ByteArray:
+    return np.asarray(
+        cv2.adaptiveThreshold(
+            image, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, block, float(np.ceil(offset))
+        )
+    )
+
+
+def _is_dot(rows: FloatArray, noise: float, options: DotOptions) -> Any:
+    suu, suv, svv = rows[:, 2], rows[:, 3], rows[:, 4]
+    half_sum, spread = 0.5 * (suu + svv), np.hypot(0.5 * (suu - svv), suv)
+    contrast = rows[:, 5]
+    shape = half_sum - spread >= options.min_aspect**2 * (half_sum + spread)
+    size = (rows[:, 11] >= options.min_area) & (16 * (half_sum + spread) <= options.max_diameter**2)
+    grey = (contrast >= options.min_contrast) & (contrast >= MIN_SIGNAL * rows[:, 7])
+    whole = (
+        (rows[:, 8] <= MAX_STRAY)
+        & (rows[:, 9] <= np.minimum(MAX_SKEWNESS + 2.5 * noise * rows[:, 13], 0.3))
+        & (rows[:, 10] <= MAX_MISFIT + 0.4 / np.maximum(rows[:, 11], 1.0))
+    )
+    return (rows[:, 12] > 0) & shape & size & grey & whole
