@@ -12,6 +12,10 @@ class InputError(OmniservoError, ValueError):
     """The call or a file is wrong. The message names file, field, given value and what is legal."""
 
 
+class AnswerIsNo(OmniservoError):
+    """Computed, and the answer is no: the job cannot be done, for the reason that the message names."""
+
+
 class ServoStop(OmniservoError):
     """The control loop refuses to go on; the arm is stopped. ``reason`` names the cause in one word."""
 

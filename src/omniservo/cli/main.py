@@ -9,8 +9,8 @@ import typer
 
 import omniservo
 from omniservo.cli import camera, estimate, examples, plan, run, teach, verify
-from omniservo.cli.output import WRONG_INPUT
-from omniservo.errors import InputError
+from omniservo.cli.output import ANSWER_IS_NO, WRONG_INPUT
+from omniservo.errors import AnswerIsNo, InputError
 
 app = typer.Typer(
     name="omniservo",
@@ -50,6 +50,9 @@ def main() -> None:
     except InputError as error:
         print(f"omniservo: {error}", file=sys.stderr)
         sys.exit(WRONG_INPUT)
+    except AnswerIsNo as answer:
+        print(f"omniservo: {answer}", file=sys.stderr)
+        sys.exit(ANSWER_IS_NO)
     except KeyboardInterrupt:
         print("omniservo: interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)

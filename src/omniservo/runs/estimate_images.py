@@ -1,0 +1,74 @@
+"""Motion and structure from two pictures: files, or a task's simulated ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from omniservo.calibration import load_camera
+from omniservo.cameras import PRESETS, UnifiedCamera, preset
+from omniservo.errors import InputError
+from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.geometry.arrays import ByteArray
+from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.see import see
+from omniservo.runs.teach_goal import teach_goal
+from omniservo.simulation import SimulatedRobot
+from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.tasks import load_task
+
+
+def estimate_images(
+    camera: str, initial: Path, goal: Path, *, displacement: float | None = None
+) -> TwoViewEstimate:
+    """Return the estimate from two image files.
+
+    Args:
+        camera: a calibration file or a preset's name.
+        initial: the initial image.
+        goal: the goal image.
+        displacement: distance between the two camera centres [m]; None: the translation has length 1.
+
+    Raises:
+        InputError: a file that is not what it should be, or too few dots.
+        AnswerIsNo: the dots cannot be matched.
+    """
+    model = preset(camera) if camera in PRESETS else load_camera(camera)
+    seen = see(model, read_image(initial, model), read_image(goal, model))
+    return estimate_two_view(model, seen.initial_dots, seen.goal_dots, scale=displacement)
+
+
+def estimate_simulated(task: str, *, camera: str | None = None, seed: int = 0) -> TwoViewEstimate:
+    """Return the estimate from a task's own two pictures, taken in the simulator.
+
+    Raises:
+        InputError, AnswerIsNo: as `run_task`.
+    """
+    loaded = load_task(task, camera=camera)
+    goal = teach_goal(loaded, seed=seed + 1)
+    scene = scene_of_task(loaded)
+    robot = SimulatedRobot(scene, seed=seed)
+    image, joints = robot.next_image(), robot.read().joint_positions
+    return estimate_task(loaded, scene, see(loaded.camera, image.pixels, goal.image), goal, joints)
+
+
+def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:
+    """Return an image file as grey values (height, width).
+
+    Raises:
+        InputError: not an image, or not of the camera's size.
+    """
+    try:
+        with Image.open(path) as picture:
+            if picture.size != (camera.width, camera.height):
+                raise InputError(
+                    f"{path}: {picture.size[0]}×{picture.size[1]} px; "
+                    f"the camera has {camera.width}×{camera.height}"
+                )
+            return np.asarray(picture.convert("L"), dtype=np.uint8)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path}: not an image that can be read: {error}") from None

@@ -1,0 +1,67 @@
+"""Writes the log of a run: what the loop knew, and the simulator's truth beside it for scoring."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import ServoStop
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.simulation import SimulatedRobot
+from omniservo.simulation.closed_loop import Controller, Step
+from omniservo.simulation.run_log import LogRow, RunLog
+from omniservo.tasks import Task
+
+
+class Recorder:
+    """Collects one row per control step."""
+
+    def __init__(self, task: Task, robot: SimulatedRobot, controller: Controller, points: FloatArray) -> None:
+        """Prepare an empty log; ``points`` (n, 3) are the true dots in the order of the loop's pixels."""
+        self._camera = task.camera
+        self._world_T_initial = task.start.world_T_camera.transform
+        self._robot = robot
+        self._controller = controller
+        self._points = points
+        self._log = RunLog()
+        self.images: list[ByteArray] = []
+        """what the camera saw, one per row"""
+
+    def step(self, step: Step) -> None:
+        """Add a row. The truth is that of the image's exposure."""
+        report = self._controller.report
+        if report is None:
+            raise AssertionError("a step without a report")
+        truth = self._true_pose(self._robot.exposure_joints(step.image))
+        true_pixels, _ = self._camera.project(truth.inv().apply(self._points))
+        self._log.rows.append(
+            LogRow(
+                time=step.time,
+                w=report.w,
+                joints=step.state.joint_positions,
+                joint_velocities=step.joint_velocities,
+                twist=step.twist,
+                pixels=step.pixels,
+                valid=step.valid,
+                reference_pixels=report.reference_pixels,
+                error_px=report.error_px,
+                goal_error_px=report.goal_error_px,
+                estimated_position=report.initial_T_camera.translation,
+                true_position=truth.translation,
+                true_rotation=truth.rotation.as_rotvec(),
+                true_pixels=true_pixels,
+                arm_clearance=self._robot.obstacle_distance(),
+                control_seconds=step.control_seconds,
+            )
+        )
+        self.images.append(step.image.pixels)
+
+    def finish(self, stop: ServoStop | None) -> RunLog:
+        """Return the log with how the run ended."""
+        self._log.contacts |= self._robot.contacts()
+        if stop is not None:
+            self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
+        return self._log
+
+    def _true_pose(self, joints: FloatArray) -> RigidTransform:
+        return self._world_T_initial.inv() * self._robot.scene.world_T_camera(np.asarray(joints))

@@ -1,0 +1,174 @@
+"""The whole job: images → dots → motion and structure → path → servo, measured against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.estimation import TwoViewEstimate
+from omniservo.geometry.arrays import FloatArray
+from omniservo.perception import DotTracker
+from omniservo.planning import Plan
+from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.film import film_of
+from omniservo.runs.pace import pace
+from omniservo.runs.plan_task import plan_task
+from omniservo.runs.recorder import Recorder
+from omniservo.runs.score import score
+from omniservo.runs.see import see
+from omniservo.runs.teach_goal import teach_goal
+from omniservo.servoing import ImageServoOptions
+from omniservo.simulation import OutsideView, SimulatedRobot
+from omniservo.simulation.closed_loop import Controller, servo
+from omniservo.simulation.run_log import RunLog
+from omniservo.simulation.run_result import RunResult, Seen, Truth
+from omniservo.simulation.scene import Scene
+from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.tasks import Task, TaughtGoal
+from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
+
+Method = Literal["certified", "paper", "ibvs"]
+
+IMAGE_AGE = 0.25
+"""The oldest image that the loop acts on [s]."""
+
+T = TypeVar("T")
+
+
+def run_task(
+    task: Task,
+    *,
+    method: Method = "certified",
+    goal: TaughtGoal | None = None,
+    seed: int = 0,
+    progress: Callable[[str], object] = lambda words: None,
+) -> RunResult:
+    """Do a whole job in the simulator and return everything that it produced.
+
+    Args:
+        task: what to do.
+        method: "certified" plans with proof, "paper" with the 2012 paper's own search, "ibvs" not at all.
+        goal: what `teach_goal` saved; None: taught now.
+        seed: of everything random.
+        progress: told what is being done.
+
+    Raises:
+        InputError: the task or the goal cannot be worked on: too few dots, another camera, out of reach.
+        AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
+    """
+    started = perf_counter()
+    progress("teaching the goal")
+    goal = goal or teach_goal(task, seed=seed + 1)
+    if goal.camera != task.camera:
+        raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
+    scene = scene_of_task(task)
+    robot = SimulatedRobot(scene, seed=seed)
+    seconds: dict[str, float] = {}
+    progress("looking")
+    image, joints = robot.next_image(), robot.read().joint_positions
+    seen, seconds["perception"] = _timed(lambda: see(task.camera, image.pixels, goal.image))
+    progress("estimating motion and structure")
+    estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
+    plan = None
+    if method != "ibvs":
+        progress("planning")
+        plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, method, seed))
+    progress("servoing")
+    truth = _truth(task, scene, goal, seen)
+    log, images = _drive(task, robot, _controller(task, scene, plan, estimate, seen), seen, truth)
+    progress("drawing")
+    seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
+    outside = OutsideView(scene)
+    result = RunResult(
+        task=task,
+        method=method,
+        goal=goal,
+        seen=seen,
+        estimate=estimate,
+        plan=plan,
+        log=log,
+        final_image=robot.next_image().pixels,
+        outside_initial=outside.render(scene.start_joints),
+        outside_final=outside.render(robot.read().joint_positions),
+        film=film_of(log, images, scene),
+        truth=truth,
+        seconds=seconds | {"whole": perf_counter() - started},
+        metrics={},
+    )
+    result.metrics.update(_metrics(result))
+    return result
+
+
+def _controller(
+    task: Task, scene: Scene, plan: Plan | None, estimate: TwoViewEstimate, seen: Seen
+) -> Controller:
+    if plan is None or plan.path is None:
+        return GoalServo(
+            task.camera,
+            estimate.points,
+            seen.goal_dots,
+            tolerance_px=task.servo.tolerance_px,
+            options=ImageServoOptions(gain=task.servo.rate),
+        )
+    options = TrackerOptions(
+        feature=task.servo.feature,
+        gain=task.servo.gain,
+        delay=task.sensor.latency + 0.5 / task.sensor.rate,
+        tolerance_px=task.servo.tolerance_px,
+    )
+    law = pace(task, scene, plan.path)
+    return PathTracker(plan, task.camera, goal_pixels=seen.goal_dots, options=options, time_law=law)
+
+
+def _drive(
+    task: Task, robot: SimulatedRobot, controller: Controller, seen: Seen, truth: Truth
+) -> tuple[RunLog, list[FloatArray]]:
+    recorder = Recorder(task, robot, controller, truth.points)
+    stop = servo(
+        robot,
+        robot.scene.arm,
+        robot.scene.flange_T_camera,
+        controller,
+        DotTracker(task.camera, seen.initial_dots),
+        wait=robot.advance,
+        on_step=recorder.step,
+        image_age=IMAGE_AGE,
+        time_limit=task.servo.time_limit,
+    )
+    return recorder.finish(stop), recorder.images
+
+
+def _truth(task: Task, scene: Scene, goal: TaughtGoal, seen: Seen) -> Truth:
+    """The truth, in the order of the matched dots. Scoring only."""
+    initial_T_world = task.start.world_T_camera.transform.inv()
+    centers = np.array([dot.center for dot in task.target.dots])
+    pixels, _ = task.camera.project(centers)
+    order = [int(np.nanargmin(np.linalg.norm(pixels - p, axis=1))) for p in seen.initial_dots]
+    initial_T_goal = task.teach.initial_T_goal.transform
+    if goal.joints is not None:
+        initial_T_goal = initial_T_world * scene.world_T_camera(goal.joints)
+    corners = [initial_T_world.apply(b.corners) for b in scene.obstacles if hasattr(b, "corners")]
+    return Truth(initial_T_goal.as_matrix(), centers[order], tuple(corners))
+
+
+def _metrics(result: RunResult) -> dict[str, object]:
+    seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items()}
+    seconds["control_seconds_median"] = seconds.pop("control_seconds")
+    return {
+        "task": result.task.name,
+        "method": result.method,
+        **score(result.task, result.plan, result.log, result.truth),
+        "plan_status": None if result.plan is None else result.plan.status,
+        "estimate_rms_px": result.estimate.rms_px,
+        **seconds,
+    }
+
+
+def _timed(work: Callable[[], T]) -> tuple[T, float]:
+    before = perf_counter()
+    value = work()
+    return value, perf_counter() - before

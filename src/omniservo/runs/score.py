@@ -1,0 +1,122 @@
+"""Scores of a run against the simulator's truth: the numbers of metrics.json."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Plan
+from omniservo.simulation.run_log import RunLog
+from omniservo.simulation.run_result import Truth
+from omniservo.tasks import Task
+
+
+def visibility_px(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
+    """Return each pixel's distance to the nearest image limit [px], negative outside.
+
+    Edges at −½, W−½ (H likewise); the largest-angle circle, whose distance is (r(θ_max) − r)·σ_min with
+    r = sin θ/(cos θ + ξ) and σ_min the smallest singular value of K's 2×2 block; the dead zone.
+
+    Args:
+        camera: the camera.
+        pixels: (…, 2) [px]; NaN gives NaN.
+
+    Returns:
+        (…,) [px].
+    """
+    u, v = pixels[..., 0], pixels[..., 1]
+    distances = [u + 0.5, camera.width - 0.5 - u, v + 0.5, camera.height - 0.5 - v]
+    if camera.max_angle is not None:
+        bearings, _ = camera.unproject(pixels)
+        radius = np.hypot(bearings[..., 0], bearings[..., 1]) / (bearings[..., 2] + camera.xi)
+        largest = math.sin(camera.max_angle) / (math.cos(camera.max_angle) + camera.xi)
+        smallest_scale = np.linalg.svd(camera.matrix[:2, :2], compute_uv=False)[-1]
+        distances.append((largest - radius) * smallest_scale)
+    if camera.dead_zone is not None:
+        cu, cv = camera.dead_zone.center
+        distances.append(np.hypot(u - cu, v - cv) - camera.dead_zone.radius)
+    return np.asarray(np.min(np.stack(np.broadcast_arrays(*distances)), axis=0), dtype=np.float64)
+
+
+def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str, object]:
+    """Return the metrics that compare the executed run with the truth, and with what the plan promised.
+
+    Lengths in m, angles in rad, pixels in px; None where a quantity does not exist.
+    """
+    positions = log.column("true_position").reshape(-1, 3)
+    visible = visibility_px(task.camera, log.column("true_pixels"))
+    return {
+        "status": _status(log),
+        "reason": log.stop_message,
+        "clearance_asked_m": task.planning.clearance,
+        "clearance_planned_m": _planned(plan, "clearance", task),
+        "clearance_executed_m": _least_clearance(task, positions),
+        "arm_clearance_executed_m": float(np.min(log.column("arm_clearance"))) if log.rows else None,
+        "visibility_planned_px": _planned(plan, "visibility", task),
+        "visibility_executed_px": float(np.min(visible)) if log.rows else None,
+        **_final_errors(log, truth),
+        "path_deviation_m": _deviation(plan, log),
+        "servo_seconds": float(log.rows[-1].time) if log.rows else 0.0,
+        "frames": len(log.rows),
+        "lost_dots": int(np.sum(log.column("valid") == 0)) if log.rows else 0,
+        "contacts": sorted(list(pair) for pair in log.contacts),
+    }
+
+
+def _status(log: RunLog) -> str:
+    if log.contacts:
+        return "contact"
+    return "stopped" if log.stop_reason else "converged"
+
+
+def _least_clearance(task: Task, positions: FloatArray) -> float | None:
+    """Smallest distance of the camera centre to the surface of the obstacles that ask for a clearance."""
+    asked = [o for o in task.planning.obstacles if o.clearance is None]
+    if not asked or not len(positions):
+        return None
+    distances = [np.linalg.norm(positions - np.asarray(o.center), axis=1) - o.radius for o in asked]
+    return float(np.min(distances))
+
+
+def _planned(plan: Plan | None, family: str, task: Task) -> float | None:
+    """The certified lower bound of a family: what was asked plus the smallest certified margin."""
+    if plan is None or plan.certificate is None:
+        return None
+    names = {f"clearance obstacle {i}" for i, o in enumerate(task.planning.obstacles) if o.clearance is None}
+    margins = [
+        c.margin
+        for c in plan.certificate.constraints
+        if (c.name in names if family == "clearance" else c.name.startswith((family, "dead_zone")))
+    ]
+    asked = plan.problem.clearance if family == "clearance" else plan.problem.visibility_margin
+    return asked + min(margins) if margins else None
+
+
+def _final_errors(log: RunLog, truth: Truth) -> dict[str, object]:
+    """Pose error at the end against the taught pose, and the image error as detected."""
+    if not log.rows:
+        return {"final_error_px": None, "final_translation_error_m": None, "final_rotation_error_rad": None}
+    last = log.rows[-1]
+    initial_T_camera = RigidTransform.from_components(
+        last.true_position, Rotation.from_rotvec(last.true_rotation)
+    )
+    goal_T_camera = RigidTransform.from_matrix(truth.initial_T_goal).inv() * initial_T_camera
+    return {
+        "final_error_px": last.goal_error_px,
+        "final_translation_error_m": float(np.linalg.norm(goal_T_camera.translation)),
+        "final_rotation_error_rad": float(goal_T_camera.rotation.magnitude()),
+    }
+
+
+def _deviation(plan: Plan | None, log: RunLog) -> float | None:
+    """Largest distance of the executed positions from the planned path [m]."""
+    if plan is None or plan.path is None or not log.rows:
+        return None
+    planned = plan.path(np.linspace(0.0, 1.0, 1001)).translation
+    executed = log.column("true_position")
+    gaps = np.linalg.norm(executed[:, None, :] - planned[None, :, :], axis=2)
+    return float(np.max(np.min(gaps, axis=1)))

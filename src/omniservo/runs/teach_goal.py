@@ -1,0 +1,38 @@
+"""Teaching: the arm is brought to the goal and takes a picture."""
+
+from __future__ import annotations
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.perception import find_dots
+from omniservo.simulation import SimulatedRobot
+from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
+from omniservo.tasks import Task, TaughtGoal
+
+LEAST_DOTS = 8
+"""The eight-point algorithm needs eight."""
+
+
+def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
+    """Return what the camera sees at the task's goal pose, with the arm's joints.
+
+    Raises:
+        InputError: the arm does not reach the goal, or fewer than eight dots are seen there.
+    """
+    scene = scene_of_task(task)
+    joints = goal_joints(task, scene)
+    robot = SimulatedRobot(scene, seed=seed, joints=joints)
+    image = robot.next_image()
+    dots = find_dots(image.pixels, task.camera)
+    require_dots(dots.pixels, f"{task.name}: the goal image")
+    return TaughtGoal(task.camera, image.pixels, frozen(dots.pixels), frozen(robot.read().joint_positions))
+
+
+def require_dots(pixels: FloatArray, where: str) -> None:
+    """Refuse a picture with too few dots.
+
+    Raises:
+        InputError: fewer than eight.
+    """
+    if len(pixels) < LEAST_DOTS:
+        raise InputError(f"{where}: {len(pixels)} dots found; at least {LEAST_DOTS} are needed")

@@ -1,0 +1,71 @@
+"""From a task to the simulator's world: the initial camera frame becomes world coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.robots import Arm
+from omniservo.simulation.scene import BOARD_COLOUR, OBSTACLE_COLOUR, Box, Colour, Dots, Scene, Sensor
+from omniservo.tasks import Block, Task
+
+_ARMS = {"rx60": Arm.rx60}
+
+
+def scene_of_task(task: Task) -> Scene:
+    """Return the world that a task describes, the arm at the task's start.
+
+    Raises:
+        InputError: the arm cannot bring the camera to its start pose.
+    """
+    world_T_initial = task.start.world_T_camera.transform
+    arm = _ARMS[task.arm.model]()
+    world_T_base = RigidTransform.from_translation(np.asarray(task.arm.foot))
+    flange_T_camera = task.arm.flange_T_camera.transform
+    near = np.asarray(task.start.joints_near)
+    try:
+        start = arm.inverse_near(world_T_base.inv() * world_T_initial * flange_T_camera.inv(), near)
+    except InputError as error:
+        raise InputError(f"start.world_T_camera: {error}") from None
+    sensor = task.sensor
+    return Scene(
+        arm=arm,
+        world_T_base=world_T_base,
+        flange_T_camera=flange_T_camera,
+        camera=task.camera,
+        start_joints=start,
+        sensor=Sensor(sensor.rate, sensor.latency, sensor.noise, sensor.blur),
+        dots=_dots(task, world_T_initial),
+        boards=tuple(_box(f"board {i}", b, world_T_initial) for i, b in enumerate(task.target.boards)),
+        obstacles=tuple(
+            _box(f"obstacle {i}", b, world_T_initial, OBSTACLE_COLOUR) for i, b in enumerate(task.obstacles)
+        ),
+        floor=float(world_T_base.translation[2]),
+    )
+
+
+def goal_joints(task: Task, scene: Scene) -> FloatArray:
+    """Return the joints (6,) [rad] that bring the camera to the pose where the goal is taught.
+
+    Raises:
+        InputError: the arm does not reach it.
+    """
+    world_T_goal = task.start.world_T_camera.transform * task.teach.initial_T_goal.transform
+    try:
+        return scene.joints_for(world_T_goal, scene.start_joints)
+    except InputError as error:
+        raise InputError(f"teach.initial_T_goal: {error}") from None
+
+
+def _box(name: str, block: Block, world_T_initial: RigidTransform, colour: Colour = BOARD_COLOUR) -> Box:
+    return Box(name, world_T_initial * block.transform, np.asarray(block.half_extents), colour)
+
+
+def _dots(task: Task, world_T_initial: RigidTransform) -> Dots:
+    centers = np.array([dot.center for dot in task.target.dots])
+    normals = np.array([dot.normal for dot in task.target.dots])
+    return Dots(
+        world_T_initial.apply(centers), world_T_initial.rotation.apply(normals), task.target.dot_radius
+    )
