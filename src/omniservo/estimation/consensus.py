@@ -1,8 +1,6 @@
 """Outliers: random minimal samples of matches, scored in px, with local optimisation (LO-RANSAC, MSAC score).
 
-The score of a match under E is its Sampson distance in pixels: |bᵀEb*| over the length of that form's
-gradient in the four pixel coordinates, to first order the smallest pixel correction that satisfies E. The
-camera's Jacobian carries it, so a pixel counts the same in the middle and at the rim.
+A match is scored by its Sampson distance in pixels.
 Chum, Matas, Kittler 2003 (local optimisation); Torr, Zisserman 2000 (MSAC).
 """
 
@@ -10,6 +8,7 @@ import math
 
 import numpy as np
 
+from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
 from omniservo.estimation.essential_matrix import epipolar_gram, motions_from_essential
 from omniservo.estimation.linear_systems import symmetric_eigen
 from omniservo.geometry.arrays import FloatArray, IntArray
@@ -19,37 +18,6 @@ SAMPLE = 8
 MOST_SAMPLES = 3000
 CONFIDENCE = 0.999
 LOCAL_ROUNDS = 3
-
-
-@kernel
-def sampson_distances(
-    bearings: FloatArray,
-    jacobians: FloatArray,
-    essential: FloatArray,
-    distances: FloatArray,
-    weights: FloatArray,
-) -> None:
-    """Write the signed Sampson distances (n,) [px] and the weights (n,) 1/‖gradient‖² that belong to them.
-
-    ``bearings`` (n, 6) holds (b, b*); ``jacobians`` (n, 12) their derivatives to the pixels, 3×2 row by row.
-    """
-    e = essential
-    for j in range(bearings.shape[0]):
-        bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
-        gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
-        lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
-        ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
-        lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
-        mx = e[0, 0] * bx + e[1, 0] * by + e[2, 0] * bz
-        my = e[0, 1] * bx + e[1, 1] * by + e[2, 1] * bz
-        mz = e[0, 2] * bx + e[1, 2] * by + e[2, 2] * bz
-        square = 1e-300
-        for c in range(2):
-            first = lx * jacobians[j, c] + ly * jacobians[j, 2 + c] + lz * jacobians[j, 4 + c]
-            second = mx * jacobians[j, 6 + c] + my * jacobians[j, 8 + c] + mz * jacobians[j, 10 + c]
-            square += first * first + second * second
-        weights[j] = 1.0 / square
-        distances[j] = (bx * lx + by * ly + bz * lz) / math.sqrt(square)
 
 
 @kernel
@@ -138,10 +106,7 @@ def _nearest_essential(entries: FloatArray, essential: FloatArray) -> bool:
         essential[i // 3, i % 3] = entries[i]
     if not motions_from_essential(essential, rotations, t):
         return False
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        for c in range(3):
-            essential[i, c] = t[j] * rotations[0, k, c] - t[k] * rotations[0, j, c]
+    essential_matrix(rotations[0], t, essential)
     return True
 
 

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
 from omniservo.estimation.linear_systems import symmetric_eigen
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
@@ -161,3 +162,37 @@ def linear_structure(
         else:
             for i in range(3):
                 points[j, i] = FAR * bearings[j, i]
+
+
+@kernel
+def bearings_of_pixels(
+    parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, jacobians: FloatArray
+) -> int:
+    """Fill the bearings (n, 6) of the pixels (n, 4) and their derivatives (n, 12), 3×2 row by row.
+
+    The derivative of the projection, J (2, 3), has the bearing as null vector, so that of the inverse is its
+    pseudoinverse Jᵀ(JJᵀ)⁻¹. Returns −1, or the place 2j + view of the first pixel outside the domain.
+    """
+    for j in range(pixels.shape[0]):
+        for view in range(2):
+            x, y, z, ok = unproject_pixel(parameters, pixels[j, 2 * view], pixels[j, 2 * view + 1])
+            if not ok:
+                return 2 * j + view
+            _, _, a0, a1, a2, b0, b1, b2, ok = project_point_jacobian(parameters, x, y, z)
+            aa, ab, bb = a0 * a0 + a1 * a1 + a2 * a2, a0 * b0 + a1 * b1 + a2 * b2, b0 * b0 + b1 * b1 + b2 * b2
+            f = 1.0 / (aa * bb - ab * ab)
+            if not (ok and f < math.inf):
+                return 2 * j + view
+            place = 3 * view
+            bearings[j, place], bearings[j, place + 1], bearings[j, place + 2] = x, y, z
+            place = 6 * view
+            jacobians[j, place], jacobians[j, place + 1] = f * (bb * a0 - ab * b0), f * (aa * b0 - ab * a0)
+            jacobians[j, place + 2], jacobians[j, place + 3] = (
+                f * (bb * a1 - ab * b1),
+                f * (aa * b1 - ab * a1),
+            )
+            jacobians[j, place + 4], jacobians[j, place + 5] = (
+                f * (bb * a2 - ab * b2),
+                f * (aa * b2 - ab * a2),
+            )
+    return -1

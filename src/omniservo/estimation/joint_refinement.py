@@ -157,6 +157,35 @@ def two_view_cost(
 
 
 @kernel
+def write_residuals(
+    parameters: FloatArray,
+    pixels: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+    points: FloatArray,
+    residuals: FloatArray,
+) -> None:
+    """Write projection minus pixel (n, 4) [px]; NaN for a point that is NaN or outside the domain."""
+    r = rotation
+    for j in range(points.shape[0]):
+        x, y, z = points[j, 0], points[j, 1], points[j, 2]
+        u, v, ok = project_point(parameters, x, y, z)
+        x, y, z = x - translation[0], y - translation[1], z - translation[2]
+        u_goal, v_goal, ok_goal = project_point(
+            parameters,
+            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
+            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
+            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
+        )
+        if ok and ok_goal:
+            residuals[j, 0], residuals[j, 1] = u - pixels[j, 0], v - pixels[j, 1]
+            residuals[j, 2], residuals[j, 3] = u_goal - pixels[j, 2], v_goal - pixels[j, 3]
+        else:
+            for i in range(4):
+                residuals[j, i] = math.nan
+
+
+@kernel
 def _loss(error: float, scale: float) -> float:
     """Return the Cauchy loss of a squared residual [px²]."""
     if scale == math.inf:
@@ -330,7 +359,8 @@ def _solve_point(
     dy = inverse[1] * x + inverse[2] * y + inverse[4] * z
     dz = inverse[3] * x + inverse[4] * y + inverse[5] * z
     point_steps[j, 0], point_steps[j, 1], point_steps[j, 2] = dx, dy, dz
-    return -(gx * dx + gy * dy + gz * dz)
+    decrement: float = -(gx * dx + gy * dy + gz * dz)
+    return decrement
 
 
 @kernel

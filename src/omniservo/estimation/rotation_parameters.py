@@ -79,7 +79,8 @@ def parameters_from_rotation(kind: int, matrix: FloatArray) -> FloatArray:
     q = quaternion_from_matrix(matrix)
     if kind == QUATERNION:
         return q
-    return q[:3] / q[3]
+    cayley: FloatArray = q[:3] / q[3]
+    return cayley
 
 
 @kernel

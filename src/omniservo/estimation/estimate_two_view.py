@@ -1,0 +1,261 @@
+"""Motion and structure from two views."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.estimation.essential_matrix import linear_structure, ray_distances
+from omniservo.estimation.evidence import judge
+from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
+from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION, quaternion_from_matrix
+from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.two_view_fit import (
+    LEAST_POINTS,
+    MOTION_PARAMETERS,
+    Matches,
+    TwoViewFit,
+    fit_two_views,
+)
+from omniservo.estimation.uncertainty import two_view_covariance
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+
+Scale = float | tuple[tuple[int, int], float]
+
+METHODS = ("pixel", "virtual-plane")
+ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
+MOST_STEPS = 100
+
+
+def estimate_two_view(
+    camera: UnifiedCamera,
+    pixels_initial: npt.ArrayLike,
+    pixels_goal: npt.ArrayLike,
+    *,
+    scale: Scale | None = None,
+    method: Literal["pixel", "virtual-plane"] = "pixel",
+    rotation: Literal["quaternion", "cayley"] = "quaternion",
+    robust: bool = True,
+) -> TwoViewEstimate:
+    """Return the pose of the goal camera and the points, from the same points' pixels in two images.
+
+    Eight-point algorithm on bearings from several starts, cheirality by distances, linear structure, joint
+    refinement of s = (s_R, s_t, s_h₁ … s_hₙ), (13)-(22). Directions past 90° from the axis are members.
+
+    Args:
+        camera: took both images.
+        pixels_initial: (n, 2) [px].
+        pixels_goal: (n, 2) [px], row j shows the same point.
+        scale: None: ‖t‖ = 1, not metric. A number: the distance of the two camera centres [m]. ((i, j), d):
+            the distance of the target points i and j [m]. t and every point are scaled together.
+        method: "pixel" minimises the reprojection error in the real image, the maximum-likelihood cost;
+            "virtual-plane" that of the paper, (19), which needs every pixel within 90° of the axis. Members
+            and status are decided on the real image for both.
+        rotation: s_R as quaternion (17), (20) or Cayley vector (18), (21); the answer is the same.
+        robust: reject matches that do not agree with the others.
+
+    Raises:
+        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
+            virtual-plane image), an illegal scale or option.
+    """
+    started = time.perf_counter()
+    pixels = _checked_pixels(pixels_initial, pixels_goal)
+    between, length = _checked_scale(scale, len(pixels))
+    if method not in METHODS:
+        raise InputError(f"method: {method!r} given; legal: {', '.join(METHODS)}")
+    if rotation not in ROTATIONS:
+        raise InputError(f"rotation: {rotation!r} given; legal: {', '.join(ROTATIONS)}")
+    matches = Matches.of_pixels(camera, pixels)
+    plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
+    if len(pixels) < LEAST_POINTS:
+        words = f"{len(pixels)} matches given; at least {LEAST_POINTS} are needed"
+        return _without_pose(len(pixels), "too_few_points", words, started)
+    fit = fit_two_views(matches, ROTATIONS[rotation], robust)
+    if fit is None:
+        words = f"fewer than {LEAST_POINTS} of the {len(pixels)} matches agree"
+        return _without_pose(len(pixels), "too_few_points", words, started)
+    status, words = judge(fit, matches)
+    if status != "ok":
+        return _without_pose(len(pixels), status, words, started)
+    if between is not None and not (fit.members[between[0]] and fit.members[between[1]]):
+        lost = between[0] if not fit.members[between[0]] else between[1]
+        words = f"point {lost}, which the scale refers to, was rejected as a wrong match"
+        return _without_pose(len(pixels), "not_converged", words, started)
+    return _with_pose(matches, plane, fit, ROTATIONS[rotation], between, length, started)
+
+
+def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
+    """Return both images' pixels side by side, (n, 4)."""
+    initial = finite_array("pixels_initial", pixels_initial, (None, 2))
+    goal = finite_array("pixels_goal", pixels_goal, (None, 2))
+    if len(initial) != len(goal):
+        raise InputError(
+            f"pixels_initial, pixels_goal: {len(initial)} and {len(goal)} rows given; row j of both must show"
+            " the same point"
+        )
+    if len(initial) == 0:
+        raise InputError("pixels_initial: no pixel given")
+    return np.concatenate((initial, goal), axis=1)
+
+
+def _checked_scale(scale: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
+    """Return the pair of points and the length that fix the scale."""
+    legal = "legal: None, metres between the camera centres, or ((i, j), metres) between two points"
+    if scale is None:
+        return None, None
+    if not isinstance(scale, tuple | list):
+        return None, finite_number("scale", scale, above=0.0)
+    if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
+        raise InputError(f"scale: {scale!r} given; {legal}")
+    indices = []
+    for index in scale[0]:
+        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
+            raise InputError(f"scale: index {index!r} given; legal: whole numbers from 0 to {n - 1}")
+        indices.append(int(index))
+    if indices[0] == indices[1]:
+        raise InputError(f"scale: point {indices[0]} given twice; two different points are needed")
+    return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)
+
+
+def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:
+    """Return the matches as the perspective camera (K, ξ = 0) sees them, and the pixels' derivative (n, 8).
+
+    The virtual plane (3)-(6) is that camera's image: p = K h / h_z.
+    """
+    behind = np.argwhere(matches.bearings[:, [2, 5]] <= 0.0)
+    if len(behind):
+        j, view = (int(x) for x in behind[0])
+        raise InputError(
+            f"pixels_{('initial', 'goal')[view]}: index {j} is 90° or more from the axis and has no"
+            ' image on the virtual plane; method "pixel" works there'
+        )
+    plane = UnifiedCamera(
+        camera.fx, camera.fy, camera.cx, camera.cy, 0.0, camera.width, camera.height, skew=camera.skew
+    )
+    n = len(matches.pixels)
+    pixels, slopes, valid = plane.project_jacobian(matches.bearings.reshape(n, 2, 3))
+    if not valid.all():
+        raise InputError(f"pixels: index {int(np.argwhere(~valid)[0][0])} has no image on the virtual plane")
+    noise = slopes @ matches.jacobians.reshape(n, 2, 3, 2)
+    seen = Matches(plane.parameters, pixels.reshape(n, 4).copy(), matches.bearings, matches.jacobians)
+    return seen, noise.reshape(n, 8)
+
+
+def _with_pose(
+    matches: Matches,
+    plane: tuple[Matches, FloatArray] | None,
+    fit: TwoViewFit,
+    kind: int,
+    between: tuple[int, int] | None,
+    length: float | None,
+    started: float,
+) -> TwoViewEstimate:
+    """Finish a fit that is a pose: the chosen cost, the scale, residuals, covariance."""
+    members = matches.where(fit.members)
+    rotation, translation = fit.rotations[0].copy(), fit.translations[0].copy()
+    noise = np.tile(np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]), (len(members.pixels), 1))
+    chosen, structure = members, fit.points.copy()
+    n = len(matches.pixels)
+    if plane is not None:
+        chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
+        _, converged = refine_jointly(
+            chosen.parameters, chosen.pixels, kind, math.inf, rotation, translation, structure, MOST_STEPS
+        )
+        if not converged:
+            words = "the refinement on the virtual plane found no minimum"
+            return _without_pose(n, "not_converged", words, started)
+    spread = two_view_covariance(
+        chosen.parameters, chosen.pixels, noise, rotation, translation, structure, _places(between, fit)
+    )
+    if spread is None:
+        return _without_pose(n, "not_converged", "the matches do not determine the motion", started)
+    points = _all_points(matches, fit, rotation, translation, structure)
+    metres = _metres(points, between, length)
+    residuals = _residuals(matches, rotation, translation, points)
+    square = float((residuals[fit.members] ** 2).sum())
+    freedom = len(members.pixels) - MOTION_PARAMETERS
+    variance = square / (freedom - 2)
+    scales = np.array([metres, metres, metres, 1.0, 1.0, 1.0])
+    points_covariance = np.full((n, 3, 3), math.nan)
+    points_covariance[fit.members] = variance * metres**2 * spread[1]
+    return TwoViewEstimate(
+        status="ok",
+        message="",
+        initial_T_goal=RigidTransform.from_components(
+            metres * translation, Rotation.from_quat(quaternion_from_matrix(rotation))
+        ),
+        points=frozen(metres * points),
+        is_metric=length is not None,
+        covariance=frozen(variance * np.outer(scales, scales) * spread[0]),
+        points_covariance=frozen(points_covariance),
+        inliers=fit.members,
+        rms_px=math.sqrt(square / (2 * len(members.pixels))),
+        noise_px=math.sqrt(square / freedom),
+        residuals_px=frozen(residuals),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _places(between: tuple[int, int] | None, fit: TwoViewFit) -> tuple[int, int] | None:
+    """Return where two points stand among the members."""
+    if between is None:
+        return None
+    return int(fit.members[: between[0]].sum()), int(fit.members[: between[1]].sum())
+
+
+def _metres(points: FloatArray, between: tuple[int, int] | None, length: float | None) -> float:
+    """Return the factor for t and every point: (22) with the structure's scale put right."""
+    if length is None:
+        return 1.0
+    if between is None:
+        return length
+    return length / float(np.linalg.norm(points[between[0]] - points[between[1]]))
+
+
+def _all_points(
+    matches: Matches, fit: TwoViewFit, rotation: FloatArray, translation: FloatArray, structure: FloatArray
+) -> FloatArray:
+    """Return (n, 3): members as refined, others by linear structure, NaN where their rays do not meet."""
+    if fit.members.all():
+        return structure
+    points = np.empty((len(matches.pixels), 3))
+    linear_structure(matches.bearings, rotation, translation, points)
+    for j in np.flatnonzero(~fit.members).tolist():
+        first, second = ray_distances(matches.bearings, j, rotation, translation)
+        if not (0.0 < first < math.inf and second > 0.0):
+            points[j] = math.nan
+    points[fit.members] = structure
+    return points
+
+
+def _residuals(
+    matches: Matches, rotation: FloatArray, translation: FloatArray, points: FloatArray
+) -> FloatArray:
+    """Return projection minus pixel (n, 4) in the real images [px]."""
+    residuals = np.empty_like(matches.pixels)
+    write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
+    return residuals
+
+
+def _without_pose(n: int, status: Status, message: str, started: float) -> TwoViewEstimate:
+    return TwoViewEstimate(
+        status=status,
+        message=message,
+        initial_T_goal=None,
+        points=frozen(np.full((n, 3), math.nan)),
+        is_metric=False,
+        covariance=frozen(np.full((6, 6), math.nan)),
+        points_covariance=frozen(np.full((n, 3, 3), math.nan)),
+        inliers=np.zeros(n, dtype=np.bool_),
+        rms_px=math.nan,
+        noise_px=math.nan,
+        residuals_px=frozen(np.full((n, 4), math.nan)),
+        seconds=time.perf_counter() - started,
+    )

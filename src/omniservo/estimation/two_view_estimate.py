@@ -1,0 +1,192 @@
+"""What two views say about the camera's motion and the target's structure."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.errors import InputError
+from omniservo.files import read_document, write_whole
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+
+FORMAT = "omniservo.estimate/1"
+
+Status = Literal[
+    "ok", "too_few_points", "planar_points", "pure_rotation", "no_motion", "ambiguous", "not_converged"
+]
+STATUSES: tuple[str, ...] = get_args(Status)
+
+_FIELDS = {
+    "format", "status", "message", "goal", "points", "is_metric", "covariance", "points_covariance",
+    "inliers", "rms_px", "noise_px", "residuals_px", "seconds",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class TwoViewEstimate:
+    """Motion and structure from n matched pixels, or the reason why there is none.
+
+    Any status but "ok" is no pose: ``initial_T_goal`` is None and every number that belongs to a pose is
+    NaN, in arrays of unchanged shape.
+    """
+
+    status: Status
+    """"ok"; "too_few_points": fewer than eight matches, or fewer than eight that agree; "no_motion",
+    "pure_rotation", "planar_points": the identity, a rotation, a homography explains the pixels as well as
+    motion and structure do; "ambiguous": a second motion, far from the first, is nearly as likely;
+    "not_converged": no minimum was found, or none that the matches agree with."""
+    message: str
+    """One sentence with the evidence; empty for "ok"."""
+    initial_T_goal: RigidTransform | None
+    """{R, t}: coordinates in the goal camera to coordinates in the initial one. None unless "ok"."""
+    points: FloatArray
+    """(n, 3) [m], or in lengths of t where not metric; initial camera frame. A rejected match has its
+    linear structure, or NaN where its rays do not meet in front of both cameras."""
+    is_metric: bool
+    """False: ‖t‖ = 1, the two views do not tell more."""
+    covariance: FloatArray
+    """(6, 6) of (translation, rotation vector applied on the right of initial_T_goal); [m], [rad]. The scale
+    is taken as exact. It is that of Student's t with n − 5 degrees of freedom, σ²(n−5)/(n−7) (JᵀJ)⁻¹, since
+    σ itself comes from the residuals; of rank 5 where ‖t‖ is given."""
+    points_covariance: FloatArray
+    """(n, 3, 3) likewise of each point; NaN for a rejected match."""
+    inliers: BoolArray
+    """(n,) the matches that the estimate rests on."""
+    rms_px: float
+    """Root mean square distance between pixel and projection over both images of the inliers [px]."""
+    noise_px: float
+    """σ of one pixel coordinate, from the residuals: √(Σr²/(n − 5)) [px]."""
+    residuals_px: FloatArray
+    """(n, 4) projection minus pixel, (u, v) in the initial and (u, v) in the goal image [px]."""
+    seconds: float
+    """Wall time of the estimation [s]."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers; NaN becomes None. See :meth:`from_dict`."""
+        pose = self.initial_T_goal
+        goal = None
+        if pose is not None:
+            goal = {
+                "translation": [float(x) for x in pose.translation],
+                "quaternion": [float(x) for x in pose.rotation.as_quat(canonical=True)],
+            }
+        return {
+            "format": FORMAT,
+            "status": self.status,
+            "message": self.message,
+            "goal": goal,
+            "points": _to_lists(self.points),
+            "is_metric": self.is_metric,
+            "covariance": _to_lists(self.covariance),
+            "points_covariance": _to_lists(self.points_covariance),
+            "inliers": [bool(x) for x in self.inliers],
+            "rms_px": _to_lists(self.rms_px),
+            "noise_px": _to_lists(self.noise_px),
+            "residuals_px": _to_lists(self.residuals_px),
+            "seconds": self.seconds,
+        }
+
+    @classmethod
+    def from_dict(cls, fields: Any, source: str = "estimate") -> TwoViewEstimate:
+        """Return the estimate of :meth:`to_dict`; ``source`` stands first in messages.
+
+        Raises:
+            InputError: another format, an unknown or missing field, or a value that is not legal.
+        """
+        _check_fields(fields, source)
+        status = fields["status"]
+        if status not in STATUSES:
+            raise InputError(f"{source}: status: {status!r} given; legal: {', '.join(STATUSES)}")
+        if (fields["goal"] is not None) != (status == "ok"):
+            raise InputError(
+                f'{source}: goal: must be given if, and only if, status is "ok"; it is {status!r}'
+            )
+        for name, kind in (("message", str), ("is_metric", bool), ("inliers", list)):
+            if not isinstance(fields[name], kind):
+                raise InputError(f"{source}: {name}: {fields[name]!r} given; a {kind.__name__} is needed")
+        if not all(isinstance(x, bool) for x in fields["inliers"]):
+            raise InputError(f"{source}: inliers: true or false is needed for each match")
+        n = len(fields["inliers"])
+        return cls(
+            status=cast(Status, status),
+            message=fields["message"],
+            initial_T_goal=_read_pose(fields["goal"], f"{source}: goal"),
+            points=_read_array(fields["points"], (n, 3), f"{source}: points"),
+            is_metric=fields["is_metric"],
+            covariance=_read_array(fields["covariance"], (6, 6), f"{source}: covariance"),
+            points_covariance=_read_array(
+                fields["points_covariance"], (n, 3, 3), f"{source}: points_covariance"
+            ),
+            inliers=np.array(fields["inliers"], dtype=np.bool_),
+            rms_px=float(_read_array(fields["rms_px"], (), f"{source}: rms_px")),
+            noise_px=float(_read_array(fields["noise_px"], (), f"{source}: noise_px")),
+            residuals_px=_read_array(fields["residuals_px"], (n, 4), f"{source}: residuals_px"),
+            seconds=finite_number(f"{source}: seconds", fields["seconds"], minimum=0.0),
+        )
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the estimate as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file exists and ``force`` is False, or cannot be written.
+        """
+        write_whole(path, json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n", force=force)
+
+    @classmethod
+    def load(cls, path: str | Path) -> TwoViewEstimate:
+        """Return the estimate that :meth:`save` wrote.
+
+        Raises:
+            InputError: no such file, or not an estimate; see :meth:`from_dict`.
+        """
+        return cls.from_dict(read_document(path), str(path))
+
+
+def _to_lists(value: Any) -> Any:
+    """Return nested lists of floats with None for NaN."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0:
+        return None if math.isnan(float(array)) else float(array)
+    return [_to_lists(row) for row in array]
+
+
+def _check_fields(fields: Any, source: str) -> None:
+    if not isinstance(fields, dict):
+        raise InputError(f"{source}: {type(fields).__name__} given; a mapping of fields is needed")
+    if fields.get("format") != FORMAT:
+        raise InputError(f"{source}: format: {fields.get('format')!r} given; legal: {FORMAT!r}")
+    if wrong := sorted(map(str, set(fields) ^ _FIELDS)):
+        kind = "unknown" if wrong[0] in fields else "missing"
+        raise InputError(f"{source}: {wrong[0]}: {kind} field; the fields are {', '.join(sorted(_FIELDS))}")
+
+
+def _read_array(value: Any, shape: tuple[int, ...], source: str) -> FloatArray:
+    """Return an array of the shape, None read as NaN."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{source}: an array of numbers of shape {shape} is needed") from None
+    if array.shape != shape and array.size + math.prod(shape) > 0:
+        raise InputError(f"{source}: shape {array.shape} given; {shape} is needed")
+    if np.isinf(array).any():
+        raise InputError(f"{source}: infinity given; every number must be finite")
+    return frozen(array.reshape(shape))
+
+
+def _read_pose(goal: Any, source: str) -> RigidTransform | None:
+    if goal is None:
+        return None
+    if not isinstance(goal, dict) or set(goal) != {"translation", "quaternion"}:
+        raise InputError(f"{source}: exactly the fields translation and quaternion are needed")
+    translation = finite_array(f"{source}: translation", goal["translation"], (3,))
+    quaternion = finite_array(f"{source}: quaternion", goal["quaternion"], (4,))
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > 1e-6:
+        raise InputError(f"{source}: quaternion: norm {norm:g} given; 1 within 1e-6 is needed")
+    return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
