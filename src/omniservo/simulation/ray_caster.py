@@ -1,0 +1,90 @@
+"""Rays from one point into the world: which geom each one meets first, and how bright it is there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.simulation.world import ARM_GROUP, CAMERA_GROUP, SURROUNDINGS_GROUP, World
+
+MISS = -1
+"""Geom number of a ray that meets nothing."""
+
+_FARTHEST = 1e6  # [m]
+_LIGHT = np.array([-0.55, 0.25, 0.80])
+_TO_LIGHT = _LIGHT / np.linalg.norm(_LIGHT)
+_AMBIENT = 0.68
+_GEOM_GROUPS = 6
+
+
+class RayCaster:
+    """Casts rays into a world.
+
+    It owns MjData, so each thread needs its own; the cast releases the interpreter lock.
+    """
+
+    def __init__(self, world: World, *, sees_camera: bool) -> None:
+        """Prepare.
+
+        Args:
+            world: what is looked at.
+            sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
+        """
+        self._model = world.model
+        self._data = mujoco.MjData(world.model)
+        self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
+        self._groups[[SURROUNDINGS_GROUP, ARM_GROUP]] = 1
+        self._groups[CAMERA_GROUP] = int(sees_camera)
+
+    def pose_arm(self, q: FloatArray) -> Any:
+        """Put the arm into the joints ``q`` (6,) [rad] and return the MjData with its kinematics."""
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        return self._data
+
+    def cast(
+        self, origin: FloatArray, directions: FloatArray
+    ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
+        """Return what each ray meets first.
+
+        Args:
+            origin: (3,) in the world [m].
+            directions: (n, 3) unit vectors in the world.
+
+        Returns:
+            Geom number (n,), `MISS` for none; distance (n,) [m], negative for none; outward normal (n, 3).
+        """
+        count = len(directions)
+        geoms = np.empty(count, dtype=np.int32)
+        distances = np.empty(count)
+        normals = np.empty(3 * count)
+        mujoco.mj_multiRay(
+            self._model,
+            self._data,
+            origin,
+            directions.ravel(),
+            self._groups,
+            True,  # static geoms too
+            -1,  # no body is excluded
+            geoms,
+            distances,
+            normals,
+            count,
+            _FARTHEST,
+        )
+        return geoms, distances, normals.reshape(count, 3)
+
+
+def daylight(normals: FloatArray) -> FloatArray:
+    """Return the share (n,) in (0, 1] of its own grey that a matt surface with these normals (n, 3) shows.
+
+    Ambient light and a far lamp: a + (1 − a) max(0, n·l), with l above and behind the arm, so that boards
+    facing the arm are bright.
+    """
+    lit = np.maximum(np.einsum("ij,j->i", normals, _TO_LIGHT), 0.0)  # BLAS would start threads here
+    shares: FloatArray = _AMBIENT + (1.0 - _AMBIENT) * lit
+    return shares

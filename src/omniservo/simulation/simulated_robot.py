@@ -1,0 +1,167 @@
+"""The simulated arm behind the Robot protocol: physics at 1 kHz, and images as late as a real camera's."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.robots import CameraImage, RobotState
+from omniservo.simulation.scene import Scene
+from omniservo.simulation.unified_renderer import UnifiedRenderer
+from omniservo.simulation.world import TICK, World
+
+_ROUNDING = 1e-6  # [ticks]: a duration this much short of a whole tick is that tick
+
+
+class SimulatedRobot:
+    """A `Robot` whose time passes in `advance` only.
+
+    Velocity commands pass the drives' acceleration limits, become joint set points, and a stiff position
+    loop with gravity compensation follows them. Frame k is exposed at the tick nearest to k / rate, shows
+    the joints of exactly that tick, carries its time, and can be read from latency later on. Its noise
+    depends on seed and k alone.
+    """
+
+    def __init__(self, scene: Scene, seed: int = 0) -> None:
+        """Put the arm at rest in the scene's start joints, at time 0.
+
+        Args:
+            scene: the world.
+            seed: of the sensor's noise.
+        """
+        self.world = World(scene)
+        self._scene = scene
+        self._seed = seed
+        self._renderer: UnifiedRenderer | None = None
+        gains, dampings = self.world.model.actuator_gainprm[:, 0], -self.world.model.actuator_biasprm[:, 2]
+        self._lead = dampings / gains  # [s]: set point ahead by this share of the velocity, so that none lags
+        self.place(scene.start_joints)
+
+    def place(self, joints: npt.ArrayLike) -> None:
+        """Start anew at time 0 with the arm at rest in ``joints`` (6,) [rad]; earlier frames and contacts go.
+
+        Raises:
+            InputError: wrong shape, not finite, or outside the arm's range.
+        """
+        q = finite_array("joints", joints, (self._scene.arm.dof,))
+        if not self._scene.arm.within_limits(q):
+            raise InputError(f"joints {np.rad2deg(q).round(1)} deg leave the arm's range")
+        self._data = self.world.data_at(q)
+        self._tick = 0
+        self._due = 0.0  # ticks that advance() owes, with their fraction
+        self._set_point = q.copy()
+        self._velocity = np.zeros_like(q)
+        self._command = np.zeros_like(q)
+        self._contacts = self.world.touching(self._data)
+        self._exposed: dict[float, FloatArray] = {}
+        self._waiting: deque[tuple[int, int]] = (
+            deque()
+        )  # exposure tick and number of frames not yet delivered
+        self._delivered: tuple[int, int] | None = None
+        self._picture: CameraImage | None = None
+        self._expose()
+
+    @property
+    def time(self) -> float:
+        """The robot's clock [s]."""
+        return self._tick * TICK
+
+    def read(self) -> RobotState:
+        """Return the joints as they are now."""
+        return RobotState(self.time, self._data.qpos.copy(), self._data.qvel.copy())
+
+    def image(self) -> CameraImage | None:
+        """Return the newest delivered frame; None before the first one arrives."""
+        if self._delivered is None:
+            return None
+        tick, number = self._delivered
+        if self._picture is None or self._picture.time != tick * TICK:
+            if self._renderer is None:
+                self._renderer = UnifiedRenderer(self.world)
+            noise = np.random.default_rng([self._seed, number])
+            pixels = self._renderer.photograph(self._exposed[tick * TICK], noise)
+            self._picture = CameraImage(tick * TICK, pixels)
+        return self._picture
+
+    def command(self, joint_velocities: npt.ArrayLike) -> None:
+        """Move with these joint velocities (6,) [rad/s] until told otherwise.
+
+        A command beyond a joint's nominal speed is scaled down as a whole, so that its direction is kept.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        wanted = finite_array("joint_velocities", joint_velocities, (self._scene.arm.dof,))
+        excess = float((np.abs(wanted) / self._scene.arm.joint_speed).max())
+        self._command = wanted / max(excess, 1.0)
+
+    def stop(self) -> None:
+        """Brake to standstill as fast as the joints' acceleration limits allow."""
+        self._command = np.zeros_like(self._command)
+
+    def advance(self, duration: float) -> None:
+        """Let time pass, in steps of 1 ms; a remainder is kept for the next call.
+
+        Args:
+            duration: [s], 0 or more.
+
+        Raises:
+            InputError: negative or not finite.
+        """
+        self._due += finite_number("duration", duration, minimum=0.0) / TICK
+        while self._due >= 1.0 - _ROUNDING:
+            self._due -= 1.0
+            self._step()
+
+    def contacts(self) -> frozenset[tuple[str, str]]:
+        """Return truth: the pairs of bodies that have touched since the start (names sorted in each pair)."""
+        return frozenset(self._contacts)
+
+    def arm_obstacle_distance(self) -> float:
+        """Return truth: smallest distance from arm or camera to any obstacle now [m]; negative inside."""
+        mujoco.mj_kinematics(self.world.model, self._data)
+        return self.world.arm_obstacle_distance(self._data)
+
+    def world_T_camera(self, time: float | None = None) -> RigidTransform:
+        """Return truth: the camera's pose now, or at the exposure of the frame with this time stamp [s].
+
+        Raises:
+            InputError: no frame was exposed at that time.
+        """
+        if time is None:
+            return self._scene.world_T_camera(self._data.qpos)
+        if time not in self._exposed:
+            raise InputError(f"time: {time} s given; no frame was exposed then")
+        return self._scene.world_T_camera(self._exposed[time])
+
+    def _step(self) -> None:
+        arm = self._scene.arm
+        change = arm.joint_acceleration * TICK
+        self._velocity += np.clip(self._command - self._velocity, -change, change)
+        wanted = self._set_point + self._velocity * TICK
+        self._set_point = np.clip(wanted, arm.joint_range[:, 0], arm.joint_range[:, 1])
+        self._velocity[self._set_point != wanted] = 0.0  # a joint that reaches its end stands
+        self._data.ctrl[:] = self._set_point + self._lead * self._velocity
+        mujoco.mj_step(self.world.model, self._data)
+        if self._data.ncon:
+            self._contacts |= self.world.touching(self._data)
+        self._tick += 1
+        self._expose()
+
+    def _expose(self) -> None:
+        """Record the joints if a frame is exposed at this tick; deliver frames whose latency has passed."""
+        sensor = self._scene.sensor
+        number = round(self.time * sensor.rate)
+        if round(number / sensor.rate / TICK) == self._tick:
+            self._exposed[self.time] = self._data.qpos.copy()
+            self._waiting.append((self._tick, number))
+        latency = math.ceil(sensor.latency / TICK - _ROUNDING)
+        while self._waiting and self._waiting[0][0] + latency <= self._tick:
+            self._delivered = self._waiting.popleft()

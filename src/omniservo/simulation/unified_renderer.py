@@ -1,0 +1,131 @@
+"""The image of the camera in the hand: one ray per pixel, more on edges, then lens and sensor."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.simulation.ray_caster import MISS, RayCaster, daylight
+from omniservo.simulation.world import World
+
+DARK = 0.012
+"""Linear grey outside the image circle and in the dead zone."""
+
+BACKGROUND = 0.25
+"""Linear grey of rays that meet nothing."""
+
+_THREADS = 2
+_DOT_EDGE = 4  # rays per side of a pixel next to a dot: its centre is measured
+_OTHER_EDGE = 2  # rays per side of a pixel on any other edge
+_CONTRAST = 0.01  # neighbouring greys that differ by more lie on an edge
+_BLUR_REACH = 4.0  # standard deviations
+
+
+class UnifiedRenderer:
+    """Renders a world through its unified camera, exact for every ξ: each ray starts at the camera's centre.
+
+    A pixel shows the mean linear intensity over its square; pixels that the camera cannot unproject
+    (outside the image circle or the model's domain) and the dead zone are dark. The camera does not see
+    its own housing, but it sees the arm.
+    """
+
+    def __init__(self, world: World) -> None:
+        """Prepare the rays of all pixels, and two threads."""
+        self._world = world
+        self._camera = world.scene.camera
+        self._casters = [RayCaster(world, sees_camera=False) for _ in range(_THREADS)]
+        self._is_dot = np.zeros(world.model.ngeom + 1, dtype=bool)  # the last entry answers for MISS = -1
+        self._is_dot[world.dot_geoms] = True
+        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="ray")
+        u, v = np.meshgrid(np.arange(self._camera.width), np.arange(self._camera.height))
+        pixels = np.stack([u, v], axis=-1).astype(np.float64)
+        bearings, self._lit = self._sightlines(pixels)
+        self._bearings = np.ascontiguousarray(bearings[self._lit])
+        self._rim = _differs_from_neighbour(self._lit.astype(np.float64))
+
+    def render(self, q: FloatArray) -> FloatArray:
+        """Return the linear intensity (height, width) in [0, 1] on the sensor, without blur and noise.
+
+        Args:
+            q: (6,) joints at the exposure [rad].
+        """
+        for caster in self._casters:
+            pose = self._world.world_T_camera(caster.pose_arm(q))
+        image = np.full(self._lit.shape, DARK)
+        is_dot = np.zeros(self._lit.shape)
+        image[self._lit], is_dot[self._lit] = self._in_parallel(pose, self._bearings)
+        edge = _differs_from_neighbour(image) | self._rim
+        dot_edge = _differs_from_neighbour(is_dot)
+        self._refine(image, pose, dot_edge, _DOT_EDGE)
+        self._refine(image, pose, edge & ~dot_edge, _OTHER_EDGE)
+        return image
+
+    def photograph(self, q: FloatArray, noise: np.random.Generator) -> ByteArray:
+        """Return the sensor's grey values (height, width): blurred, with noise, rounded.
+
+        Args:
+            q: (6,) joints at the exposure [rad].
+            noise: source of the sensor's noise.
+        """
+        sensor = self._world.scene.sensor
+        image = (255.0 * self.render(q)).astype(np.float32)
+        if sensor.blur > 0.0:
+            image = gaussian_filter(image, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
+        if sensor.noise > 0.0:
+            image += np.float32(sensor.noise) * noise.standard_normal(image.shape, dtype=np.float32)
+        grey_values: ByteArray = np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
+        return grey_values
+
+    def _sightlines(self, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Bearings (…, 3) of pixels (…, 2), and which of them see the world."""
+        bearings, valid = self._camera.unproject(pixels)
+        zone = self._camera.dead_zone
+        if zone is not None:
+            offsets = pixels - np.asarray(zone.center)
+            valid = valid & ((offsets**2).sum(axis=-1) > zone.radius**2)
+        return bearings, valid
+
+    def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:
+        """Give the chosen pixels of the image the mean over a grid of rays, in place."""
+        steps = (np.arange(per_side) + 0.5) / per_side - 0.5
+        offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        rows, columns = np.nonzero(chosen)
+        bearings, lit = self._sightlines(np.stack([columns, rows], axis=-1)[:, None, :] + offsets)
+        greys = np.full(lit.shape, DARK)
+        greys[lit] = self._in_parallel(pose, bearings[lit])[0]
+        image[chosen] = greys.mean(axis=1)
+
+    def _in_parallel(self, pose: RigidTransform, bearings: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Linear greys (n,) along the bearings (n, 3) from the camera at ``pose``; and which see a dot."""
+        world_R_camera = pose.rotation.as_matrix()
+        origin = np.array(pose.translation)
+
+        def look(caster: RayCaster, part: FloatArray) -> tuple[FloatArray, BoolArray]:
+            geoms, _, normals = caster.cast(origin, np.einsum("ij,kj->ik", part, world_R_camera))
+            greys = self._world.luminance[geoms] * daylight(normals)
+            greys[geoms == MISS] = BACKGROUND
+            return greys, self._is_dot[geoms]
+
+        parts = list(self._pool.map(look, self._casters, np.array_split(bearings, _THREADS)))
+        return np.concatenate([greys for greys, _ in parts]), np.concatenate([dots for _, dots in parts])
+
+
+def _differs_from_neighbour(image: FloatArray) -> BoolArray:
+    """Which pixels (height, width) differ from one of their eight neighbours by more than the contrast."""
+    different = np.zeros(image.shape, dtype=bool)
+    ahead, behind, every = slice(1, None), slice(None, -1), slice(None)
+    pairs = (
+        ((ahead, every), (behind, every)),
+        ((every, ahead), (every, behind)),
+        ((ahead, ahead), (behind, behind)),
+        ((ahead, behind), (behind, ahead)),
+    )
+    for first, second in pairs:
+        edge = np.abs(image[first] - image[second]) > _CONTRAST
+        different[first] |= edge
+        different[second] |= edge
+    return different

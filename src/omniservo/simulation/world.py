@@ -1,0 +1,169 @@
+"""The world: one MuJoCo model of arm, camera housing, boards, dots, obstacles and floor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.simulation.scene import Ball, Box, Colour, Dots, Scene
+
+TICK = 0.001
+"""Physics step [s]."""
+
+SURROUNDINGS_GROUP = 0
+"""MuJoCo geom group of everything that does not move."""
+
+ARM_GROUP = 1
+"""MuJoCo geom group of the arm's links."""
+
+CAMERA_GROUP = 2
+"""MuJoCo geom group of the camera's housing, which the camera itself does not see."""
+
+_FLOOR_COLOUR: Colour = (0.30, 0.31, 0.33)
+_HOUSING_COLOUR: Colour = (0.07, 0.08, 0.10)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (Rec. 709)
+_DOT_THICKNESS = 1e-4
+
+# Camera frame [m]: the pupil lies 5 mm behind the lens front; the housing reaches back to the flange.
+_LENS_FRONT, _LENS_BACK, _LENS_RADIUS = 0.005, -0.030, 0.025
+_HOUSING_BACK, _HOUSING_HALF_WIDTH, _HOUSING_HALF_HEIGHT = -0.088, 0.032, 0.022
+
+
+class World:
+    """The scene as a MuJoCo model. Immutable after construction; every user makes its own MjData."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Build the model.
+
+        Args:
+            scene: what stands in the world; body names in contacts are its boxes' and balls' names, the
+                arm's link names, ``camera`` and ``floor``.
+        """
+        self.scene = scene
+        spec = mujoco.MjSpec.from_file(str(scene.arm.path))
+        spec.option.timestep = TICK
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        base = spec.body("base")
+        base.pos, base.quat = scene.world_T_base.translation, _mujoco_quaternion(scene.world_T_base.rotation)
+        _add_camera(spec, scene.flange_T_camera)
+        for body in (*scene.boards, *scene.obstacles):
+            _add_body(spec, body)
+        if scene.dots is not None:
+            _add_dots(spec, scene.dots)
+        if scene.floor is not None:
+            floor = spec.worldbody.add_body(name="floor", pos=[0.0, 0.0, scene.floor])
+            _paint(floor.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1]), _FLOOR_COLOUR)
+        self.model: Any = spec.compile()
+        self.luminance: FloatArray = self.model.geom_rgba[:, :3].astype(np.float64) @ _LUMINANCE
+        """(geoms,) linear grey of each geom, in [0, 1]."""
+        self.arm_geoms: IntArray = np.flatnonzero(self.model.geom_group != SURROUNDINGS_GROUP)
+        """geoms of the arm's links and the camera's housing"""
+        self.dot_geoms: IntArray = np.flatnonzero(self.model.geom_bodyid == 0)
+        """geoms of the target's dots"""
+        obstacles = {body.name for body in scene.obstacles}
+        owners = [self.body_of(geom) for geom in range(self.model.ngeom)]
+        self.obstacle_geoms: IntArray = np.flatnonzero([owner in obstacles for owner in owners])
+        """geoms of the scene's obstacles"""
+        self._camera_body = int(self.model.body("camera").id)
+
+    def body_of(self, geom: int) -> str:
+        """Return the name of the body that a geom belongs to; ``world`` for the dots."""
+        return str(self.model.body(int(self.model.geom_bodyid[geom])).name)
+
+    def data_at(self, q: FloatArray) -> Any:
+        """Return new MjData with the arm at rest in the joints ``q`` (6,) [rad], all positions computed."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = q
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    def world_T_camera(self, data: Any) -> RigidTransform:
+        """Return the camera's pose in ``data`` (whose kinematics are up to date)."""
+        return RigidTransform.from_components(
+            data.xpos[self._camera_body].copy(),
+            Rotation.from_matrix(data.xmat[self._camera_body].reshape(3, 3)),
+        )
+
+    def touching(self, data: Any) -> set[tuple[str, str]]:
+        """Return the pairs of bodies, each pair sorted by name, that touch or penetrate in ``data``."""
+        if data.ncon == 0:
+            return set()
+        contacts = data.contact
+        pairs = contacts.geom[contacts.dist <= 0.0]
+        return {_sorted_pair(self.body_of(first), self.body_of(second)) for first, second in pairs}
+
+    def arm_obstacle_distance(self, data: Any, farthest: float = 1.0) -> float:
+        """Return the smallest distance from arm or camera housing to any obstacle [m].
+
+        Negative: depth of the penetration. ``farthest`` where nothing is nearer, or without obstacles.
+        """
+        nearest = farthest
+        for arm in self.arm_geoms:
+            for obstacle in self.obstacle_geoms:
+                distance = mujoco.mj_geomDistance(self.model, data, int(arm), int(obstacle), nearest, None)
+                nearest = min(nearest, float(distance))
+        return nearest
+
+
+def _add_camera(spec: Any, flange_T_camera: RigidTransform) -> None:
+    wrist_T_flange = RigidTransform.from_translation(np.asarray(spec.site("flange").pos))
+    pose = wrist_T_flange * flange_T_camera
+    camera = spec.body("flange").add_body(
+        name="camera", pos=pose.translation, quat=_mujoco_quaternion(pose.rotation), gravcomp=1.0
+    )
+    lens = camera.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[_LENS_RADIUS, (_LENS_FRONT - _LENS_BACK) / 2, 0.0],
+        pos=[0.0, 0.0, (_LENS_FRONT + _LENS_BACK) / 2],
+    )
+    housing = camera.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[_HOUSING_HALF_WIDTH, _HOUSING_HALF_HEIGHT, (_LENS_BACK - _HOUSING_BACK) / 2],
+        pos=[0.0, 0.0, (_LENS_BACK + _HOUSING_BACK) / 2],
+    )
+    for geom in (lens, housing):
+        geom.mass = 0.15
+        _paint(geom, _HOUSING_COLOUR, CAMERA_GROUP)
+
+
+def _add_body(spec: Any, body: Box | Ball) -> None:
+    if isinstance(body, Box):
+        pose, kind, size = body.world_T_box, mujoco.mjtGeom.mjGEOM_BOX, body.half_extents
+    else:
+        pose = RigidTransform.from_translation(body.center)
+        kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, np.array([body.radius, 0.0, 0.0])
+    holder = spec.worldbody.add_body(
+        name=body.name, pos=pose.translation, quat=_mujoco_quaternion(pose.rotation)
+    )
+    _paint(holder.add_geom(type=kind, size=size), body.colour)
+
+
+def _add_dots(spec: Any, dots: Dots) -> None:
+    """Each dot is a cylinder whose upper face's centre is the dot's centre."""
+    for center, normal in zip(dots.centers, dots.normals, strict=True):
+        geom = spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            fromto=[*center, *(center - _DOT_THICKNESS * normal)],
+            size=[dots.radius, 0.0, 0.0],
+            contype=0,
+            conaffinity=0,
+        )
+        _paint(geom, dots.colour)
+
+
+def _paint(geom: Any, colour: Colour, group: int = SURROUNDINGS_GROUP) -> None:
+    geom.rgba = [*colour, 1.0]
+    geom.group = group
+
+
+def _sorted_pair(first: str, second: str) -> tuple[str, str]:
+    return (first, second) if first <= second else (second, first)
+
+
+def _mujoco_quaternion(rotation: Rotation) -> FloatArray:
+    """MuJoCo's quaternions are scalar-first."""
+    return rotation.as_quat(scalar_first=True)
