@@ -1,0 +1,127 @@
+import math
+
+import numpy as np
+import pytest
+
+from omniservo.errors import InputError
+from omniservo.servoing import ExponentialLaw, RestToRestLaw
+
+LAWS = [ExponentialLaw(0.7), RestToRestLaw(3.0)]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_rate_is_the_derivative(law):
+    for time in np.linspace(0.01, 5.0, 57):
+        slope = (law(time + 1e-6)[0] - law(time - 1e-6)[0]) / 2e-6
+        assert law(time)[1] == pytest.approx(slope, abs=1e-8)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_parameter_starts_at_zero_never_decreases_and_never_exceeds_one(law):
+    values = np.array([law(time)[0] for time in np.linspace(-1.0, 50.0, 5001)])
+    assert (np.diff(values) >= 0.0).all()
+    assert values[0] == 0.0
+    assert law(0.0)[0] == 0.0
+    assert values[-1] == pytest.approx(1.0, abs=1e-12)
+    assert values.max() <= 1.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_nothing_moves_before_the_start(law):
+    assert law(-0.02) == (0.0, 0.0)
+    assert not law.finished(-0.02)
+
+
+def test_rest_to_rest_has_no_speed_and_no_acceleration_at_both_ends():
+    law = RestToRestLaw(2.0)
+    for time in (0.0, 2.0):
+        assert law(time)[1] == 0.0
+        for side in (-1e-4, 1e-4):
+            assert abs(law(time + side)[1]) < 1e-6
+    assert law(1.0) == (0.5, pytest.approx(1.875 / 2.0))
+    assert law(2.0)[0] == 1.0
+    assert law(1e9) == (1.0, 0.0)
+
+
+def test_rest_to_rest_is_finished_at_its_duration():
+    law = RestToRestLaw(2.0)
+    assert not law.finished(1.999)
+    assert law.finished(2.0)
+
+
+def test_exponential_starts_with_its_rate_and_finishes_at_a_thousandth():
+    law = ExponentialLaw(2.0)
+    assert law(0.0) == (0.0, 2.0)
+    end = math.log(1e3) / 2.0
+    assert not law.finished(0.999 * end)
+    assert law.finished(1.001 * end)
+
+
+def cubic(w):
+    """A joint path, its first and second derivative: (m, 2) each."""
+    value = np.column_stack((2.0 * w**3 - w, 0.3 * w))
+    first = np.column_stack((6.0 * w**2 - 1.0, np.full_like(w, 0.3)))
+    second = np.column_stack((12.0 * w, np.zeros_like(w)))
+    return value, first, second
+
+
+@pytest.mark.parametrize(
+    ("speeds", "accelerations"),
+    [((1.0, 1.0), (50.0, 50.0)), ((9.0, 9.0), (1.5, 2.0)), ((9.0, 0.05), (90, 90))],
+)
+def test_shortest_duration_touches_one_limit_and_keeps_all(speeds, accelerations):
+    w = np.linspace(0.0, 1.0, 401)
+    _, first, second = cubic(w)
+    law = RestToRestLaw.for_limits(w, first, second, speeds, accelerations)
+    times = np.linspace(0.0, law.duration, 20001)
+    joints = cubic(np.array([law(t)[0] for t in times]))[0]
+    step = times[1]
+    speed = np.abs(np.diff(joints, axis=0)).max(axis=0) / step / speeds
+    acceleration = np.abs(np.diff(joints, 2, axis=0)).max(axis=0) / step**2 / accelerations
+    largest = max(speed.max(), acceleration.max())
+    assert largest == pytest.approx(1.0, abs=2e-3)
+
+
+def test_least_duration_is_kept():
+    w = np.linspace(0.0, 1.0, 11)
+    law = RestToRestLaw.for_limits(w, np.zeros((11, 1)), np.zeros((11, 1)), [1.0], [1.0], least_duration=4.0)
+    assert law.duration == 4.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"w": [0.0, 1.5]}, "w: "),
+        ({"rates": [[1.0], [np.nan]]}, "rates"),
+        ({"rates": [[1.0]]}, "rates"),
+        ({"second_rates": [[1.0, 2.0], [1.0, 2.0]]}, "second_rates"),
+        ({"speed_limits": [0.0]}, "limit"),
+        ({"acceleration_limits": [-1.0]}, "limit"),
+        ({"rates": [[0.0], [0.0]]}, "nothing moves"),
+    ],
+)
+def test_wrong_limits_are_named(change, message):
+    call = {
+        "w": [0.0, 1.0],
+        "rates": [[1.0], [1.0]],
+        "second_rates": [[0.0], [0.0]],
+        "speed_limits": [1.0],
+        "acceleration_limits": [1.0],
+    }
+    with pytest.raises(InputError, match=message):
+        RestToRestLaw.for_limits(**{**call, **change})
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
+def test_rate_and_duration_must_be_positive(bad):
+    with pytest.raises(InputError, match="rate"):
+        ExponentialLaw(bad)
+    with pytest.raises(InputError, match="duration"):
+        RestToRestLaw(bad)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("time", [np.nan, np.inf, -np.inf])
+def test_a_time_that_is_not_finite_is_refused(law, time):
+    with pytest.raises(InputError, match="time"):
+        law(time)
