@@ -1,24 +1,57 @@
-"""The unified camera."""
+"""The unified camera: every central camera from perspective to fisheye and mirror, with its domain."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras.dead_zone import DeadZone
-from omniservo.cameras.unified_kernels import project_point_jacobian, project_points, unproject_pixels
+from omniservo.cameras import unified_kernels as kernels
+from omniservo.cameras.dead_zone import DeadZone, DeadZoneLike, dead_zone_from
+from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
-from omniservo.geometry.kernel import kernel
+
+_LARGEST_IMAGE = 100_000
+_ANGLE_SLACK = 1e-15
+"""on the cosine of max_angle: a point at that angle is inside, whatever the rounding"""
+
+_REQUIRED = ("model", "fx", "fy", "cx", "cy", "xi", "width", "height")
+_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class UnifiedCamera:
-    """m̄ = (X, Y)/(Z + ξρ), then radial-tangential distortion, then K."""
+    """The unified model (2): m = (X, Y)/(Z + ξρ), p = K D(m), with ρ = ‖(X, Y, Z)‖.
+
+    D is radial-tangential distortion, D(m) = (1 + k1 r² + k2 r⁴) m + 2(q·m) m + r² q with r = ‖m‖ and
+    q = (p2, p1), as in Mei's toolbox, OpenCV ``omnidir``, Kalibr ``omni-radtan`` and CamOdoCal ``MEI``.
+    ξ = 0 is a perspective camera, 0 < ξ < 1 a hyperbolic and ξ = 1 a parabolic mirror, ξ > 1 a fisheye.
+
+    **Domain.** A point can be projected where Z > −ξρ (ξ ≤ 1) or Z > −ρ/ξ (ξ > 1); a pixel can be
+    unprojected, for ξ > 1, where r² ≤ 1/(ξ²−1). Both are narrowed to ``max_angle`` and to the largest disc
+    ‖m‖ ≤ r in which D is one-to-one. Inside, `project` and `unproject` are inverse to each other.
+    `usable_angle` says how far from the axis that is.
+
+    Values are equal when all their numbers are; they can be keys of a dict.
+
+    Args:
+        fx, fy: focal lengths [px], not 0. One may be negative: a mirror reflects the world.
+        cx, cy: principal point [px]; (0, 0) is the centre of the top-left pixel.
+        xi: ξ ≥ 0.
+        width, height: image size [px]; the image covers [−½, width−½] × [−½, height−½].
+        skew: K[0, 1] [px].
+        distortion: (k1, k2, p1, p2).
+        max_angle: largest angle from the axis that the lens sees [rad], in (0, π], or None.
+        dead_zone: where the image shows the camera itself; see `DeadZoneLike`.
+
+    Raises:
+        InputError: a number is not finite or not legal; the message names field, value and what is legal.
+    """
 
     fx: float
     fy: float
@@ -27,102 +60,156 @@ class UnifiedCamera:
     xi: float
     width: int
     height: int
-    skew: float = field(default=0.0, kw_only=True)
-    distortion: tuple[float, float, float, float] = field(default=(0.0, 0.0, 0.0, 0.0), kw_only=True)
-    max_angle: float | None = field(default=None, kw_only=True)
-    dead_zone: Any = field(default=None, kw_only=True)
+    skew: float
+    distortion: tuple[float, float, float, float]
+    max_angle: float | None
+    dead_zone: DeadZone | None
+    usable_angle: float = field(init=False, repr=False, compare=False)
+    """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
+    """What the kernels read, (13,), read-only; `unified_kernels` says what stands where."""
 
-    def __post_init__(self) -> None:
-        finite_number("xi", self.xi, minimum=0.0)
-        if self.fx == 0 or self.fy == 0:
-            raise InputError("fx, fy: must not be 0")
-        zone = self.dead_zone
-        if isinstance(zone, dict):
-            zone = DeadZone(tuple(zone["center"]), zone["radius"])
-        elif zone is not None and not isinstance(zone, DeadZone):
-            zone = DeadZone(tuple(zone[0]), zone[1])
-        object.__setattr__(self, "dead_zone", zone)
-        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
-        xi = self.xi
-        least = -xi if xi <= 1 else -1 / xi
-        if self.max_angle is not None:
-            least = max(least, math.cos(self.max_angle))
-        sine = math.sqrt(max(0.0, 1 - least * least))
-        r2 = (sine / (least + xi)) ** 2 if least + xi > 0 else math.inf
-        values = [self.fx, self.fy, self.cx, self.cy, self.skew, xi, *self.distortion, least, r2]
-        object.__setattr__(self, "parameters", frozen(np.array(values)))
+    def __init__(
+        self,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        xi: float,
+        width: int,
+        height: int,
+        *,
+        skew: float = 0.0,
+        distortion: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+        max_angle: float | None = None,
+        dead_zone: DeadZoneLike = None,
+    ) -> None:
+        self._set(
+            fx=_focal_length("fx", fx),
+            fy=_focal_length("fy", fy),
+            cx=finite_number("cx", cx),
+            cy=finite_number("cy", cy),
+            xi=finite_number("xi", xi, minimum=0.0),
+            width=_size("width", width),
+            height=_size("height", height),
+            skew=finite_number("skew", skew),
+            distortion=_coefficients(distortion),
+            max_angle=max_angle if max_angle is None else _angle(max_angle),
+            dead_zone=dead_zone_from(dead_zone),
+        )
+        self._bound_domain()
+
+    def _set(self, **fields: Any) -> None:
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    def _bound_domain(self) -> None:
+        """Find the usable domain from the model, the lens and the distortion."""
+        cosine, r2 = model_domain(self.xi)
+        angle = math.acos(cosine)
+        if self.max_angle is not None and self.max_angle < angle:
+            angle = self.max_angle
+            cosine = max(cosine, math.cos(angle) - _ANGLE_SLACK)
+            r2 = min(r2, (math.sin(angle) / (cosine + self.xi)) ** 2 * (1.0 + 8e-15))
+        radius = largest_invertible_radius(self.distortion)
+        if radius * radius < r2:
+            r2 = radius * radius
+            cosine = max(cosine, cosine_of_radius(self.xi, radius))
+            angle = min(angle, math.acos(cosine))
+        reach = largest_distorted_radius(self.distortion, math.sqrt(r2)) * (1.0 + 1e-12)
+        values = [self.fx, self.fy, self.cx, self.cy, self.skew, self.xi, *self.distortion]
+        parameters = frozen(np.array([*values, cosine, r2, reach * reach]))
+        self._set(usable_angle=angle, parameters=parameters)
 
     @property
     def matrix(self) -> FloatArray:
-        """K, (3, 3)."""
-        return np.array([[self.fx, self.skew, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
-
-    @property
-    def usable_angle(self) -> float:
-        """Largest angle from the axis [rad]."""
-        return math.acos(max(-1.0, float(self.parameters[10])))
+        """K (3, 3) [px]."""
+        return np.array([[self.fx, self.skew, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     @property
     def is_distorted(self) -> bool:
-        """True where any distortion coefficient differs from 0."""
+        """Whether any of k1, k2, p1, p2 differs from 0."""
         return any(self.distortion)
 
     def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Pixels of points (…, 3) in the camera frame, and which are valid."""
-        p = np.asarray(points, dtype=np.float64)
-        pixels = np.empty((*p.shape[:-1], 2))
-        valid = np.empty(p.shape[:-1], dtype=np.bool_)
-        project_points(
-            self.parameters, np.ascontiguousarray(p.reshape(-1, 3)), pixels.reshape(-1, 2), valid.reshape(-1)
-        )
-        return pixels, valid
+        """Project points in the camera frame.
+
+        Args:
+            points: (…, 3) [m]; a NaN or infinite point is not valid.
+
+        Returns:
+            pixels (…, 2) [px], NaN where not valid; valid (…): the point is in the domain (the pixel
+            may lie outside the image: see `in_image`).
+
+        Raises:
+            InputError: not numbers, or the last axis is not 3.
+        """
+        rows, shape = _rows("points", points, 3)
+        pixels, valid = np.empty((len(rows), 2)), np.empty(len(rows), dtype=np.bool_)
+        kernels.project_points(self.parameters, rows, pixels, valid)
+        return pixels.reshape(*shape, 2), valid.reshape(shape)
 
     def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Pixels, their derivative (…, 2, 3) by the point, and which are valid."""
-        p = np.asarray(points, dtype=np.float64)
-        out = _jacobians(self.parameters, np.ascontiguousarray(p.reshape(-1, 3)))
-        shape = p.shape[:-1]
-        return (
-            out[:, :2].reshape(*shape, 2),
-            out[:, 2:8].reshape(*shape, 2, 3),
-            out[:, 8].reshape(shape) > 0,
-        )
+        """Project points (…, 3) [m] with ∂pixel/∂point.
+
+        Returns:
+            pixels (…, 2) [px], jacobian (…, 2, 3) [px/m], valid (…); NaN where not valid.
+        """
+        rows, shape = _rows("points", points, 3)
+        n = len(rows)
+        pixels, jacobian, valid = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty(n, dtype=np.bool_)
+        kernels.project_points_jacobian(self.parameters, rows, pixels, jacobian, valid)
+        return pixels.reshape(*shape, 2), jacobian.reshape(*shape, 2, 3), valid.reshape(shape)
 
     def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Bearings of pixels (…, 2), and which are valid."""
-        p = np.asarray(pixels, dtype=np.float64)
-        bearings = np.empty((*p.shape[:-1], 3))
-        valid = np.empty(p.shape[:-1], dtype=np.bool_)
-        unproject_pixels(
-            self.parameters,
-            np.ascontiguousarray(p.reshape(-1, 2)),
-            bearings.reshape(-1, 3),
-            valid.reshape(-1),
-        )
-        return bearings, valid
+        """Return the bearings that pixels see.
+
+        Args:
+            pixels: (…, 2) [px]; a NaN or infinite pixel is not valid.
+
+        Returns:
+            bearings (…, 3), unit vectors in the camera frame, NaN where not valid; valid (…): the pixel is
+            in the model's domain, within ``max_angle`` and where the distortion is one-to-one.
+
+        Raises:
+            InputError: not numbers, or the last axis is not 2.
+        """
+        rows, shape = _rows("pixels", pixels, 2)
+        bearings, valid = np.empty((len(rows), 3)), np.empty(len(rows), dtype=np.bool_)
+        kernels.unproject_pixels(self.parameters, rows, bearings, valid)
+        return bearings.reshape(*shape, 3), valid.reshape(shape)
+
+    def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Unproject pixels (…, 2) [px] with ∂bearing/∂pixel.
+
+        Returns:
+            bearings (…, 3), jacobian (…, 3, 2) [1/px], valid (…); NaN where not valid. On the rim of a
+            fisheye's domain (r² = 1/(ξ²−1)) the derivative is infinite: there valid is False.
+        """
+        rows, shape = _rows("pixels", pixels, 2)
+        results, valid = np.empty((len(rows), 9)), np.empty(len(rows), dtype=np.bool_)
+        kernels.unproject_pixels_jacobian(self.parameters, rows, results, valid)
+        bearings, jacobian = results[:, :3].copy(), results[:, 3:].copy()
+        return bearings.reshape(*shape, 3), jacobian.reshape(*shape, 3, 2), valid.reshape(shape)
 
     def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
-        """Inside the image's rectangle and outside the dead zone."""
-        p = np.asarray(pixels, dtype=np.float64)
-        u, v = p[..., 0], p[..., 1]
+        """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½] and outside the dead zone."""
+        rows, shape = _rows("pixels", pixels, 2)
+        u, v = rows[:, 0], rows[:, 1]
         inside = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         if self.dead_zone is not None:
-            cu, cv = self.dead_zone.center
-            inside &= np.hypot(u - cu, v - cv) >= self.dead_zone.radius
-        return np.asarray(inside)
+            du, dv = u - self.dead_zone.center[0], v - self.dead_zone.center[1]
+            inside &= du * du + dv * dv >= self.dead_zone.radius**2
+        return np.asarray(inside.reshape(shape), dtype=np.bool_)
 
     def to_dict(self) -> dict[str, Any]:
-        """The camera of a problem file."""
+        """Return the camera as it stands in a problem file; `from_dict` gives an equal camera."""
+        names = (*_REQUIRED[1:5], "skew", "xi")
+        numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
         zone = self.dead_zone
         return {
             "model": "unified",
-            "fx": self.fx,
-            "fy": self.fy,
-            "cx": self.cx,
-            "cy": self.cy,
-            "skew": self.skew,
-            "xi": self.xi,
+            **numbers,
             "distortion": list(self.distortion),
             "width": self.width,
             "height": self.height,
@@ -131,18 +218,79 @@ class UnifiedCamera:
         }
 
     @classmethod
-    def from_dict(cls, d: dict[str, Any], source: str = "camera") -> UnifiedCamera:
-        """The camera of a problem file."""
-        fields = {k: v for k, v in d.items() if k != "model"}
-        return cls(**fields)
+    def from_dict(cls, fields: Mapping[str, Any], source: str = "camera") -> UnifiedCamera:
+        """Return the camera that a problem file states.
+
+        Args:
+            fields: model ("unified"), fx, fy, cx, cy, xi, width, height; optional skew, distortion,
+                max_angle, dead_zone.
+            source: stands first in messages.
+
+        Raises:
+            InputError: a field is missing, unknown or not legal.
+        """
+        if not isinstance(fields, Mapping):
+            raise InputError(f"{source}: {type(fields).__name__} given; a mapping of fields is needed")
+        missing = [name for name in _REQUIRED if name not in fields]
+        if missing:
+            raise InputError(f"{source}: {missing[0]}: missing; needed: {', '.join(_REQUIRED)}")
+        unknown = [str(name) for name in fields if name not in _REQUIRED + _OPTIONAL]
+        if unknown:
+            raise InputError(
+                f"{source}: {unknown[0]}: no such field; legal: {', '.join(_REQUIRED + _OPTIONAL)}"
+            )
+        if fields["model"] != "unified":
+            raise InputError(f"{source}: model: {fields['model']!r} given; legal: 'unified'")
+        given = {name: value for name, value in fields.items() if name != "model"}
+        for name, default in (("skew", 0.0), ("distortion", (0.0, 0.0, 0.0, 0.0))):
+            if given.get(name, 0.0) is None:
+                given[name] = default
+        try:
+            return cls(**given)
+        except InputError as error:
+            raise InputError(f"{source}: {error}") from None
 
 
-@kernel
-def _jacobians(parameters: FloatArray, points: FloatArray) -> FloatArray:
-    out = np.empty((points.shape[0], 9))
-    for i in range(points.shape[0]):
-        r = project_point_jacobian(parameters, points[i, 0], points[i, 1], points[i, 2])
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = r[0], r[1], r[2], r[3], r[4]
-        out[i, 5], out[i, 6], out[i, 7] = r[5], r[6], r[7]
-        out[i, 8] = 1.0 if r[8] else 0.0
-    return out
+def model_domain(xi: float) -> tuple[float, float]:
+    """Return the least Z/ρ of the model's domain (exclusive) and the largest r² that can be unprojected."""
+    return (-xi, math.inf) if xi <= 1.0 else (-1.0 / xi, 1.0 / ((xi - 1.0) * (xi + 1.0)))
+
+
+def cosine_of_radius(xi: float, radius: float) -> float:
+    """Return Z/ρ of the bearings that reach radius r = ‖m‖ (finite): (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
+    r2 = radius * radius
+    return (xi + math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * r2))) / (1.0 + r2) - xi
+
+
+def _rows(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return ``value`` (…, width) as contiguous float64 rows, and the shape of its leading axes."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.ndim == 0 or array.shape[-1] != width:
+        raise InputError(f"{name}: {array.dtype} of shape {array.shape} given; numbers (…, {width}) needed")
+    shape = array.shape[:-1]
+    return np.ascontiguousarray(array.reshape(-1, width), dtype=np.float64), shape
+
+
+def _focal_length(name: str, value: Any) -> float:
+    number = finite_number(name, value)
+    if number == 0.0:
+        raise InputError(f"{name}: 0 given; legal: any number but 0")
+    return number
+
+
+def _size(name: str, value: Any) -> int:
+    number = finite_number(name, value, minimum=1.0, maximum=_LARGEST_IMAGE)
+    if number != int(number):
+        raise InputError(f"{name}: {number:g} given; a whole number of pixels is needed")
+    return int(number)
+
+
+def _coefficients(value: Any) -> tuple[float, float, float, float]:
+    if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) != 4:
+        raise InputError(f"distortion: {value!r} given; legal: four numbers [k1, k2, p1, p2]")
+    k1, k2, p1, p2 = (finite_number("distortion", k, minimum=-1e6, maximum=1e6) for k in value)
+    return k1, k2, p1, p2
+
+
+def _angle(value: Any) -> float:
+    return finite_number("max_angle", value, above=0.0, maximum=math.pi)

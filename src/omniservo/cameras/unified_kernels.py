@@ -1,6 +1,15 @@
-"""The unified model, one point at a time, for compiled loops of every room.
+"""The unified model (2) for compiled code, one point at a time.
 
-parameters = [fx, fy, cx, cy, skew, ξ, k1, k2, p1, p2, least Z/ρ, largest r²].
+m = (X, Y)/(Z + ξρ) with ρ = ‖(X, Y, Z)‖, then radial-tangential distortion, then K.
+
+Every function takes ``UnifiedCamera.parameters``, a float64 array (13,):
+
+| index | 0–4 | 5 | 6–9 | 10 | 11 | 12 |
+|---|---|---|---|---|---|---|
+| value | fx, fy, cx, cy, skew [px] | ξ | k1, k2, p1, p2 | c | r² | d² |
+
+c bounds the domain of projection: Z > cρ. r² bounds ‖m‖² of a usable pixel before distortion, d² after it.
+Where ``ok`` is False the numbers are NaN.
 """
 
 import math
@@ -8,48 +17,91 @@ import math
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 
-NAN = math.nan
+_NAN = math.nan
+_LEAST_SQUARE = 1e-280
+_LARGEST_SQUARE = 1e280
+_ITERATIONS = 100
+_SHORTEST_STEP = 1e-7
+_ROUNDING = 4e-16
 
 
 @kernel
 def distort(parameters: FloatArray, x: float, y: float) -> tuple[float, float]:
-    """Radial-tangential distortion of a point of the normalised plane."""
+    """Return D(m) = (1 + k1 r² + k2 r⁴) m + 2(q·m) m + r² q with q = (p2, p1) and r = ‖m‖."""
     k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * k2)
+    factor = 1.0 + r2 * (k1 + r2 * k2) + 2.0 * (p2 * x + p1 * y)
+    return x * factor + p2 * r2, y * factor + p1 * r2
+
+
+@kernel
+def distort_jacobian(parameters: FloatArray, x: float, y: float) -> tuple[float, float, float]:
+    """Return ∂D/∂m as (xx, xy, yy). It is symmetric: D is the gradient of a potential."""
+    k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
+    r2 = x * x + y * y
+    factor = 1.0 + r2 * (k1 + r2 * k2)
+    slope = 2.0 * (k1 + 2.0 * k2 * r2)
     return (
-        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-        y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        factor + slope * x * x + 6.0 * p2 * x + 2.0 * p1 * y,
+        slope * x * y + 2.0 * (p1 * x + p2 * y),
+        factor + slope * y * y + 2.0 * p2 * x + 6.0 * p1 * y,
     )
 
 
 @kernel
-def distort_jacobian(parameters: FloatArray, x: float, y: float) -> tuple[float, float, float, float]:
-    """Its derivative (xx, xy, yx, yy)."""
-    k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * k2)
-    slope = 2.0 * (k1 + 2.0 * k2 * r2)
-    cross = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-    return (
-        radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
-        cross,
-        cross,
-        radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
-    )
+def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
+    """Return the one m with D(m) = (px, py) and ‖m‖² ≤ r².
+
+    Newton's method with halved steps, kept inside the disc in which D is one-to-one; the answer is
+    checked by distorting it. ``ok`` is False where the disc holds no such m.
+    """
+    if parameters[6] == 0.0 and parameters[7] == 0.0 and parameters[8] == 0.0 and parameters[9] == 0.0:
+        return px, py, px * px + py * py <= parameters[11]
+    if not px * px + py * py <= parameters[12]:
+        return _NAN, _NAN, False
+    largest = parameters[11] * (1.0 + 1e-12)
+    shrink = min(1.0, math.sqrt(largest / max(px * px + py * py, 1e-300)))
+    x, y = shrink * px, shrink * py
+    dx, dy = distort(parameters, x, y)
+    ex, ey = px - dx, py - dy
+    enough = _ROUNDING * (abs(px) + abs(py))
+    for _ in range(_ITERATIONS):
+        error = ex * ex + ey * ey
+        if error <= enough * enough:
+            break
+        jxx, jxy, jyy = distort_jacobian(parameters, x, y)
+        determinant = jxx * jyy - jxy * jxy
+        sx, sy = (jyy * ex - jxy * ey) / determinant, (jxx * ey - jxy * ex) / determinant
+        if abs(sx) + abs(sy) <= 4.0 * _ROUNDING * (abs(x) + abs(y)):
+            break
+        length = 1.0
+        while length > _SHORTEST_STEP:
+            nx, ny = x + length * sx, y + length * sy
+            if nx * nx + ny * ny <= largest:
+                dx, dy = distort(parameters, nx, ny)
+                if (px - dx) ** 2 + (py - dy) ** 2 < error:
+                    break
+            length *= 0.5
+        if length <= _SHORTEST_STEP:
+            break
+        x, y, ex, ey = nx, ny, px - dx, py - dy
+    ok = abs(ex) + abs(ey) <= 1e-13 * (abs(px) + abs(py)) and x * x + y * y <= parameters[11] * (1.0 + 4e-16)
+    return x, y, ok
 
 
 @kernel
 def project_point(parameters: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
-    """Pixel of a point in the camera frame, and whether it lies in the camera's domain."""
-    rho = math.sqrt(x * x + y * y + z * z)
+    """Return the pixel (u, v) of a point in the camera frame [m], and whether it is in the domain."""
+    square = x * x + y * y + z * z
+    rho = math.sqrt(square)
     denominator = z + parameters[5] * rho
-    if not (rho > 0.0 and z > parameters[10] * rho and denominator > 0.0):
-        return NAN, NAN, False
-    mx, my = distort(parameters, x / denominator, y / denominator)
+    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[10] * rho and denominator > 0.0):
+        return _NAN, _NAN, False
+    inverse = 1.0 / denominator
+    dx, dy = distort(parameters, x * inverse, y * inverse)
     return (
-        parameters[0] * mx + parameters[4] * my + parameters[2],
-        parameters[1] * my + parameters[3],
+        parameters[0] * dx + parameters[4] * dy + parameters[2],
+        parameters[1] * dy + parameters[3],
         True,
     )
 
@@ -58,78 +110,95 @@ def project_point(parameters: FloatArray, x: float, y: float, z: float) -> tuple
 def project_point_jacobian(
     parameters: FloatArray, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float, float, bool]:
-    """Pixel and its derivative by the point, rows u then v."""
-    rho = math.sqrt(x * x + y * y + z * z)
+    """Return (u, v, ∂u/∂X, ∂u/∂Y, ∂u/∂Z, ∂v/∂X, ∂v/∂Y, ∂v/∂Z, ok), derivatives in [px/m]."""
+    square = x * x + y * y + z * z
+    rho = math.sqrt(square)
     xi = parameters[5]
-    d = z + xi * rho
-    if not (rho > 0.0 and z > parameters[10] * rho and d > 0.0):
-        return NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, False
-    mx, my = x / d, y / d
-    dx, dy, dz = xi * x / rho, xi * y / rho, 1.0 + xi * z / rho
-    ax, ay, az = (1.0 - mx * dx) / d, -mx * dy / d, -mx * dz / d
-    bx, by, bz = -my * dx / d, (1.0 - my * dy) / d, -my * dz / d
-    jxx, jxy, jyx, jyy = distort_jacobian(parameters, mx, my)
+    denominator = z + xi * rho
+    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[10] * rho and denominator > 0.0):
+        return _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, False
+    inverse = 1.0 / denominator
+    mx, my = x * inverse, y * inverse
+    # the denominator's derivative, already divided by the denominator
+    gx, gy, gz = inverse * xi * x / rho, inverse * xi * y / rho, inverse * (1.0 + xi * z / rho)
     px, py = distort(parameters, mx, my)
-    fx, fy, s = parameters[0], parameters[1], parameters[4]
-    uxx, uxy = fx * jxx + s * jyx, fx * jxy + s * jyy
-    vxx, vxy = fy * jyx, fy * jyy
+    jxx, jxy, jyy = distort_jacobian(parameters, mx, my)
+    fx, fy, skew = parameters[0], parameters[1], parameters[4]
+    ux, uy = fx * jxx + skew * jxy, fx * jxy + skew * jyy
+    vx, vy = fy * jxy, fy * jyy
+    um, vm = ux * mx + uy * my, vx * mx + vy * my
     return (
-        fx * px + s * py + parameters[2],
+        fx * px + skew * py + parameters[2],
         fy * py + parameters[3],
-        uxx * ax + uxy * bx,
-        uxx * ay + uxy * by,
-        uxx * az + uxy * bz,
-        vxx * ax + vxy * bx,
-        vxx * ay + vxy * by,
-        vxx * az + vxy * bz,
+        ux * inverse - um * gx,
+        uy * inverse - um * gy,
+        -um * gz,
+        vx * inverse - vm * gx,
+        vy * inverse - vm * gy,
+        -vm * gz,
         True,
     )
 
 
 @kernel
-def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
-    """The point of the normalised plane that is distorted to (px, py): Newton, verified."""
-    if parameters[6] == 0.0 and parameters[7] == 0.0 and parameters[8] == 0.0 and parameters[9] == 0.0:
-        return px, py, True
-    x, y = px, py
-    radius = math.sqrt(parameters[11])
-    for _ in range(50):
-        r = math.hypot(x, y)
-        if r > radius:
-            x, y = x * radius / r, y * radius / r
-        ex, ey = distort(parameters, x, y)
-        ex, ey = px - ex, py - ey
-        jxx, jxy, jyx, jyy = distort_jacobian(parameters, x, y)
-        determinant = jxx * jyy - jxy * jyx
-        if determinant <= 0.0:
-            return NAN, NAN, False
-        sx, sy = (jyy * ex - jxy * ey) / determinant, (jxx * ey - jyx * ex) / determinant
-        x, y = x + sx, y + sy
-        if abs(sx) + abs(sy) < 1e-15 * (1.0 + abs(x) + abs(y)):
-            break
-    ex, ey = distort(parameters, x, y)
-    ok = abs(ex - px) + abs(ey - py) < 1e-12 * (1.0 + abs(px) + abs(py)) and x * x + y * y <= parameters[11]
-    return x, y, ok
+def unproject_plane(parameters: FloatArray, mx: float, my: float) -> tuple[float, float, float]:
+    """Return the bearing of a point m of the normalised plane inside the domain of unprojection.
+
+    s = (η m_x, η m_y, η − ξ) with η = (ξ + √(1 + (1−ξ²) r²))/(1 + r²). Rounding at the very rim cannot
+    push the bearing out of the domain of projection.
+    """
+    xi = parameters[5]
+    r2 = mx * mx + my * my
+    eta = (xi + math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * r2))) / (1.0 + r2)
+    return eta * mx, eta * my, max(eta - xi, parameters[10] + 1e-15)
 
 
 @kernel
 def unproject_pixel(parameters: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
-    """Bearing of a pixel, and whether it lies in the camera's domain."""
+    """Return the bearing (unit) of a pixel, and whether the pixel is in the domain."""
     py = (v - parameters[3]) / parameters[1]
     px = (u - parameters[2] - parameters[4] * py) / parameters[0]
-    x, y, ok = undistort(parameters, px, py)
-    r2 = x * x + y * y
+    mx, my, ok = undistort(parameters, px, py)
+    if not (ok and mx * mx + my * my < _LARGEST_SQUARE):
+        return _NAN, _NAN, _NAN, False
+    x, y, z = unproject_plane(parameters, mx, my)
+    return x, y, z, True
+
+
+@kernel
+def unproject_pixel_jacobian(parameters: FloatArray, u: float, v: float, out: FloatArray) -> bool:
+    """Write the bearing and ∂bearing/∂(u, v) [1/px] into ``out`` (9,): x, y, z, xu, xv, yu, yv, zu, zv.
+
+    Returns False, and writes NaN, outside the domain and on its rim, where the derivative is infinite.
+    """
+    out[:] = _NAN
+    fx, fy, skew = parameters[0], parameters[1], parameters[4]
+    py = (v - parameters[3]) / fy
+    mx, my, ok = undistort(parameters, (u - parameters[2] - skew * py) / fx, py)
     xi = parameters[5]
-    radicand = 1.0 + (1.0 - xi * xi) * r2
-    if not (ok and radicand >= 0.0 and r2 <= parameters[11]):
-        return NAN, NAN, NAN, False
-    eta = (xi + math.sqrt(radicand)) / (1.0 + r2)
-    return eta * x, eta * y, eta - xi, True
+    r2 = mx * mx + my * my
+    radicand = 1.0 + (1.0 - xi) * (1.0 + xi) * r2
+    if not (ok and radicand > 0.0 and r2 < _LARGEST_SQUARE):
+        return False
+    root = math.sqrt(radicand)
+    eta = (xi + root) / (1.0 + r2)
+    slope = ((1.0 - xi) * (1.0 + xi) / root - 2.0 * eta) / (1.0 + r2)  # 2 dη/d(r²)
+    jxx, jxy, jyy = distort_jacobian(parameters, mx, my)
+    determinant = jxx * jyy - jxy * jxy
+    xu, yu = jyy / (determinant * fx), -jxy / (determinant * fx)
+    xv = (-jxy / determinant - skew * xu) / fy
+    yv = (jxx / determinant - skew * yu) / fy
+    eu, ev = slope * (mx * xu + my * yu), slope * (mx * xv + my * yv)
+    out[0], out[1], out[2] = unproject_plane(parameters, mx, my)
+    out[3], out[4] = eta * xu + mx * eu, eta * xv + mx * ev
+    out[5], out[6] = eta * yu + my * eu, eta * yv + my * ev
+    out[7], out[8] = eu, ev
+    return True
 
 
 @kernel
 def project_points(parameters: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
-    """`project_point` for each row of (n, 3)."""
+    """`project_point` for each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
     for i in range(points.shape[0]):
         pixels[i, 0], pixels[i, 1], valid[i] = project_point(
             parameters, points[i, 0], points[i, 1], points[i, 2]
@@ -137,11 +206,34 @@ def project_points(parameters: FloatArray, points: FloatArray, pixels: FloatArra
 
 
 @kernel
+def project_points_jacobian(
+    parameters: FloatArray, points: FloatArray, pixels: FloatArray, jacobians: FloatArray, valid: BoolArray
+) -> None:
+    """`project_point_jacobian` for each row of ``points`` (n, 3); ``jacobians`` is (n, 2, 3)."""
+    for i in range(points.shape[0]):
+        u, v, ux, uy, uz, vx, vy, vz, ok = project_point_jacobian(
+            parameters, points[i, 0], points[i, 1], points[i, 2]
+        )
+        pixels[i, 0], pixels[i, 1], valid[i] = u, v, ok
+        jacobians[i, 0, 0], jacobians[i, 0, 1], jacobians[i, 0, 2] = ux, uy, uz
+        jacobians[i, 1, 0], jacobians[i, 1, 1], jacobians[i, 1, 2] = vx, vy, vz
+
+
+@kernel
 def unproject_pixels(
     parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
-    """`unproject_pixel` for each row of (n, 2)."""
+    """`unproject_pixel` for each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
     for i in range(pixels.shape[0]):
         bearings[i, 0], bearings[i, 1], bearings[i, 2], valid[i] = unproject_pixel(
             parameters, pixels[i, 0], pixels[i, 1]
         )
+
+
+@kernel
+def unproject_pixels_jacobian(
+    parameters: FloatArray, pixels: FloatArray, results: FloatArray, valid: BoolArray
+) -> None:
+    """`unproject_pixel_jacobian` for each row of ``pixels`` (n, 2); ``results`` is (n, 9)."""
+    for i in range(pixels.shape[0]):
+        valid[i] = unproject_pixel_jacobian(parameters, pixels[i, 0], pixels[i, 1], results[i])
