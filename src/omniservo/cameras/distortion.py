@@ -28,6 +28,8 @@ def largest_invertible_radius(distortion: Distortion) -> float:
     fold; the disc ends a millionth before it. Infinite where det J never reaches 0.
     """
     k1, k2, p1, p2 = distortion
+    if not any(distortion):
+        return math.inf
     q = math.hypot(p1, p2)
     opposed = [
         [1.0, -6.0 * q, 3.0 * k1, 0.0, 5.0 * k2],
@@ -35,8 +37,8 @@ def largest_invertible_radius(distortion: Distortion) -> float:
     ]  # ψ = π: a − 6Qr, b − 2Qr
     folds = [r for polynomial in opposed for r in _positive_roots(polynomial)]
     # between, at cos ψ = −(a + 3b)/(16 Q r): det J / r² as a cubic in r²
-    cubic = np.polymul([2.0 * k2, k1], [2.0 * k2, 3.0 * k1, 4.0]) / 4.0
-    oblique = [math.sqrt(s) for s in _positive_roots([cubic[3] - 4.0 * q * q, *cubic[2::-1]])]
+    cubic = [k1 - 4.0 * q * q, 0.75 * k1 * k1 + 2.0 * k2, 2.0 * k1 * k2, k2 * k2]
+    oblique = [math.sqrt(s) for s in _positive_roots(cubic)]
     folds += [r for r in oblique if abs(4.0 + 6.0 * k1 * r**2 + 8.0 * k2 * r**4) <= 16.0 * q * r]
     return min(folds, default=math.inf) * _SHORT_OF_THE_FOLD
 
