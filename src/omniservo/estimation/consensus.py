@@ -44,7 +44,7 @@ def find_consensus(
         if not score < best:
             continue
         best, count = score, inliers
-        essential[:, :] = trial
+        _copy(trial, essential)
         for _ in range(LOCAL_ROUNDS):
             if not _improve(bearings, threshold, distances, weights, trial):
                 break
@@ -52,12 +52,19 @@ def find_consensus(
             if not score < best:
                 break
             best, count = score, inliers
-            essential[:, :] = trial
+            _copy(trial, essential)
         clean = (count / n) ** SAMPLE
         if clean > 1e-12:
             limit = math.log(1.0 - CONFIDENCE) / math.log(1.0 - min(clean, 1.0 - 1e-12))
             needed = min(MOST_SAMPLES, int(limit) + 1)
     return best, count
+
+
+@kernel
+def _copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy a 3×3 matrix."""
+    for i in range(9):
+        target[i // 3, i % 3] = source[i // 3, i % 3]
 
 
 @kernel
@@ -95,7 +102,10 @@ def _improve(
     gram = np.empty((9, 9))
     epipolar_gram(bearings, weights, gram)
     _, vectors = symmetric_eigen(gram)
-    return _nearest_essential(vectors[:, 0].copy(), essential)
+    null = np.empty(9)
+    for i in range(9):
+        null[i] = vectors[i, 0]
+    return _nearest_essential(null, essential)
 
 
 @kernel

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
+from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
@@ -22,7 +22,7 @@ MOST_STEPS = 8
 
 
 @kernel
-def fit_linear_map(
+def refine_linear_map(
     parameters: FloatArray,
     pixels: FloatArray,
     bearings: FloatArray,
@@ -30,13 +30,12 @@ def fit_linear_map(
     kind: int,
     matrix: FloatArray,
 ) -> float:
-    """Fit G (3, 3) into ``matrix`` and return its cost [px²], infinite where it leaves the domain.
+    """Refine G (3, 3) in place and return its cost [px²], infinite where it leaves the domain.
 
-    ``pixels`` (n, 4), ``bearings`` (n, 6) and ``jacobians`` (n, 12) as elsewhere in this room. Gauss-Newton
-    from the algebraic solution; a step that does not lower the cost ends it.
+    ``pixels`` (n, 4), ``bearings`` (n, 6) and ``jacobians`` (n, 12) as elsewhere in this room. Gauss-Newton;
+    a step that does not lower the cost ends it.
     """
     size = 3 if kind == ROTATION else 9
-    _algebraic(bearings, kind, matrix)
     normal, gradient = np.empty((9, 9)), np.empty(9)
     cost = _accumulate(parameters, pixels, bearings, jacobians, size, matrix, normal, gradient)
     if kind == IDENTITY:
@@ -56,7 +55,8 @@ def fit_linear_map(
             break
         small = cost - lower < 1e-6 * cost
         cost = lower
-        matrix[:, :] = trial
+        for i in range(9):
+            matrix[i // 3, i % 3] = trial[i // 3, i % 3]
         if small:
             break
     return cost
@@ -86,7 +86,7 @@ def _step(kind: int, matrix: FloatArray, step: FloatArray, turn: FloatArray, tri
             trial[i // 3, i % 3] *= norm
         return
     # The quaternion (δ/2, 1) is exp([δ]×) to second order, enough for a step that is measured afterwards.
-    matrix_from_quaternion(np.array([0.5 * step[0], 0.5 * step[1], 0.5 * step[2], 1.0]), turn)
+    matrix_from_quaternion(0.5 * step[0], 0.5 * step[1], 0.5 * step[2], 1.0, turn)
     for i in range(3):
         for k in range(3):
             trial[i, k] = matrix[i, 0] * turn[0, k] + matrix[i, 1] * turn[1, k] + matrix[i, 2] * turn[2, k]
@@ -147,57 +147,17 @@ def _accumulate(
     return cost
 
 
-@kernel
-def _algebraic(bearings: FloatArray, kind: int, matrix: FloatArray) -> None:
-    """Write the algebraic solution: I, Horn's rotation (max Σ bᵀRb*), or the least Σ ‖b × G b*‖²."""
-    for i in range(9):
-        matrix[i // 3, i % 3] = 1.0 if i % 4 == 0 else 0.0
+def algebraic_map(bearings: FloatArray, kind: int) -> FloatArray:
+    """Return the algebraic solution (3, 3): I, Horn's rotation (max Σ bᵀRb*), or the least Σ ‖b × G b*‖²."""
+    initial, goal = bearings[:, :3], bearings[:, 3:]
+    if kind == IDENTITY:
+        return np.eye(3)
     if kind == ROTATION:
-        _horn(bearings, matrix)
-    elif kind == HOMOGRAPHY:
-        _direct_linear(bearings, matrix)
-
-
-@kernel
-def _horn(bearings: FloatArray, matrix: FloatArray) -> None:
-    """Write the rotation that maximises Σ bᵀ R b*: the top eigenvector of Horn's 4×4 matrix (1987)."""
-    m = np.zeros((3, 3))
-    for j in range(bearings.shape[0]):
-        for i in range(3):
-            for k in range(3):
-                m[i, k] += bearings[j, i] * bearings[j, 3 + k]
-    trace = m[0, 0] + m[1, 1] + m[2, 2]
-    square = np.empty((4, 4))
-    for i in range(3):
-        for k in range(3):
-            square[i, k] = m[i, k] + m[k, i]
-        square[i, i] -= trace
-        a, b = (i + 1) % 3, (i + 2) % 3
-        square[i, 3] = m[b, a] - m[a, b]
-        square[3, i] = square[i, 3]
-    square[3, 3] = trace
-    _, vectors = symmetric_eigen(square)
-    matrix_from_quaternion(vectors[:, 3].copy(), matrix)
-
-
-@kernel
-def _direct_linear(bearings: FloatArray, matrix: FloatArray) -> None:
-    """Write the G of norm 1 that minimises Σ ‖b × G b*‖², with the sign that maps most b* to b, not −b."""
-    gram = np.zeros((9, 9))
-    for j in range(bearings.shape[0]):
-        for i in range(9):
-            for k in range(i + 1):
-                across = -bearings[j, i // 3] * bearings[j, k // 3]
-                if i // 3 == k // 3:
-                    across += 1.0
-                gram[i, k] += across * bearings[j, 3 + i % 3] * bearings[j, 3 + k % 3]
-    for i in range(9):
-        for k in range(i):
-            gram[k, i] = gram[i, k]
-    _, vectors = symmetric_eigen(gram)
-    sign = 0.0
-    for j in range(bearings.shape[0]):
-        for i in range(9):
-            sign += bearings[j, i // 3] * vectors[i, 0] * bearings[j, 3 + i % 3]
-    for i in range(9):
-        matrix[i // 3, i % 3] = vectors[i, 0] if sign >= 0.0 else -vectors[i, 0]
+        u, _, vt = np.linalg.svd(initial.T @ goal)
+        handed = np.array([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)])
+        return np.ascontiguousarray((u * handed) @ vt)
+    across = np.eye(3) - initial[:, :, None] * initial[:, None, :]
+    gram = np.einsum("nij,nk,nl->ikjl", across, goal, goal).reshape(9, 9)
+    g = np.linalg.eigh(gram)[1][:, 0].reshape(3, 3)
+    # The sign that maps most b* to b, not to −b.
+    return np.ascontiguousarray(math.copysign(1.0, float(np.sum((initial @ g) * goal))) * g)

@@ -16,6 +16,9 @@ from omniservo.geometry.kernel import kernel
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8
+TRUSTED_DAMPING = 1e-2
+SMALL_GAIN = 1e-5
+"""A relative gain far below what noise can tell ends the refinement; the joint one follows anyway."""
 
 
 @kernel
@@ -67,10 +70,12 @@ def refine_epipolar(
         _move(rotation, translation, tangents, step, trial_r, trial_t)
         essential_matrix(trial_r, trial_t, essential)
         trial = sampson_cost(bearings, jacobians, loss_scale, essential)
-        last = decrement <= 1e-9 * cost + 1e-20 * bearings.shape[0]
+        last = decrement <= SMALL_GAIN * cost + 1e-20 * bearings.shape[0] and damping <= TRUSTED_DAMPING
         if trial <= cost or last:
-            rotation[:, :] = trial_r
-            translation[:] = trial_t
+            for i in range(3):
+                translation[i] = trial_t[i]
+                for k in range(3):
+                    rotation[i, k] = trial_r[i, k]
             if last:
                 return trial, True
             damping = max(0.1 * damping, 1e-12)
@@ -161,7 +166,7 @@ def _move(
 ) -> None:
     """Write R turned by (δ/2, 1), which is exp([δ]×) to second order, and t moved in its tangent plane."""
     turn = np.empty((3, 3))
-    matrix_from_quaternion(np.array([0.5 * step[0], 0.5 * step[1], 0.5 * step[2], 1.0]), turn)
+    matrix_from_quaternion(0.5 * step[0], 0.5 * step[1], 0.5 * step[2], 1.0, turn)
     norm = 0.0
     for i in range(3):
         for k in range(3):
@@ -218,46 +223,46 @@ def _sampson_row(
 ) -> float:
     """Return d = g/√q of one match and write its derivatives (5,) to (δ, τ).
 
-    g = bᵀl, l = E b*, m = Eᵀ b, q = ‖Jᵀl‖² + ‖J*ᵀm‖². Under δ: dl = E (δ × b*), dm = m × δ; under a turn of t
-    by dt: dl = dt × R b*, dm = Rᵀ(b × dt).
+    g = bᵀl, l = E b*, m = Eᵀ b, q = ‖Jᵀl‖² + ‖J*ᵀm‖². With a = b − (g/q) J Jᵀl and c = −(g/q) J*J*ᵀm,
+    √q dd = a·dl + c·dm; dl = E (δ × b*), dm = m × δ under δ and dl = dt × R b*, dm = Rᵀ(b × dt) under a
+    turn of t, so √q ∂d/∂δ = b* × Eᵀa + c × m and √q ∂d/∂t = R b* × a + R c × b.
     """
-    line, turned, other, dl, dm = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(3):
-        line[i] = e[i, 0] * bearing[3] + e[i, 1] * bearing[4] + e[i, 2] * bearing[5]
-        turned[i] = rotation[i, 0] * bearing[3] + rotation[i, 1] * bearing[4] + rotation[i, 2] * bearing[5]
-        other[i] = e[0, i] * bearing[0] + e[1, i] * bearing[1] + e[2, i] * bearing[2]
+    b, g = bearing[:3], bearing[3:]
+    line, m, turned, a, c = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    _apply(e, g, False, line)
+    _apply(e, b, True, m)
+    _apply(rotation, g, False, turned)
     f0 = line[0] * jacobian[0] + line[1] * jacobian[2] + line[2] * jacobian[4]
     f1 = line[0] * jacobian[1] + line[1] * jacobian[3] + line[2] * jacobian[5]
-    f2 = other[0] * jacobian[6] + other[1] * jacobian[8] + other[2] * jacobian[10]
-    f3 = other[0] * jacobian[7] + other[1] * jacobian[9] + other[2] * jacobian[11]
+    f2 = m[0] * jacobian[6] + m[1] * jacobian[8] + m[2] * jacobian[10]
+    f3 = m[0] * jacobian[7] + m[1] * jacobian[9] + m[2] * jacobian[11]
     q = f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300
-    g = line[0] * bearing[0] + line[1] * bearing[1] + line[2] * bearing[2]
+    form = line[0] * b[0] + line[1] * b[1] + line[2] * b[2]
     scale = 1.0 / math.sqrt(q)
-    for c in range(5):
-        if c < 3:
-            a, b = (c + 1) % 3, (c + 2) % 3
-            for i in range(3):
-                dl[i] = e[i, b] * bearing[3 + a] - e[i, a] * bearing[3 + b]
-            dm[c], dm[a], dm[b] = 0.0, other[b], -other[a]
-        else:
-            t0, t1, t2 = tangents[c - 3, 0], tangents[c - 3, 1], tangents[c - 3, 2]
-            dl[0], dl[1], dl[2] = (
-                t1 * turned[2] - t2 * turned[1],
-                t2 * turned[0] - t0 * turned[2],
-                t0 * turned[1] - t1 * turned[0],
-            )
-            x, y, z = (
-                bearing[1] * t2 - bearing[2] * t1,
-                bearing[2] * t0 - bearing[0] * t2,
-                bearing[0] * t1 - bearing[1] * t0,
-            )
-            for i in range(3):
-                dm[i] = rotation[0, i] * x + rotation[1, i] * y + rotation[2, i] * z
-        dg = dl[0] * bearing[0] + dl[1] * bearing[1] + dl[2] * bearing[2]
-        dq = f0 * (dl[0] * jacobian[0] + dl[1] * jacobian[2] + dl[2] * jacobian[4])
-        dq += f1 * (dl[0] * jacobian[1] + dl[1] * jacobian[3] + dl[2] * jacobian[5])
-        dq += f2 * (dm[0] * jacobian[6] + dm[1] * jacobian[8] + dm[2] * jacobian[10])
-        dq += f3 * (dm[0] * jacobian[7] + dm[1] * jacobian[9] + dm[2] * jacobian[11])
-        row[c] = scale * (dg - g * dq / q)
-    distance: float = g * scale
+    ratio = form / q
+    for i in range(3):
+        a[i] = b[i] - ratio * (f0 * jacobian[2 * i] + f1 * jacobian[2 * i + 1])
+        c[i] = -ratio * (f2 * jacobian[6 + 2 * i] + f3 * jacobian[7 + 2 * i])
+    ea, rc = np.empty(3), np.empty(3)
+    _apply(e, a, True, ea)
+    _apply(rotation, c, False, rc)
+    row[3] = 0.0
+    row[4] = 0.0
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        row[i] = scale * (g[j] * ea[k] - g[k] * ea[j] + c[j] * m[k] - c[k] * m[j])
+        slope = scale * (turned[j] * a[k] - turned[k] * a[j] + rc[j] * b[k] - rc[k] * b[j])
+        row[3] += tangents[0, i] * slope
+        row[4] += tangents[1, i] * slope
+    distance: float = form * scale
     return distance
+
+
+@kernel
+def _apply(matrix: FloatArray, vector: FloatArray, transposed: bool, product: FloatArray) -> None:
+    """Write the product of a 3×3 matrix, or its transpose, and a vector."""
+    for i in range(3):
+        if transposed:
+            product[i] = matrix[0, i] * vector[0] + matrix[1, i] * vector[1] + matrix[2, i] * vector[2]
+        else:
+            product[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]

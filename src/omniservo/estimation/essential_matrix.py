@@ -43,6 +43,16 @@ def epipolar_gram(bearings: FloatArray, weights: FloatArray, gram: FloatArray) -
             gram[b, a] = gram[a, b]
 
 
+def eight_point_span(bearings: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return e₁ and e₂ (3, 3): the eigenvectors of AᵀA with the smallest and the next eigenvalue.
+
+    A has the rows b ⊗ b*, so e₁ is the eight-point solution: the E of norm 1 with the least Σ (bᵀ E b*)².
+    """
+    rows = (bearings[:, :3, None] * bearings[:, None, 3:]).reshape(-1, 9)
+    _, vectors = np.linalg.eigh(rows.T @ rows)
+    return vectors[:, 0].reshape(3, 3), vectors[:, 1].reshape(3, 3)
+
+
 @kernel
 def motions_from_essential(essential: FloatArray, rotations: FloatArray, translation: FloatArray) -> bool:
     """Write the two rotations (2, 3, 3) and the unit translation (3,), up to sign, of the nearest E.

@@ -15,15 +15,10 @@ from omniservo.errors import InputError
 from omniservo.estimation.essential_matrix import linear_structure, ray_distances
 from omniservo.estimation.evidence import judge
 from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
+from omniservo.estimation.matches import Matches
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION, quaternion_from_matrix
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
-from omniservo.estimation.two_view_fit import (
-    LEAST_POINTS,
-    MOTION_PARAMETERS,
-    Matches,
-    TwoViewFit,
-    fit_two_views,
-)
+from omniservo.estimation.two_view_fit import LEAST_POINTS, MOTION_PARAMETERS, TwoViewFit, fit_two_views
 from omniservo.estimation.uncertainty import two_view_covariance
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
@@ -159,9 +154,10 @@ def _with_pose(
 ) -> TwoViewEstimate:
     """Finish a fit that is a pose: the chosen cost, the scale, residuals, covariance."""
     members = matches.where(fit.members)
-    rotation, translation = fit.rotations[0].copy(), fit.translations[0].copy()
+    best = fit.minima[0]
+    rotation, translation = best.rotation.copy(), best.translation.copy()
     noise = np.tile(np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]), (len(members.pixels), 1))
-    chosen, structure = members, fit.points.copy()
+    chosen, structure = members, best.points.copy()
     n = len(matches.pixels)
     if plane is not None:
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]

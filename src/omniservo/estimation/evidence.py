@@ -6,7 +6,9 @@ freedom), a simpler model of p parameters is kept where
     (S_simple − S)/(n + 5 − p)  <  F₀.₉₉(n + 5 − p, n − 5) · max(S/(n − 5), (0.01 px)²)
 
 because then the pixels do not tell the general model from it. The floor stands for the fact that no pixel
-is known better; without it, exact synthetic data would make rounding errors significant.
+is known better; without it, exact synthetic data would make rounding errors significant. A simpler model is
+dropped all the same where S_simple exceeds (1 px)² χ²₀.₉₉(2n − p): with nine points the F test alone would
+believe in several pixels of noise before it believed in parallax.
 """
 
 from __future__ import annotations
@@ -14,19 +16,22 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import fdtri
+from scipy.special import chdtri, fdtri
 
-from omniservo.estimation.degenerate_motion import HOMOGRAPHY, IDENTITY, ROTATION, fit_linear_map
-from omniservo.estimation.two_view_estimate import Status
-from omniservo.estimation.two_view_fit import (
-    LARGEST_NOISE_PX,
-    MOTION_PARAMETERS,
-    Matches,
-    TwoViewFit,
+from omniservo.estimation.degenerate_motion import (
+    HOMOGRAPHY,
+    IDENTITY,
+    ROTATION,
+    algebraic_map,
+    refine_linear_map,
 )
-from omniservo.geometry.arrays import FloatArray
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.motion_search import Minimum
+from omniservo.estimation.two_view_estimate import Status
+from omniservo.estimation.two_view_fit import LARGEST_NOISE_PX, MOTION_PARAMETERS, TwoViewFit
 
 LEAST_NOISE_PX = 0.01
+PLAUSIBLE_NOISE_PX = 1.0
 CONFIDENCE = 0.99
 
 SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
@@ -50,24 +55,23 @@ def judge(fit: TwoViewFit, matches: Matches) -> tuple[Status, str]:
     members = matches.where(fit.members)
     n = len(members.pixels)
     freedom = n - MOTION_PARAMETERS
-    cost = float(fit.costs[0])
+    cost = fit.cost
     floor = LEAST_NOISE_PX**2 * freedom
     simple = _simpler_model(members, max(cost, floor) if math.isfinite(cost) else 100.0 * floor, cost)
     if simple is not None:
         return simple
-    if not math.isfinite(cost) or not fit.converged:
+    if not fit.minima or not fit.minima[0].converged:
         return "not_converged", "the refinement of motion and structure found no minimum"
     noise = math.sqrt(cost / freedom)
     if noise > LARGEST_NOISE_PX:
         return "not_converged", f"the best motion leaves {noise:.1f} px of noise: the matches do not agree"
-    rival = float(fit.costs[1])
-    odds = (max(cost, floor) / max(rival, floor)) ** (0.5 * freedom) if math.isfinite(rival) else 0.0
-    if odds > NEARLY_AS_LIKELY:
-        turn, swing = _separation(fit)
-        if turn > FAR_ROTATION or swing > FAR_DIRECTION:
+    for rival in fit.minima[1:]:
+        odds = (max(cost, floor) / max(rival.cost, floor)) ** (0.5 * freedom)
+        turn, swing = _separation(fit.minima[0], rival)
+        if odds > NEARLY_AS_LIKELY and (turn > FAR_ROTATION or swing > FAR_DIRECTION):
             return "ambiguous", (
                 f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
-                f" apart fit with rms {_rms(cost, n):.3f} and {_rms(rival, n):.3f} px: more points or"
+                f" apart fit with rms {_rms(cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points or"
                 " sharper pixels are needed"
             )
     return "ok", ""
@@ -76,14 +80,15 @@ def judge(fit: TwoViewFit, matches: Matches) -> tuple[Status, str]:
 def _simpler_model(members: Matches, variance_sum: float, cost: float) -> tuple[Status, str] | None:
     n = len(members.pixels)
     freedom = n - MOTION_PARAMETERS
-    matrix = np.empty((3, 3))
     for kind, parameters, status, words in SIMPLER:
-        simple = fit_linear_map(
+        matrix = algebraic_map(members.bearings, kind)
+        simple = refine_linear_map(
             members.parameters, members.pixels, members.bearings, members.jacobians, kind, matrix
         )
         extra = n + MOTION_PARAMETERS - parameters
         bound = float(fdtri(extra, freedom, CONFIDENCE)) * variance_sum / freedom
-        if (simple - min(cost, simple)) / extra < bound:
+        plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, 1.0 - CONFIDENCE))
+        if simple < plausible and (simple - min(cost, simple)) / extra < bound:
             return (
                 status,
                 f"{words} (rms {_rms(simple, n):.3f} px; with motion and structure {_rms(cost, n):.3f})",
@@ -95,9 +100,9 @@ def _rms(cost: float, n: int) -> float:
     return math.sqrt(cost / (2 * n))
 
 
-def _separation(fit: TwoViewFit) -> tuple[float, float]:
-    """Return the angles between the two minima's rotations and directions [rad]."""
-    chord: FloatArray = fit.rotations[0] - fit.rotations[1]
-    turn = 2.0 * math.asin(min(1.0, float(np.linalg.norm(chord)) / math.sqrt(8.0)))
-    swing = math.acos(max(-1.0, min(1.0, float(fit.translations[0] @ fit.translations[1]))))
+def _separation(one: Minimum, other: Minimum) -> tuple[float, float]:
+    """Return the angles between two minima's rotations and directions [rad]."""
+    chord = float(np.linalg.norm(one.rotation - other.rotation))
+    turn = 2.0 * math.asin(min(1.0, chord / math.sqrt(8.0)))
+    swing = math.acos(max(-1.0, min(1.0, float(one.translation @ other.translation))))
     return turn, swing

@@ -24,6 +24,12 @@ from omniservo.geometry.kernel import kernel
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8
+TRUSTED_DAMPING = 1e-2
+"""A small gain says that the minimum is near only where damping did not make it small."""
+
+FARTHEST = 1e6
+"""Distance at which a point stands still, in lengths of the translation: at infinity for every camera."""
+
 LEAST_PIVOT = 1e-13
 
 
@@ -88,7 +94,7 @@ def refine_jointly(
         _move_points(points, point_steps, trial_h)
         trial = two_view_cost(parameters, pixels, loss_scale, trial_r, trial_t, trial_h)
         # Below this the cost is rounding; the step is as good as the answer.
-        last = decrement <= 1e-11 * cost + 1e-20 * n
+        last = decrement <= 1e-10 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
         if trial > cost and not (last and trial < math.inf):
             damping = max(10.0 * damping, 1e-8)
             continue
@@ -118,9 +124,12 @@ def _accept(
         norm = math.sqrt(trial_s[0] ** 2 + trial_s[1] ** 2 + trial_s[2] ** 2 + trial_s[3] ** 2)
     for i in range(s.shape[0]):
         s[i] = trial_s[i] / norm
-    rotation[:, :] = trial_r
-    translation[:] = trial_t
-    points[:, :] = trial_h
+    for i in range(3):
+        translation[i] = trial_t[i]
+        for k in range(3):
+            rotation[i, k] = trial_r[i, k]
+        for j in range(points.shape[0]):
+            points[j, i] = trial_h[j, i]
     _unit_translation(translation, points)
 
 
@@ -424,7 +433,8 @@ def _move_points(points: FloatArray, steps: FloatArray, moved: FloatArray) -> No
         square = x * x + y * y + z * z
         along = (x * steps[j, 0] + y * steps[j, 1] + z * steps[j, 2]) / square
         x, y, z = x + steps[j, 0] - along * x, y + steps[j, 1] - along * y, z + steps[j, 2] - along * z
-        scale = math.sqrt(square / (x * x + y * y + z * z)) / (1.0 - min(along, 0.9))
+        distance = min(math.sqrt(square) / (1.0 - min(along, 0.9)), FARTHEST)
+        scale = distance / math.sqrt(x * x + y * y + z * z)
         moved[j, 0], moved[j, 1], moved[j, 2] = scale * x, scale * y, scale * z
 
 

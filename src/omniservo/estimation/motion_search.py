@@ -5,22 +5,25 @@ AᵀA with the smallest eigenvalues, E = cos a e₁ + sin a e₂. The motion of 
 structure; those that stay apart are then refined jointly with their structure and compared.
 """
 
+from __future__ import annotations
+
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from omniservo.estimation.epipolar_refinement import essential_matrix, refine_epipolar
-from omniservo.estimation.essential_matrix import epipolar_gram, linear_structure, motion_in_front
+from omniservo.estimation.essential_matrix import eight_point_span, linear_structure, motion_in_front
 from omniservo.estimation.joint_refinement import refine_jointly
-from omniservo.estimation.linear_systems import symmetric_eigen
+from omniservo.estimation.matches import Matches
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
 
 START_ANGLES = (0.0, 0.6, -0.6, 1.2, -1.2)
-"""a [rad]; five starts leave 1.3% of nine-point scenes in a false minimum, one start 17%."""
+"""a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
 
 EPIPOLAR_STEPS = 20
-JOINT_STEPS = 30
+JOINT_STEPS = 60
+
 APART = 0.05
 """Two motions are the same minimum if rotation and direction both differ by less than this [rad]."""
 
@@ -28,98 +31,74 @@ HOPELESS = 30.0
 """A start is dropped where its epipolar cost is this many times the best joint cost."""
 
 
-@kernel
-def span_of_starts(vectors: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return E = cos a e₁ + sin a e₂ (k, 3, 3); e₁, e₂ are the columns 0, 1 of ``vectors``."""
-    essentials = np.empty((angles.shape[0], 3, 3))
-    for k in range(angles.shape[0]):
-        for i in range(9):
-            essentials[k, i // 3, i % 3] = (
-                math.cos(angles[k]) * vectors[i, 0] + math.sin(angles[k]) * vectors[i, 1]
-            )
-    return essentials
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """A minimum of the reprojection error."""
+
+    cost: float
+    """Σr² [px²]"""
+    rotation: FloatArray
+    """(3, 3) R of initial_T_goal"""
+    translation: FloatArray
+    """(3,) of length 1"""
+    points: FloatArray
+    """(n, 3), initial camera frame, in lengths of the translation"""
+    converged: bool
 
 
-@kernel
-def search_motion(
-    parameters: FloatArray,
-    pixels: FloatArray,
-    bearings: FloatArray,
-    jacobians: FloatArray,
-    kind: int,
-    loss_scale: float,
-    essentials: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, bool]:
-    """Return (costs (2,), rotations (2, 3, 3), translations (2, 3), points (2, n, 3), converged).
+def search_motion(matches: Matches, kind: int, starts: list[FloatArray]) -> list[Minimum]:
+    """Return the minima that the essential matrices ``starts`` lead to, apart from each other, best first.
 
-    Row 0 is the best minimum found, row 1 the best other minimum (cost infinite: none was found).
-    ``essentials`` (k, 3, 3) are the starts; the other arguments are those of ``refine_epipolar`` and
-    ``refine_jointly``.
+    ``kind`` is the parametrisation s_R of the joint refinement.
     """
-    n, k = pixels.shape[0], essentials.shape[0]
-    rotations, translations = np.empty((k, 3, 3)), np.empty((k, 3))
-    costs, ends, done = np.full(k, math.inf), np.full(2, math.inf), np.zeros(2, dtype=np.bool_)
-    r, t, h, trial = np.zeros((2, 3, 3)), np.zeros((2, 3)), np.zeros((2, n, 3)), np.empty((n, 3))
-    for i in range(k):
-        if motion_in_front(bearings, essentials[i], rotations[i], translations[i]) >= 0:
-            costs[i], _ = refine_epipolar(
-                bearings, jacobians, loss_scale, rotations[i], translations[i], EPIPOLAR_STEPS
-            )
-    for _ in range(k):
-        i = int(np.argmin(costs))
-        if costs[i] == math.inf or costs[i] > HOPELESS * ends[0]:
+    motions = [motion for start in starts if (motion := _refined_motion(matches, start)) is not None]
+    motions.sort(key=lambda motion: motion[0])
+    minima: list[Minimum] = []
+    for cost, rotation, translation in motions:
+        if minima and cost > HOPELESS * minima[0].cost:
             break
-        costs[i] = math.inf
-        essential_matrix(rotations[i], translations[i], essentials[i])
-        motion_in_front(bearings, essentials[i], rotations[i], translations[i])
-        if _same(rotations[i], translations[i], r[0], t[0], ends[0]):
+        if any(_same(rotation, translation, found) for found in minima):
             continue
-        linear_structure(bearings, rotations[i], translations[i], trial)
-        cost, ok = refine_jointly(
-            parameters, pixels, kind, loss_scale, rotations[i], translations[i], trial, JOINT_STEPS
-        )
-        if _same(rotations[i], translations[i], r[0], t[0], ends[0]):
-            if cost < ends[0]:
-                ends[0], r[0], t[0], h[0], done[0] = cost, rotations[i], translations[i], trial, ok
-        elif cost < ends[0]:
-            ends[1], r[1], t[1], h[1], done[1] = ends[0], r[0], t[0], h[0], done[0]
-            ends[0], r[0], t[0], h[0], done[0] = cost, rotations[i], translations[i], trial, ok
-        elif cost < ends[1]:
-            ends[1], r[1], t[1], h[1], done[1] = cost, rotations[i], translations[i], trial, ok
-    return ends, r, t, h, done[0]
+        found = _refined_jointly(matches, kind, rotation, translation)
+        twins = [other for other in minima if _same(found.rotation, found.translation, other)]
+        if math.isfinite(found.cost) and all(found.cost < other.cost for other in twins):
+            minima = [other for other in minima if not any(other is twin for twin in twins)] + [found]
+            minima.sort(key=lambda minimum: minimum.cost)
+    return minima
 
 
-@kernel
-def _same(r: FloatArray, t: FloatArray, other_r: FloatArray, other_t: FloatArray, other_cost: float) -> bool:
-    """Tell whether two motions belong to one minimum; never where the other one is empty."""
-    if other_cost == math.inf:
-        return False
-    chord = 0.0
-    for i in range(3):
-        for k in range(3):
-            chord += (r[i, k] - other_r[i, k]) ** 2
-    cosine = t[0] * other_t[0] + t[1] * other_t[1] + t[2] * other_t[2]
+def eight_point_starts(matches: Matches, angles: tuple[float, ...]) -> list[FloatArray]:
+    """Return E = cos a e₁ + sin a e₂ (3, 3) for each angle [rad]; a = 0 is the eight-point solution."""
+    first, second = eight_point_span(matches.bearings)
+    return [math.cos(a) * first + math.sin(a) * second for a in angles]
+
+
+def _refined_motion(matches: Matches, start: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
+    """Return (epipolar cost, R, t) that ``start`` leads to, with the signs that put the points in front."""
+    rotation, translation, essential = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    if motion_in_front(matches.bearings, start, rotation, translation) < 0:
+        return None
+    cost, _ = refine_epipolar(
+        matches.bearings, matches.jacobians, math.inf, rotation, translation, EPIPOLAR_STEPS
+    )
+    essential_matrix(rotation, translation, essential)
+    motion_in_front(matches.bearings, essential, rotation, translation)
+    return cost, rotation, translation
+
+
+def _refined_jointly(matches: Matches, kind: int, rotation: FloatArray, translation: FloatArray) -> Minimum:
+    points = np.empty((len(matches.pixels), 3))
+    linear_structure(matches.bearings, rotation, translation, points)
+    cost, converged = refine_jointly(
+        matches.parameters, matches.pixels, kind, math.inf, rotation, translation, points, JOINT_STEPS
+    )
+    return Minimum(cost, rotation, translation, points, converged)
+
+
+def _same(rotation: FloatArray, translation: FloatArray, other: Minimum) -> bool:
+    """Tell whether two motions belong to one minimum."""
     # ‖R − R'‖² = 8 sin²(angle/2), nearly 2·angle² for small angles.
-    return chord < 2.0 * APART * APART and cosine > math.cos(APART)
-
-
-@kernel
-def motion_and_structure(
-    parameters: FloatArray,
-    pixels: FloatArray,
-    bearings: FloatArray,
-    jacobians: FloatArray,
-    kind: int,
-    angles: FloatArray,
-    priors: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, bool]:
-    """Return :func:`search_motion` from eight-point starts at ``angles`` and from ``priors`` (k, 3, 3)."""
-    weights, gram = np.ones(bearings.shape[0]), np.empty((9, 9))
-    epipolar_gram(bearings, weights, gram)
-    _, vectors = symmetric_eigen(gram)
-    starts = span_of_starts(vectors, angles)
-    k = angles.shape[0]
-    essentials = np.empty((k + priors.shape[0], 3, 3))
-    for i in range(essentials.shape[0]):
-        essentials[i] = starts[i] if i < k else priors[i - k]
-    return search_motion(parameters, pixels, bearings, jacobians, kind, math.inf, essentials)
+    chord = rotation - other.rotation
+    return bool(
+        np.vdot(chord, chord) < 2.0 * APART**2 and np.vdot(translation, other.translation) > math.cos(APART)
+    )

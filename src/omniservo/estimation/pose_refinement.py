@@ -123,7 +123,9 @@ def refine_pose_kernel(
             continue
         solve_factored(factor, 6, step)
         trial_q = turn_quaternion(q, step[3], step[4], step[5])
-        trial_t = np.array([t[0] + step[0], t[1] + step[1], t[2] + step[2]])
+        trial_t = np.empty(3)
+        for i in range(3):
+            trial_t[i] = t[i] + step[i]
         trial = _cost(parameters, points, pixels, valid, trial_q, trial_t)
         decrement = 0.0
         for i in range(6):
@@ -154,7 +156,7 @@ def _cost(
 ) -> float:
     """Return Σ ‖projection − pixel‖² [px²] over the valid points; infinity where one leaves the domain."""
     r = np.empty((3, 3))
-    matrix_from_quaternion(q, r)
+    matrix_from_quaternion(q[0], q[1], q[2], q[3], r)
     cost = 0.0
     for j in range(points.shape[0]):
         if not valid[j]:
@@ -188,7 +190,7 @@ def _normal_equations(
     c = Rᵀ(h − t) with R ← R exp([δ]×): dc = −Rᵀ dt + [c]× δ.
     """
     r = np.empty((3, 3))
-    matrix_from_quaternion(q, r)
+    matrix_from_quaternion(q[0], q[1], q[2], q[3], r)
     normal[:, :] = 0.0
     gradient[:] = 0.0
     row = np.empty((2, 6))
@@ -251,8 +253,9 @@ def _pose_covariance(
         return False
     variance = cost / (2 * count - 6)
     for k in range(6):
-        column[:] = 0.0
-        column[k] = variance
+        for i in range(6):
+            column[i] = variance if i == k else 0.0
         solve_factored(normal, 6, column)
-        covariance[:, k] = column
+        for i in range(6):
+            covariance[i, k] = column[i]
     return True

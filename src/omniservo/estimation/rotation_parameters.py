@@ -12,9 +12,8 @@ CAYLEY = 1
 
 
 @kernel
-def matrix_from_quaternion(quaternion: FloatArray, matrix: FloatArray) -> None:
-    """Write R = Λ(q/‖q‖), (20), into ``matrix`` (3, 3); ``quaternion`` (4,) is scalar last and not zero."""
-    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+def matrix_from_quaternion(x: float, y: float, z: float, w: float, matrix: FloatArray) -> None:
+    """Write R = Λ(q/‖q‖), (20), of q = (x, y, z, w), scalar last and not zero, into ``matrix`` (3, 3)."""
     s = 2.0 / (x * x + y * y + z * z + w * w)
     matrix[0, 0] = 1.0 - s * (y * y + z * z)
     matrix[0, 1] = s * (x * y - z * w)
@@ -52,10 +51,18 @@ def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
         q[j] = matrix[i, j] + matrix[j, i]
         q[k] = matrix[i, k] + matrix[k, i]
         q[3] = matrix[k, j] - matrix[j, k]
-    norm = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    if q[3] < 0.0:
-        norm = -norm
-    return q / norm
+    _normalise(q, q[3] < 0.0)
+    return q
+
+
+@kernel
+def _normalise(q: FloatArray, negate: bool) -> None:
+    """Scale a quaternion (4,) to length 1, with the other sign where asked."""
+    scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    if negate:
+        scale = -scale
+    for i in range(4):
+        q[i] *= scale
 
 
 @kernel
@@ -64,10 +71,8 @@ def rotation_from_parameters(kind: int, parameters: FloatArray, matrix: FloatArr
 
     (21) is R = (I − [a]×)⁻¹(I + [a]×), the rotation by θ about v for a = tan(θ/2) v: the quaternion (a, 1).
     """
-    if kind == QUATERNION:
-        matrix_from_quaternion(parameters, matrix)
-    else:
-        matrix_from_quaternion(np.array([parameters[0], parameters[1], parameters[2], 1.0]), matrix)
+    w = parameters[3] if kind == QUATERNION else 1.0
+    matrix_from_quaternion(parameters[0], parameters[1], parameters[2], w, matrix)
 
 
 @kernel
@@ -79,7 +84,9 @@ def parameters_from_rotation(kind: int, matrix: FloatArray) -> FloatArray:
     q = quaternion_from_matrix(matrix)
     if kind == QUATERNION:
         return q
-    cayley: FloatArray = q[:3] / q[3]
+    cayley = np.empty(3)
+    for i in range(3):
+        cayley[i] = q[i] / q[3]
     return cayley
 
 
@@ -120,4 +127,5 @@ def turn_quaternion(quaternion: FloatArray, rx: float, ry: float, rz: float) -> 
     q[1] = aw * by - ax * bz + ay * bw + az * bx
     q[2] = aw * bz + ax * by - ay * bx + az * bw
     q[3] = aw * bw - ax * bx - ay * by - az * bz
-    return q / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    _normalise(q, False)
+    return q

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtri
 
-from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
 from omniservo.estimation.consensus import find_consensus
 from omniservo.estimation.epipolar_refinement import (
     essential_matrix,
     refine_epipolar,
     sampson_distances,
 )
-from omniservo.estimation.essential_matrix import bearings_of_pixels, motion_in_front, ray_distances
-from omniservo.estimation.motion_search import START_ANGLES, motion_and_structure
+from omniservo.estimation.essential_matrix import motion_in_front, ray_distances
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.motion_search import START_ANGLES, Minimum, eight_point_starts, search_motion
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 LEAST_POINTS = 8
@@ -48,59 +47,18 @@ LARGEST_NOISE_PX = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Matches:
-    """Pixels with their bearings: rows of the kernels' arrays."""
-
-    parameters: FloatArray
-    """of the camera"""
-    pixels: FloatArray
-    """(n, 4) initial and goal [px]"""
-    bearings: FloatArray
-    """(n, 6)"""
-    jacobians: FloatArray
-    """(n, 12) bearings by pixels"""
-
-    @classmethod
-    def of_pixels(cls, camera: UnifiedCamera, pixels: FloatArray) -> Matches:
-        """Unproject ``pixels`` (n, 4).
-
-        Raises:
-            InputError: a pixel lies outside the domain in which the camera can be unprojected.
-        """
-        n = len(pixels)
-        bearings, jacobians = np.empty((n, 6)), np.empty((n, 12))
-        bad = bearings_of_pixels(camera.parameters, pixels, bearings, jacobians)
-        if bad >= 0:
-            j, view = divmod(int(bad), 2)
-            u, v = pixels[j, 2 * view : 2 * view + 2]
-            raise InputError(
-                f"pixels_{('initial', 'goal')[view]}: ({u:g}, {v:g}) at index {j} is outside the"
-                f" camera's domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
-            )
-        return cls(camera.parameters, pixels, bearings, jacobians)
-
-    def where(self, members: BoolArray) -> Matches:
-        """Return the chosen rows."""
-        if members.all():
-            return self
-        return Matches(self.parameters, self.pixels[members], self.bearings[members], self.jacobians[members])
-
-
-@dataclass(frozen=True, eq=False)
 class TwoViewFit:
-    """The best minimum of the pixel cost over the members, and its rival."""
+    """The minima of the pixel cost over the members."""
 
     members: BoolArray
     """(n,) matches in the cost"""
-    costs: FloatArray
-    """(2,) Σr² of the best minimum and of the best other one [px²]; infinite: none"""
-    rotations: FloatArray
-    """(2, 3, 3)"""
-    translations: FloatArray
-    """(2, 3)"""
-    points: FloatArray
-    """(members, 3), of the best minimum"""
-    converged: bool
+    minima: list[Minimum]
+    """apart from each other, best first; empty where no start led to one"""
+
+    @property
+    def cost(self) -> float:
+        """Σr² of the best minimum [px²]; infinite where there is none."""
+        return self.minima[0].cost if self.minima else math.inf
 
 
 def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | None:
@@ -135,22 +93,19 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
 
 def _fit(matches: Matches, members: BoolArray, kind: int, prior: FloatArray | None) -> TwoViewFit:
     chosen = matches.where(members)
-    many = len(chosen.pixels) > FEW_POINTS
-    angles = np.array(START_ANGLES[: 1 if many else None])
-    if many and prior is not None:
-        angles = np.empty(0)
-    priors = np.empty((0, 3, 3)) if prior is None else prior[None].copy()
-    costs, rotations, translations, points, converged = motion_and_structure(
-        chosen.parameters, chosen.pixels, chosen.bearings, chosen.jacobians, kind, angles, priors
-    )
-    return TwoViewFit(members, costs, rotations, translations, points[0], bool(converged))
+    starts = [] if prior is None else [prior]
+    if len(chosen.pixels) <= FEW_POINTS:
+        starts += eight_point_starts(chosen, START_ANGLES)
+    elif prior is None:
+        starts += eight_point_starts(chosen, START_ANGLES[:1])
+    return TwoViewFit(members, search_motion(chosen, kind, starts))
 
 
 def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     """Tell whether no match lies beyond the gate of all, and σ is that of pixels and not of blunders."""
-    if not math.isfinite(fit.costs[0]):
+    if not fit.minima:
         return False
-    distances, _ = _distances(matches, fit.rotations[0], fit.translations[0])
+    distances, _ = _distances(matches, fit.minima[0].rotation, fit.minima[0].translation)
     sigma = _blended_noise(distances)
     return bool(np.abs(distances).max() <= GATE * sigma) and sigma <= SAMPLE_THRESHOLD_PX
 
@@ -207,7 +162,9 @@ def _significant(whole: TwoViewFit, chosen: TwoViewFit) -> bool:
     kept = int(chosen.members.sum())
     dropped = len(chosen.members) - kept
     freedom = kept - MOTION_PARAMETERS
-    if not math.isfinite(whole.costs[0]) or dropped == 0:
-        return dropped > 0
-    gain = (whole.costs[0] - chosen.costs[0]) / dropped
-    return bool(gain > fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.costs[0] / freedom)
+    if dropped == 0 or not chosen.minima:
+        return False
+    if not whole.minima:
+        return True
+    gain = (whole.cost - chosen.cost) / dropped
+    return bool(gain > fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)

@@ -15,6 +15,9 @@ from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
+FAR_POINT_DAMPING = 1e-10
+"""Relative weight that keeps the block of a point without parallax regular; its variance stays huge."""
+
 
 def two_view_covariance(
     parameters: FloatArray,
@@ -90,7 +93,7 @@ def _responses(
     inverse, product = np.empty(6), np.empty(18)
     b4, a2, e, column = np.empty((4, 3)), np.empty((2, 6)), np.empty(4), np.empty(6)
     for j in range(n):
-        if not invert_point_block(blocks.points[j], 0.0, inverse):
+        if not invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse):
             return False
         eliminate_point(inverse, blocks.mixed[j], product)
         linearise_point(parameters, pixels, j, rotation, translation, points, b4, a2, e)

@@ -1,0 +1,52 @@
+"""Matched pixels with their bearings, the input of every step of this room."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.estimation.essential_matrix import bearings_of_pixels
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Pixels with their bearings: rows of the kernels' arrays."""
+
+    parameters: FloatArray
+    """of the camera"""
+    pixels: FloatArray
+    """(n, 4) initial and goal [px]"""
+    bearings: FloatArray
+    """(n, 6)"""
+    jacobians: FloatArray
+    """(n, 12) bearings by pixels"""
+
+    @classmethod
+    def of_pixels(cls, camera: UnifiedCamera, pixels: FloatArray) -> Matches:
+        """Unproject ``pixels`` (n, 4).
+
+        Raises:
+            InputError: a pixel lies outside the domain in which the camera can be unprojected.
+        """
+        n = len(pixels)
+        bearings, jacobians = np.empty((n, 6)), np.empty((n, 12))
+        bad = bearings_of_pixels(camera.parameters, pixels, bearings, jacobians)
+        if bad >= 0:
+            j, view = divmod(int(bad), 2)
+            u, v = pixels[j, 2 * view : 2 * view + 2]
+            raise InputError(
+                f"pixels_{('initial', 'goal')[view]}: ({u:g}, {v:g}) at index {j} is outside the"
+                f" camera's domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
+            )
+        return cls(camera.parameters, pixels, bearings, jacobians)
+
+    def where(self, members: BoolArray) -> Matches:
+        """Return the chosen rows."""
+        if members.all():
+            return self
+        return Matches(self.parameters, self.pixels[members], self.bearings[members], self.jacobians[members])
