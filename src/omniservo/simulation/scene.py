@@ -29,7 +29,7 @@ DOT_COLOUR: Colour = (0.03, 0.03, 0.03)
 """Black ink."""
 
 _SHORTEST = 1e-4
-"""No body is thinner than twice this [m]; dots are this thick."""
+"""No body is thinner than twice this [m]."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster, daylight
 from omniservo.simulation.world import World
 
@@ -19,7 +20,7 @@ BACKGROUND = 0.25
 """Linear grey of rays that meet nothing."""
 
 _THREADS = 2
-_DOT_EDGE = 4  # rays per side of a pixel next to a dot: its centre is measured
+_DOT_EDGE = 8  # rays per side of a pixel next to a dot: its centre is measured
 _OTHER_EDGE = 2  # rays per side of a pixel on any other edge
 _CONTRAST = 0.01  # neighbouring greys that differ by more lie on an edge
 _BLUR_REACH = 4.0  # standard deviations
@@ -45,7 +46,7 @@ class UnifiedRenderer:
         pixels = np.stack([u, v], axis=-1).astype(np.float64)
         bearings, self._lit = self._sightlines(pixels)
         self._bearings = np.ascontiguousarray(bearings[self._lit])
-        self._rim = _differs_from_neighbour(self._lit.astype(np.float64))
+        self._rim = differs_from_neighbour(self._lit.astype(np.float64), _CONTRAST)
 
     def render(self, q: FloatArray) -> FloatArray:
         """Return the linear intensity (height, width) in [0, 1] on the sensor, without blur and noise.
@@ -58,8 +59,8 @@ class UnifiedRenderer:
         image = np.full(self._lit.shape, DARK)
         is_dot = np.zeros(self._lit.shape)
         image[self._lit], is_dot[self._lit] = self._in_parallel(pose, self._bearings)
-        edge = _differs_from_neighbour(image) | self._rim
-        dot_edge = _differs_from_neighbour(is_dot)
+        edge = differs_from_neighbour(image, _CONTRAST) | self._rim
+        dot_edge = differs_from_neighbour(is_dot, _CONTRAST)
         self._refine(image, pose, dot_edge, _DOT_EDGE)
         self._refine(image, pose, edge & ~dot_edge, _OTHER_EDGE)
         return image
@@ -91,10 +92,10 @@ class UnifiedRenderer:
 
     def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:
         """Give the chosen pixels of the image the mean over a grid of rays, in place."""
-        steps = (np.arange(per_side) + 0.5) / per_side - 0.5
-        offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         rows, columns = np.nonzero(chosen)
-        bearings, lit = self._sightlines(np.stack([columns, rows], axis=-1)[:, None, :] + offsets)
+        bearings, lit = self._sightlines(
+            np.stack([columns, rows], axis=-1)[:, None, :] + sheared_grid(per_side)
+        )
         greys = np.full(lit.shape, DARK)
         greys[lit] = self._in_parallel(pose, bearings[lit])[0]
         image[chosen] = greys.mean(axis=1)
@@ -112,20 +113,3 @@ class UnifiedRenderer:
 
         parts = list(self._pool.map(look, self._casters, np.array_split(bearings, _THREADS)))
         return np.concatenate([greys for greys, _ in parts]), np.concatenate([dots for _, dots in parts])
-
-
-def _differs_from_neighbour(image: FloatArray) -> BoolArray:
-    """Which pixels (height, width) differ from one of their eight neighbours by more than the contrast."""
-    different = np.zeros(image.shape, dtype=bool)
-    ahead, behind, every = slice(1, None), slice(None, -1), slice(None)
-    pairs = (
-        ((ahead, every), (behind, every)),
-        ((every, ahead), (every, behind)),
-        ((ahead, ahead), (behind, behind)),
-        ((ahead, behind), (behind, ahead)),
-    )
-    for first, second in pairs:
-        edge = np.abs(image[first] - image[second]) > _CONTRAST
-        different[first] |= edge
-        different[second] |= edge
-    return different

@@ -26,7 +26,7 @@ CAMERA_GROUP = 2
 _FLOOR_COLOUR: Colour = (0.30, 0.31, 0.33)
 _HOUSING_COLOUR: Colour = (0.07, 0.08, 0.10)
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (Rec. 709)
-_DOT_THICKNESS = 1e-4
+_DOT_THICKNESS = 1e-5  # [m] thinner than any pixel shows from the side
 
 # Camera frame [m]: the pupil lies 5 mm behind the lens front; the housing reaches back to the flange.
 _LENS_FRONT, _LENS_BACK, _LENS_RADIUS = 0.005, -0.030, 0.025

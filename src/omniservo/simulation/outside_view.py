@@ -1,0 +1,223 @@
+"""A bystander's picture of arm, obstacles and target: ordinary perspective, colour, light and shadow."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, finite_array, finite_number
+from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
+from omniservo.simulation.ray_caster import MISS, RayCaster
+from omniservo.simulation.world import World
+
+_THREADS = 2
+_EDGE = 2  # rays per side of a pixel on an edge
+_CONTRAST = 0.08  # above a shadow's steps and the floor's tiles
+_SELF_SHADOW = 0.003  # [m] a surface this close before a point does not shade it
+_LAMP_RADIUS = 0.30  # [m]
+_LAMP_SHARE = 0.75
+_GLOSS, _GLOSS_SHARE = 40.0, 0.18
+_TILE = 0.1  # [m] squares of the floor
+_TILE_CONTRAST = 0.06
+_HAZE = 7.0  # [m] distance at which the floor has half faded into the background
+_HORIZON = np.array([0.80, 0.84, 0.88])
+_ZENITH = np.array([0.38, 0.50, 0.66])
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+_GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Where the bystander stands."""
+
+    eye: tuple[float, float, float]
+    """[m] in the world"""
+    focus: tuple[float, float, float]
+    """[m] the point in the middle of the picture"""
+    field_of_view: float = math.radians(36.0)
+    """upright opening angle [rad]"""
+
+    @classmethod
+    def beside(cls, world: World) -> Viewpoint:
+        """Return the view from the arm's right that shows arm, obstacles and dots of the world."""
+        scene = world.scene
+        base_R = scene.world_T_base.rotation
+        points = [scene.world_T_base.apply([0.0, 0.0, 0.1]), scene.world_T_base.apply([0.0, 0.0, 0.75])]
+        points.append(scene.world_T_camera(scene.start_joints).translation)
+        if scene.dots is not None and len(scene.dots.centers):
+            points += list(scene.dots.centers)
+        middle = (np.min(points, axis=0) + np.max(points, axis=0)) / 2.0
+        size = float(np.linalg.norm(np.max(points, axis=0) - np.min(points, axis=0)))
+        eye = middle + 1.75 * size * base_R.apply(np.array([-0.55, -0.72, 0.42]))
+        return cls(tuple(eye.tolist()), tuple(middle.tolist()))
+
+
+class OutsideView:
+    """Renders a world for people: colours, a soft lamp with shadows, smooth edges."""
+
+    def __init__(
+        self,
+        world: World,
+        viewpoint: Viewpoint | None = None,
+        *,
+        width: int = 640,
+        height: int = 480,
+        shadow_rays: int = 8,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            world: what is looked at.
+            viewpoint: from where; None: `Viewpoint.beside`.
+            width: [px]
+            height: [px]
+            shadow_rays: points of the lamp that each visible point is joined to; 0: no shadows, 1: hard ones.
+                Time grows with it.
+
+        Raises:
+            InputError: eye and focus coincide or stand above each other, or a number is out of range.
+        """
+        finite_number("width", width, minimum=1)
+        finite_number("height", height, minimum=1)
+        finite_number("shadow_rays", shadow_rays, minimum=0)
+        self._shape = (int(height), int(width))
+        self._view = viewpoint or Viewpoint.beside(world)
+        self._eye = finite_array("viewpoint.eye", self._view.eye, (3,))
+        self._axes = _axes_of(self._view)
+        self._colours = np.vstack([world.model.geom_rgba[:, :3].astype(np.float64), np.zeros(3)])
+        floor = world.model.geom_type == 0
+        self._is_floor = np.append(floor, False)
+        self._casters = [RayCaster(world, sees_camera=True) for _ in range(_THREADS)]
+        self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="view")
+        focus = np.asarray(self._view.focus)
+        self._lamp = focus + np.linalg.norm(self._eye - focus) * np.array([-0.35, -0.45, 1.15])
+        self._lamp_points = _lamp_points(self._lamp, focus, int(shadow_rays))
+
+    def render(self, q: npt.ArrayLike) -> ByteArray:
+        """Return the picture (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (6,) [rad].
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        joints = finite_array("q", q, (6,))
+        for caster in self._casters:
+            caster.pose_arm(joints)
+        rows, columns = np.indices(self._shape).reshape(2, -1)
+        image = self._colours_at(np.stack([columns, rows], axis=-1).astype(np.float64))
+        edge = self._edges(image.reshape(*self._shape, 3)).ravel()
+        samples = np.stack([columns[edge], rows[edge]], axis=-1)[:, None, :] + sheared_grid(_EDGE)
+        image[edge] = self._colours_at(samples.reshape(-1, 2)).reshape(-1, _EDGE**2, 3).mean(axis=1)
+        grey_values: ByteArray = np.rint(255.0 * _srgb(np.clip(image, 0.0, 1.0))).astype(np.uint8)
+        return grey_values.reshape(*self._shape, 3)
+
+    def _edges(self, image: FloatArray) -> BoolArray:
+        return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST)
+
+    def _colours_at(self, pixels: FloatArray) -> FloatArray:
+        """Linear colours (n, 3) at pixels (n, 2), in two threads."""
+        parts = self._pool.map(self._look, self._casters, np.array_split(pixels, _THREADS))
+        return np.concatenate(list(parts))
+
+    def _look(self, caster: RayCaster, pixels: FloatArray) -> FloatArray:
+        height, width = self._shape
+        focal = 0.5 * height / math.tan(0.5 * self._view.field_of_view)
+        rays = np.empty((len(pixels), 3))
+        rays[:, 0] = pixels[:, 0] - (width - 1) / 2.0
+        rays[:, 1] = pixels[:, 1] - (height - 1) / 2.0
+        rays[:, 2] = focal
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        directions = np.einsum("ij,kj->ik", rays, self._axes)
+        geoms, distances, normals = caster.cast(self._eye, directions)
+        colours = _sky(directions)
+        hit = geoms != MISS
+        points = self._eye + distances[hit, None] * directions[hit]
+        surface = self._colours[geoms[hit]] * self._tiles(geoms[hit], points)[:, None]
+        shaded = self._shade(caster, points, directions[hit], normals[hit], surface)
+        haze = np.where(self._is_floor[geoms[hit]], 1.0 - np.exp2(-((distances[hit] / _HAZE) ** 2)), 0.0)[
+            :, None
+        ]
+        colours[hit] = (1.0 - haze) * shaded + haze * colours[hit]
+        return colours
+
+    def _tiles(self, geoms: npt.NDArray[np.int32], points: FloatArray) -> FloatArray:
+        """Brightness (n,) of a chequered floor; 1 elsewhere."""
+        even = np.floor(points[:, 0] / _TILE) + np.floor(points[:, 1] / _TILE)
+        tone = np.where(even % 2 == 0, 1.0 + _TILE_CONTRAST, 1.0 - _TILE_CONTRAST)
+        return np.where(self._is_floor[geoms], tone, 1.0)
+
+    def _shade(
+        self,
+        caster: RayCaster,
+        points: FloatArray,
+        directions: FloatArray,
+        normals: FloatArray,
+        surface: FloatArray,
+    ) -> FloatArray:
+        """Colours (n, 3) under the sky's light, the lamp's (where it is not hidden) and its reflection."""
+        to_lamp = self._lamp - points
+        to_lamp /= np.linalg.norm(to_lamp, axis=1, keepdims=True)
+        lamp = np.maximum(np.einsum("ij,ij->i", normals, to_lamp), 0.0)
+        halfway = to_lamp - directions
+        halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
+        gloss = np.maximum(np.einsum("ij,ij->i", normals, halfway), 0.0) ** _GLOSS
+        visible = np.zeros(len(points))
+        visible[lamp > 0.0] = self._lamp_visible(caster, points[lamp > 0.0])
+        sky = (1.0 - _LAMP_SHARE) * (1.3 + 0.7 * normals[:, 2])
+        fill = 0.10 * np.maximum(-np.einsum("ij,ij->i", normals, directions), 0.0)
+        matt = sky + fill + _LAMP_SHARE * lamp * visible
+        shaded: FloatArray = surface * matt[:, None] + (_GLOSS_SHARE * gloss * visible)[:, None]
+        return shaded
+
+    def _lamp_visible(self, caster: RayCaster, points: FloatArray) -> FloatArray:
+        """Share (n,) of the lamp that shines on each point: rays go from the lamp's points towards it."""
+        if not len(self._lamp_points):
+            return np.ones(len(points))
+        visible = np.zeros(len(points))
+        for lamp in self._lamp_points:
+            ways = points - lamp
+            lengths = np.linalg.norm(ways, axis=1)
+            _, distances, _ = caster.cast(lamp, ways / lengths[:, None])
+            visible += (distances < 0.0) | (distances > lengths - _SELF_SHADOW)
+        return visible / len(self._lamp_points)
+
+
+def _axes_of(view: Viewpoint) -> FloatArray:
+    """Columns: right, down, forward in the world, (3, 3)."""
+    forward = finite_array("viewpoint.focus", view.focus, (3,)) - np.asarray(view.eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(right) < 1e-6:
+        raise InputError("viewpoint: eye and focus must not stand above each other")
+    finite_number("viewpoint.field_of_view", view.field_of_view, above=0.0, maximum=3.0)
+    down = np.cross(forward, right)
+    return np.stack([axis / np.linalg.norm(axis) for axis in (right, down, forward)], axis=1)
+
+
+def _lamp_points(lamp: FloatArray, focus: FloatArray, count: int) -> FloatArray:
+    """Points (count, 3) spread over a disc that faces the focus: a sunflower's spiral; one: its centre."""
+    facing = (focus - lamp) / np.linalg.norm(focus - lamp)
+    across = np.cross(facing, [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    order = np.arange(count)
+    radius = _LAMP_RADIUS * np.sqrt((order + 0.5) / max(count, 1)) * (count > 1)
+    angle = order * _GOLDEN_ANGLE
+    sideways = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(facing, across)
+    points: FloatArray = lamp + radius[:, None] * sideways
+    return points
+
+
+def _sky(directions: FloatArray) -> FloatArray:
+    height = np.clip(directions[:, 2], 0.0, 1.0)[:, None] ** 0.6
+    sky: FloatArray = (1.0 - height) * _HORIZON + height * _ZENITH
+    return sky
+
+
+def _srgb(linear: FloatArray) -> FloatArray:
+    """The transfer curve of IEC 61966-2-1."""
+    return np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055
+    )
