@@ -1,0 +1,72 @@
+"""The goal image as the tracker sees it: pixels, features beyond the plan's end, and the pose it implies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.estimation import refine_pose
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.servoing import Feature
+
+if TYPE_CHECKING:
+    from omniservo.planning import CameraPath
+
+
+@dataclass(frozen=True, eq=False)
+class GoalImage:
+    """Where the servo ends."""
+
+    pixels: FloatArray
+    """(n, 2) [px]"""
+    offsets: FloatArray
+    """(n, 3) features of the goal image minus those of the plan's end; virtual-plane rows end with 0"""
+    pose: FloatArray
+    """(7,): quaternion (x, y, z, w) and translation [m] of initial_T_camera where the plan's points look
+    most like the goal image"""
+
+    @classmethod
+    def of(
+        cls,
+        camera: UnifiedCamera,
+        feature: Feature,
+        path: CameraPath,
+        points: FloatArray,
+        pixels: npt.ArrayLike | None,
+    ) -> GoalImage:
+        """Build it from goal pixels (n, 2) [px]; None: the projections of ``points`` at the path's end.
+
+        Raises:
+            InputError: a wrong shape, numbers that are not finite, a goal pixel that the camera cannot
+                unproject or that has no such feature, or a point that the path's end does not see.
+        """
+        initial_T_end = path(1.0)
+        ends = initial_T_end.inv().apply(points)
+        projected, visible = camera.project(ends)
+        if pixels is None and not visible.all():
+            j = int(np.argmin(visible))
+            raise InputError(f"goal_pixels: missing, and the plan's end does not see point {j}")
+        wanted = finite_array("goal_pixels", projected if pixels is None else pixels, (len(points), 2))
+        bearings, seen = camera.unproject(wanted)
+        goals, exist = feature.value(np.where(seen[:, None], bearings, 0.0))
+        planned, planned_exist = feature.value(ends)
+        if not (exist & planned_exist).all():
+            j = int(np.argmin(exist & planned_exist))
+            raise InputError(
+                f"goal_pixels: row {j}, {wanted[j]}: no such direction in the camera's domain, or none with "
+                "Z > 0 as virtual-plane features need"
+            )
+        offsets = np.zeros((len(points), 3))
+        if pixels is not None:
+            offsets[:, : feature.width] = goals - planned
+        # Where the goal image determines no pose (points on one line) the plan's end must do; the
+        # interaction matrix will say at the first step that such points cannot be servoed on.
+        refined = refine_pose(camera, points, wanted, initial_T_end)
+        initial_T_goal = initial_T_end if refined.reference_T_camera is None else refined.reference_T_camera
+        pose = np.concatenate((initial_T_goal.rotation.as_quat(), initial_T_goal.translation))
+        return cls(frozen(wanted), frozen(offsets), frozen(pose))

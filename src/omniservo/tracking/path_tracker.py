@@ -1,0 +1,237 @@
+"""Following a plan by the image, (41)-(44), and ending on the goal image itself."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
+from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
+from omniservo.servoing.control_law import singular_message
+from omniservo.tracking import step_kernel as kernel
+from omniservo.tracking.goal_image import GoalImage
+from omniservo.tracking.path_state import path_state
+from omniservo.tracking.stop_criterion import StopCriterion
+from omniservo.tracking.tracker_options import TrackerOptions
+from omniservo.tracking.tracker_report import Phase, TrackerReport
+
+if TYPE_CHECKING:
+    from omniservo.planning import Plan
+
+DEFAULT_DURATION = 4.0
+"""of the rest-to-rest law that is taken where none is given [s]"""
+
+BLEND_START = 0.5
+"""From this w on the reference turns from the planned points' features to those of the goal image."""
+
+PLACES_CHECKED = 201
+"""At so many places of the path virtual-plane features are checked for Z > 0."""
+
+
+class PathTracker:
+    """Turns images into camera twists that follow a plan and end on the goal image.
+
+    The reference is s*(w) = s_p(w) + β(w) (s_goal − s_p(1)): the planned points' features of (43), led over
+    to those of the goal image by a smooth β that is 0 up to w = 1/2 and 1 at w = 1. So the twist has no jump
+    between path and goal, and the end is the goal image even where the estimated points disagree with it.
+    Distances are those of the pose that explains the current image (44).
+
+    Args:
+        plan: any plan with a path; its points, in the initial camera frame, are what the pixels show.
+        camera: the camera that takes the images.
+        goal_pixels: (n, 2) [px], the points in the goal image; None: where the plan's end sees them.
+        options: see TrackerOptions.
+        time_law: w(t); None: rest to rest in 4 s.
+
+    Raises:
+        InputError: a plan without a path, fewer points than ``least_features``, goal pixels of another shape,
+            not finite, or that the camera cannot unproject; virtual-plane features and a path along which a
+            point leaves the half-space Z > 0.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        camera: UnifiedCamera,
+        *,
+        goal_pixels: npt.ArrayLike | None = None,
+        options: TrackerOptions | None = None,
+        time_law: TimeLaw | None = None,
+    ) -> None:
+        self.options = options or TrackerOptions()
+        """as given"""
+        self.time_law = time_law or RestToRestLaw(DEFAULT_DURATION)
+        """as given"""
+        self.report: TrackerReport | None = None
+        """of the last step that gave a twist; None before the first"""
+        if plan.path is None:
+            raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
+        self._camera = camera
+        self._feature = feature_named(self.options.feature)
+        self._points = np.ascontiguousarray(
+            finite_array("plan.problem.points", plan.problem.points, (None, 3))
+        )
+        if len(self._points) < self.options.least_features:
+            raise InputError(
+                f"plan: {len(self._points)} points; at least {self.options.least_features} are needed"
+            )
+        self._path = plan.path
+        self._rotation = np.array(plan.path.rotation, dtype=np.float64, order="C")
+        self._translation = np.array(plan.path.translation, dtype=np.float64, order="C")
+        if self.options.feature == "virtual-plane":
+            self._refuse_points_behind()
+        self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
+        self._goal_arrays = self._goal.pixels.copy(), self._goal.offsets.copy()
+        self._settings = _settings(self.options)
+        self._stop = StopCriterion(self._goal.pose, self.options)
+
+    @property
+    def done(self) -> bool:
+        """Whether the stop criteria of the options held at the last step."""
+        return self.report is not None and self.report.phase == "done"
+
+    @property
+    def goal(self) -> GoalImage:
+        """Where the servo ends."""
+        return self._goal
+
+    def step(self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> FloatArray:
+        """Return the camera twist (6,), (linear [m/s], angular [rad/s]), in the camera frame, by (43).
+
+        Args:
+            time: exposure of the image [s] since the start of the time law; the reference rests before 0.
+            pixels: (n, 2) [px], row j shows point j; rows of lost points may hold anything.
+            valid: (n,) bool, False for lost points; None: all are there. A pixel outside the camera's domain
+                counts as lost.
+
+        Raises:
+            FeatureLoss: fewer than ``least_features`` points are usable.
+            SingularInteraction: the usable points do not determine a twist.
+            Divergence: the points are further from their reference than ``divergence_px``, or no pose near
+                the last one or the planned one explains the image.
+            InputError: wrong shapes, a time before that of the previous image, or a number that is not finite
+                in a valid row.
+        """
+        seen, used = self._checked_image(time, pixels, valid)
+        w, w_dot, plan_seen, _ = self._planned(time)
+        w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
+        blend = np.array((_blend(w)[0], *_blend(w_now)))
+        blend[kernel.BLEND_RATE] *= w_dot_now
+        plan_twist *= w_dot_now
+        pose = plan_seen.copy() if self.report is None else self.report.pose.copy()
+        twist, reference, evidence = np.empty(6), np.empty((len(used), 2)), np.empty(6)
+        status = kernel.track_step(
+            self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
+            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, twist, reference, evidence,
+        )  # fmt: skip
+        if status != kernel.DONE:
+            raise self._error(status, seen, evidence)
+        _, error, goal_error, rms, conditioning, factor = evidence.tolist()
+        phase = self._phase(time, goal_error, pose)
+        self.report = TrackerReport(
+            time, w, w_dot, phase, used, reference, error, goal_error, pose, rms, conditioning, factor < 1.0
+        )
+        return twist
+
+    def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
+        """Return where the points are expected at ``time`` [s]: pixels (n, 2), and which exist (n,).
+
+        The pose of the last step, carried on by the planned motion since; before the first step the plan's.
+        Search windows for dots, and the places where lost dots are looked for, come from here.
+        """
+        plan_then = self._planned(time)[2]
+        plan_seen, pose = plan_then, plan_then
+        if self.report is not None:
+            plan_seen, pose = self._planned(self.report.time)[2], self.report.pose
+        pixels = np.empty((len(self._points), 2))
+        seen = np.empty(len(self._points), dtype=np.bool_)
+        kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
+        return pixels, seen
+
+    def _planned(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
+        """Return w, ẇ, the planned pose (7,) and the planned twist (6,) per unit w."""
+        w, w_dot = self.time_law(time)
+        pose, twist = np.empty(7), np.empty(6)
+        path_state(self._rotation, self._translation, w, pose, twist)
+        return w, w_dot, pose, twist
+
+    def _checked_image(
+        self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return pixels (n, 2) and a copy of ``valid`` (n,) as the kernel takes them."""
+        count = len(self._points)
+        seen = np.ascontiguousarray(pixels, dtype=np.float64)
+        if seen.shape != (count, 2):
+            raise InputError(
+                f"pixels: shape {seen.shape} given; ({count}, 2) is needed, a row for every point"
+            )
+        used = np.ones(count, dtype=np.bool_) if valid is None else np.array(valid, order="C")
+        if used.shape != (count,) or used.dtype != np.bool_:
+            raise InputError(f"valid: {used.dtype} {used.shape} given; bool ({count},) is needed")
+        if self.report is not None and time < self.report.time:
+            raise InputError(
+                f"time: {time:g} s given after an image of {self.report.time:g} s; it must not run backwards"
+            )
+        return seen, used
+
+    def _phase(self, time: float, goal_error: float, pose: FloatArray) -> Phase:
+        """Return the phase of the step at ``time`` [s]."""
+        if self.time_law.finished(time):
+            return "done" if self._stop.holds(time, goal_error, pose) else "goal"
+        self._stop.restart()
+        return "path"
+
+    def _error(self, status: int, pixels: FloatArray, evidence: FloatArray) -> Exception:
+        """Return the error that a status of the kernel stands for."""
+        options = self.options
+        if status == kernel.NOT_FINITE:
+            j = int(evidence[kernel.COUNT])
+            return InputError(f"pixels: row {j}, {pixels[j]}, is not finite; mark a lost point in valid")
+        count = int(evidence[kernel.COUNT])
+        if status == kernel.FEATURE_LOSS:
+            return FeatureLoss(
+                f"{count} of {len(pixels)} points are usable; at least {options.least_features} are needed"
+            )
+        if status == kernel.SINGULAR:
+            return SingularInteraction(singular_message(count, float(evidence[kernel.CONDITIONING])))
+        if status == kernel.NO_POSE:
+            return Divergence("no pose near the last one or the planned one explains the image")
+        return Divergence(
+            f"the points are {evidence[kernel.ERROR_PX]:.1f} px (rms) from where the plan has them; "
+            f"at most {options.divergence_px:g} px is allowed"
+        )
+
+    def _refuse_points_behind(self) -> None:
+        """Raise where virtual-plane features do not exist along the path."""
+        for w in np.linspace(0.0, 1.0, PLACES_CHECKED):
+            camera_points = self._path(w).inv().apply(self._points)
+            if (camera_points[:, 2] <= 0.0).any():
+                j = int(np.argmin(camera_points[:, 2] / np.linalg.norm(camera_points, axis=1)))
+                angle = math.degrees(math.acos(camera_points[j, 2] / float(np.linalg.norm(camera_points[j]))))
+                raise InputError(
+                    f"feature: virtual-plane needs Z > 0, but point {j} is {angle:.1f}° from the optical "
+                    f"axis at w = {w:.3f}; use bearing"
+                )
+
+
+def _settings(options: TrackerOptions) -> FloatArray:
+    """Return the options that the kernel reads."""
+    settings = np.empty(5)
+    settings[kernel.GAIN] = options.gain
+    settings[kernel.LEAST_FEATURES] = options.least_features
+    settings[kernel.DIVERGENCE_PX] = options.divergence_px
+    settings[kernel.MAX_LINEAR] = options.max_linear_speed
+    settings[kernel.MAX_ANGULAR] = options.max_angular_speed
+    return settings
+
+
+def _blend(w: float) -> tuple[float, float]:
+    """Return β(w), twice continuously differentiable, and dβ/dw."""
+    x = min(max((w - BLEND_START) / (1.0 - BLEND_START), 0.0), 1.0)
+    rest = 1.0 - x
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * x * x * rest * rest / (1.0 - BLEND_START)

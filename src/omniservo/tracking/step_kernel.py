@@ -1,0 +1,286 @@
+"""One control step, compiled: pixels and the planned motion in, camera twist and evidence out.
+
+Poses are (7,): the quaternion (x, y, z, w) and the translation of initial_T_camera [m].
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.cameras.unified_kernels import project_point, unproject_pixel
+from omniservo.estimation.pose_refinement import refine_pose_kernel
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.servoing.control_law import LEAST_CONDITIONING, limit_twist, solve_twist
+from omniservo.servoing.interaction import BEARING, LEAST_COSINE, write_feature, write_rows
+
+DONE = 0
+NOT_FINITE = 1
+FEATURE_LOSS = 2
+SINGULAR = 3
+NO_POSE = 4
+DIVERGED = 5
+
+GAIN, LEAST_FEATURES, DIVERGENCE_PX, MAX_LINEAR, MAX_ANGULAR = range(5)
+"""Places in ``settings``."""
+
+BLEND_SEEN, BLEND_NOW, BLEND_RATE = range(3)
+"""Places in ``blend``: β at the exposure, β and dβ/dt [1/s] when the twist acts."""
+
+COUNT, ERROR_PX, GOAL_ERROR_PX, POSE_RMS_PX, CONDITIONING, FACTOR = range(6)
+"""Places in ``evidence``; where the status is NOT_FINITE, COUNT holds the row instead."""
+
+
+@kernel
+def track_step(
+    parameters: FloatArray,
+    kind: int,
+    settings: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    goal_pixels: FloatArray,
+    offsets: FloatArray,
+    blend: FloatArray,
+    plan_seen: FloatArray,
+    plan_now: FloatArray,
+    plan_twist: FloatArray,
+    pose: FloatArray,
+    twist: FloatArray,
+    reference_pixels: FloatArray,
+    evidence: FloatArray,
+) -> int:
+    """Write the camera twist (6,) of (43) with depths by (44) and return the status.
+
+    Args:
+        parameters: the camera's.
+        kind: the feature, BEARING or VIRTUAL_PLANE.
+        settings: (5,), see GAIN and the rest.
+        points: (n, 3) [m] in the initial camera frame.
+        pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
+        valid: on return: the points used.
+        goal_pixels: (n, 2) [px] of the goal image.
+        offsets: (n, 3) goal image's features minus those of the plan's end; the reference is
+            s_p(w) + β offsets.
+        blend: (3,), see BLEND_SEEN and the rest.
+        plan_seen: (7,) planned pose at the exposure.
+        plan_now: (7,) planned pose when the twist acts.
+        plan_twist: (6,) planned twist when the twist acts, per second.
+        pose: (7,) in: guess of the pose at the exposure; out: the pose seen.
+        twist: (6,) out, within the speed limits; zero unless the status is DONE.
+        reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
+        evidence: (6,) out, see COUNT and the rest.
+    """
+    n = points.shape[0]
+    bearings = np.zeros((n, 3))
+    twist[:] = 0.0
+    evidence[:] = 0.0
+    status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
+    if status != DONE:
+        return status
+    seen = _see_pose(parameters, points, pixels, valid, plan_seen, pose, evidence)
+    _measure_gaps(
+        parameters, kind, points, pixels, valid, goal_pixels, offsets, blend[BLEND_SEEN], plan_seen,
+        reference_pixels, evidence,
+    )  # fmt: skip
+    rows = np.zeros((3 * n, 6))
+    target = np.zeros(3 * n)
+    c = np.empty(3)
+    planned = np.empty(3)
+    now = np.empty(3)
+    for j in range(n):
+        if not valid[j]:
+            continue
+        _into_camera(pose, points[j], c)
+        distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+        for a in range(3):
+            c[a] = distance * bearings[j, a]
+        _move(plan_seen, plan_now, c, now)
+        _into_camera(plan_now, points[j], planned)
+        _write_equations(
+            kind, settings[GAIN], now, planned, plan_twist, offsets[j], blend, rows[3 * j : 3 * j + 3],
+            target[3 * j : 3 * j + 3],
+        )  # fmt: skip
+    evidence[CONDITIONING] = solve_twist(rows, target, twist)
+    return _judge(settings, seen, twist, evidence)
+
+
+@kernel
+def predict_pixels(
+    parameters: FloatArray,
+    points: FloatArray,
+    pose: FloatArray,
+    plan_seen: FloatArray,
+    plan_then: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+) -> None:
+    """Write where the points will be: seen from ``pose``, then carried on by the planned motion."""
+    c = np.empty(3)
+    moved = np.empty(3)
+    for j in range(points.shape[0]):
+        _into_camera(pose, points[j], c)
+        _move(plan_seen, plan_then, c, moved)
+        pixels[j, 0], pixels[j, 1], valid[j] = project_point(parameters, moved[0], moved[1], moved[2])
+
+
+@kernel
+def _judge(settings: FloatArray, seen: bool, twist: FloatArray, evidence: FloatArray) -> int:
+    """Return the status, and limit the twist or set it to zero."""
+    total = 0.0
+    for a in range(6):
+        total += abs(twist[a])
+    status = DONE
+    # Written so that a NaN anywhere fails.
+    if not (evidence[CONDITIONING] >= LEAST_CONDITIONING and total < math.inf):
+        status = SINGULAR
+    elif not seen:
+        status = NO_POSE
+    elif not evidence[ERROR_PX] <= settings[DIVERGENCE_PX]:
+        status = DIVERGED
+    if status != DONE:
+        twist[:] = 0.0
+        return status
+    evidence[FACTOR] = limit_twist(twist, settings[MAX_LINEAR], settings[MAX_ANGULAR])
+    return DONE
+
+
+@kernel
+def _read_pixels(
+    parameters: FloatArray,
+    kind: int,
+    settings: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    bearings: FloatArray,
+    evidence: FloatArray,
+) -> int:
+    """Unproject the valid pixels; drop those that have no feature; count."""
+    count = 0
+    for j in range(pixels.shape[0]):
+        if not valid[j]:
+            continue
+        u, v = pixels[j, 0], pixels[j, 1]
+        if not (math.isfinite(u) and math.isfinite(v)):
+            evidence[COUNT] = j
+            return NOT_FINITE
+        x, y, z, ok = unproject_pixel(parameters, u, v)
+        valid[j] = ok and (kind == BEARING or z > LEAST_COSINE)
+        if valid[j]:
+            bearings[j, 0], bearings[j, 1], bearings[j, 2] = x, y, z
+            count += 1
+    evidence[COUNT] = count
+    return DONE if count >= settings[LEAST_FEATURES] else FEATURE_LOSS
+
+
+@kernel
+def _see_pose(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    plan_seen: FloatArray,
+    pose: FloatArray,
+    evidence: FloatArray,
+) -> bool:
+    """Refine ``pose`` on the pixels, from the guess in it or else from the plan's; False: neither works."""
+    for guess in (pose, plan_seen):
+        q, t, rms, ok = refine_pose_kernel(parameters, points, pixels, valid, guess[:4], guess[4:])
+        if ok:
+            pose[:4] = q
+            pose[4:] = t
+            evidence[POSE_RMS_PX] = rms
+            return True
+    return False
+
+
+@kernel
+def _measure_gaps(
+    parameters: FloatArray,
+    kind: int,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    goal_pixels: FloatArray,
+    offsets: FloatArray,
+    blend: float,
+    plan_seen: FloatArray,
+    reference_pixels: FloatArray,
+    evidence: FloatArray,
+) -> None:
+    """Write the reference's pixels and the rms distances to them and to the goal image [px]."""
+    c = np.empty(3)
+    s = np.empty(3)
+    total = 0.0
+    goal_total = 0.0
+    for j in range(points.shape[0]):
+        _into_camera(plan_seen, points[j], c)
+        write_feature(kind, c[0], c[1], c[2], s)
+        for a in range(3):
+            s[a] += blend * offsets[j, a]
+        u, v, ok = project_point(parameters, s[0], s[1], s[2] if kind == BEARING else 1.0)
+        reference_pixels[j, 0] = u if ok else math.nan
+        reference_pixels[j, 1] = v if ok else math.nan
+        if valid[j]:
+            goal_total += (pixels[j, 0] - goal_pixels[j, 0]) ** 2 + (pixels[j, 1] - goal_pixels[j, 1]) ** 2
+            # A reference that the camera cannot see is infinitely far: the plan does not hold there.
+            total += (pixels[j, 0] - u) ** 2 + (pixels[j, 1] - v) ** 2 if ok else math.inf
+    evidence[ERROR_PX] = math.sqrt(total / evidence[COUNT])
+    evidence[GOAL_ERROR_PX] = math.sqrt(goal_total / evidence[COUNT])
+
+
+@kernel
+def _write_equations(
+    kind: int,
+    gain: float,
+    now: FloatArray,
+    planned: FloatArray,
+    plan_twist: FloatArray,
+    offset: FloatArray,
+    blend: FloatArray,
+    rows: FloatArray,
+    target: FloatArray,
+) -> None:
+    """Write L̂ (3, 6) and (∂s*/∂w) ẇ − λ₂ (s − s*) (3,) of one point; zeros where a feature does not exist."""
+    flow = np.empty((3, 6))
+    s = np.empty(3)
+    reference = np.empty(3)
+    exists = write_feature(kind, now[0], now[1], now[2], s)
+    exists = write_feature(kind, planned[0], planned[1], planned[2], reference) and exists
+    if not exists:
+        return
+    write_rows(kind, now[0], now[1], now[2], rows)
+    write_rows(kind, planned[0], planned[1], planned[2], flow)
+    for a in range(3):
+        change = blend[BLEND_RATE] * offset[a]
+        for b in range(6):
+            change += flow[a, b] * plan_twist[b]
+        target[a] = change - gain * (s[a] - reference[a] - blend[BLEND_NOW] * offset[a])
+
+
+@kernel
+def _into_camera(pose: FloatArray, point: FloatArray, c: FloatArray) -> None:
+    """Write c = Rᵀ(h − t), (44) with the transpose where the paper prints R."""
+    x, y, z = point[0] - pose[4], point[1] - pose[5], point[2] - pose[6]
+    _rotate(-pose[0], -pose[1], -pose[2], pose[3], x, y, z, c)
+
+
+@kernel
+def _move(before: FloatArray, after: FloatArray, point: FloatArray, moved: FloatArray) -> None:
+    """Write the coordinates in camera pose ``after`` of a point given in camera pose ``before``."""
+    h = np.empty(3)
+    _rotate(before[0], before[1], before[2], before[3], point[0], point[1], point[2], h)
+    for a in range(3):
+        h[a] += before[4 + a]
+    _into_camera(after, h, moved)
+
+
+@kernel
+def _rotate(
+    qx: float, qy: float, qz: float, qw: float, x: float, y: float, z: float, out: FloatArray
+) -> None:
+    """Write R(q) (x, y, z) for the unit quaternion q: p + 2w(q×p) + 2 q×(q×p)."""
+    ax, ay, az = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
+    out[0] = x + qw * ax + qy * az - qz * ay
+    out[1] = y + qw * ay + qz * ax - qx * az
+    out[2] = z + qw * az + qx * ay - qy * ax
