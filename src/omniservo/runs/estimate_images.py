@@ -17,6 +17,7 @@ from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.simulation.take_picture import take_picture
 from omniservo.tasks import load_task
 
 
@@ -50,7 +51,7 @@ def estimate_simulated(task: str, *, camera: str | None = None, seed: int = 0) -
     goal = teach_goal(loaded, seed=seed + 1)
     scene = scene_of_task(loaded)
     robot = SimulatedRobot(scene, seed=seed)
-    image, joints = robot.next_image(), robot.read().joint_positions
+    image, joints = take_picture(robot), robot.read().joint_positions
     return estimate_task(loaded, scene, see(loaded.camera, image.pixels, goal.image), goal, joints)
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform
-
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.simulation import SimulatedRobot
@@ -32,7 +29,7 @@ class Recorder:
         report = self._controller.report
         if report is None:
             raise AssertionError("a step without a report")
-        truth = self._true_pose(self._robot.exposure_joints(step.image))
+        truth = self._world_T_initial.inv() * self._robot.world_T_camera(step.image.time)
         true_pixels, _ = self._camera.project(truth.inv().apply(self._points))
         self._log.rows.append(
             LogRow(
@@ -50,7 +47,7 @@ class Recorder:
                 true_position=truth.translation,
                 true_rotation=truth.rotation.as_rotvec(),
                 true_pixels=true_pixels,
-                arm_clearance=self._robot.obstacle_distance(),
+                arm_clearance=self._robot.arm_obstacle_distance(),
                 control_seconds=step.control_seconds,
             )
         )
@@ -62,6 +59,3 @@ class Recorder:
         if stop is not None:
             self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
         return self._log
-
-    def _true_pose(self, joints: FloatArray) -> RigidTransform:
-        return self._world_T_initial.inv() * self._robot.scene.world_T_camera(np.asarray(joints))

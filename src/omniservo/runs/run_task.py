@@ -28,6 +28,7 @@ from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import RunResult, Seen, Truth
 from omniservo.simulation.scene import Scene
 from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.simulation.take_picture import take_picture
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
 
@@ -69,7 +70,7 @@ def run_task(
     robot = SimulatedRobot(scene, seed=seed)
     seconds: dict[str, float] = {}
     progress("looking")
-    image, joints = robot.next_image(), robot.read().joint_positions
+    image, joints = take_picture(robot), robot.read().joint_positions
     seen, seconds["perception"] = _timed(lambda: see(task.camera, image.pixels, goal.image))
     progress("estimating motion and structure")
     estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
@@ -82,7 +83,7 @@ def run_task(
     log, images = _drive(task, robot, _controller(task, scene, plan, estimate, seen), seen, truth)
     progress("drawing")
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
-    outside = OutsideView(scene)
+    outside = OutsideView(robot.world)
     result = RunResult(
         task=task,
         method=method,
@@ -91,10 +92,10 @@ def run_task(
         estimate=estimate,
         plan=plan,
         log=log,
-        final_image=robot.next_image().pixels,
+        final_image=take_picture(robot).pixels,
         outside_initial=outside.render(scene.start_joints),
         outside_final=outside.render(robot.read().joint_positions),
-        film=film_of(log, images, scene),
+        film=film_of(log, images, robot.world),
         truth=truth,
         seconds=seconds | {"whole": perf_counter() - started},
         metrics={},
@@ -130,8 +131,8 @@ def _drive(
     recorder = Recorder(task, robot, controller, truth.points)
     stop = servo(
         robot,
-        robot.scene.arm,
-        robot.scene.flange_T_camera,
+        robot.world.scene.arm,
+        robot.world.scene.flange_T_camera,
         controller,
         DotTracker(task.camera, seen.initial_dots),
         wait=robot.advance,

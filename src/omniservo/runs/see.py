@@ -23,7 +23,7 @@ def see(camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> Seen:
     goal_dots = find_dots(goal, camera)
     require_dots(initial_dots.pixels, "the initial image")
     require_dots(goal_dots.pixels, "the goal image")
-    match = match_dots(camera, initial_dots.pixels, goal_dots.pixels)
+    match = match_dots(camera, initial_dots, goal_dots)
     if match.status != "ok":
         raise AnswerIsNo(f"the dots of the two images cannot be matched: {match.status}: {match.reason}")
     if len(match.pairs) < LEAST_DOTS:

@@ -7,6 +7,7 @@ from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception import find_dots
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
+from omniservo.simulation.take_picture import take_picture
 from omniservo.tasks import Task, TaughtGoal
 
 LEAST_DOTS = 8
@@ -21,8 +22,9 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
     """
     scene = scene_of_task(task)
     joints = goal_joints(task, scene)
-    robot = SimulatedRobot(scene, seed=seed, joints=joints)
-    image = robot.next_image()
+    robot = SimulatedRobot(scene, seed=seed)
+    robot.place(joints)
+    image = take_picture(robot)
     dots = find_dots(image.pixels, task.camera)
     require_dots(dots.pixels, f"{task.name}: the goal image")
     return TaughtGoal(task.camera, image.pixels, frozen(dots.pixels), frozen(robot.read().joint_positions))

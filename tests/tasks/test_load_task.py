@@ -1,0 +1,150 @@
+import numpy as np
+import pytest
+import yaml
+
+from omniservo.cameras import preset
+from omniservo.errors import InputError
+from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
+
+SHIPPED = ("catadioptric-ring", "paper-example-1", "paper-example-2", "perspective-wall")
+
+MINIMAL = {
+    "format": "omniservo.task/1",
+    "name": "small",
+    "summary": "a task",
+    "units": {"length": "mm", "angle": "deg"},
+    "camera": "fe185",
+    "arm": {"foot": [0, 0, -341], "flange_T_camera": {"translation": [0, 0, 90.5]}},
+    "start": {"world_T_camera": {"translation": [240, -50, 500]}, "joints_near": [0, 43, -64, 0, 111, 90]},
+    "target": {"dot_radius": 10, "dots": [{"center": [0, 0, 400]}]},
+    "teach": {"initial_T_goal": {"translation": [0, -100, 200], "rotation_vector": [0, 90, 0]}},
+    "scale": {"displacement": 223.6},
+}
+
+
+def written(tmp_path, document):
+    path = tmp_path / "task.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+def changed(field, value):
+    """MINIMAL with one field (dotted path) replaced."""
+    document = yaml.safe_load(yaml.safe_dump(MINIMAL))
+    *parents, last = field.split(".")
+    section = document
+    for parent in parents:
+        section = section.setdefault(parent, {})
+    section[last] = value
+    return document
+
+
+def test_the_four_tasks_are_shipped_and_valid():
+    assert shipped_tasks() == SHIPPED
+    for name in SHIPPED:
+        task = load_task(name)
+        assert task.name == name
+        assert len(task.target.dots) >= 9
+
+
+def test_lengths_are_metres_and_angles_radians_whatever_the_file_states(tmp_path):
+    task = load_task(written(tmp_path, MINIMAL))
+    np.testing.assert_allclose(task.teach.initial_T_goal.translation, [0, -0.1, 0.2])
+    np.testing.assert_allclose(task.teach.initial_T_goal.rotation_vector, [0, np.pi / 2, 0])
+    assert task.scale.displacement == pytest.approx(0.2236)
+    assert task.planning.least_distance == 0.02
+
+
+def test_the_papers_numbers_stand_in_its_tasks():
+    one, two = load_task("paper-example-1"), load_task("paper-example-2")
+    np.testing.assert_allclose(
+        np.array(one.teach.initial_T_goal.translation) * 1e3, [0.0497, -99.9782, 199.9552], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        np.rad2deg(two.teach.initial_T_goal.rotation_vector), [-0.0111, -24.9738, 0.0056], atol=1e-12
+    )
+    assert (one.planning.clearance, two.planning.clearance) == pytest.approx((0.055, 0.070))
+    points = np.array([o.center for o in one.planning.obstacles]) * 1e3
+    np.testing.assert_allclose(points, [[-10, -65, 85], [-5, -80, 90]], atol=1e-12)
+    assert one.camera == two.camera == preset("fe185")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("format", "omniservo.task/2", "format: 'omniservo.task/2' given; legal: 'omniservo.task/1'"),
+        ("units", {"length": "inch"}, "units.length: 'inch' given; legal: m, cm, mm"),
+        ("colour", "red", "colour: no such field"),
+        ("planning.clearence", 5, "planning.clearence: no such field"),
+        ("planning.clearance", -5, "planning.clearance"),
+        ("planning.clearance", float("nan"), "planning.clearance"),
+        ("target.dot_radius", 0, "target.dot_radius"),
+        ("target.dots", [], "target.dots"),
+        ("start.world_T_camera.quaternion", [0, 0, 0, 2], "norm 2"),
+        ("scale", {}, "exactly one"),
+        ("scale", {"displacement": 5, "odometry": True}, "exactly one"),
+        ("scale", {"known_length": {"dots": [1, 1], "length": 5}}, "must differ"),
+        ("camera", "../secret.yaml", "leaves the task's folder"),
+        ("camera", "missing.yaml", "neither a file nor a preset"),
+        ("camera", 5, "camera: 5 given"),
+        ("sensor.rate", 0, "sensor.rate"),
+        ("planning.degrees.rotation", 9, "planning.degrees.rotation"),
+        ("planning.workspace", {"min": [0, 0, 0], "max": [1, 1, 0]}, "smaller"),
+        ("name", "../x", "name"),
+    ],
+)
+def test_a_wrong_field_is_named_with_file_and_value(tmp_path, field, value, says):
+    path = written(tmp_path, changed(field, value))
+    with pytest.raises(InputError) as refusal:
+        load_task(path)
+    assert str(path) in str(refusal.value)
+    assert says in str(refusal.value)
+
+
+def test_a_missing_field_is_named(tmp_path):
+    document = {k: v for k, v in MINIMAL.items() if k != "arm"}
+    with pytest.raises(InputError, match="arm: Field required"):
+        load_task(written(tmp_path, document))
+
+
+def test_an_unknown_task_lists_the_shipped_ones():
+    with pytest.raises(InputError, match="paper-example-1, paper-example-2"):
+        load_task("paper-example-3")
+
+
+def test_another_camera_replaces_the_tasks(tmp_path):
+    assert load_task("paper-example-1", camera="perspective").camera == preset("perspective")
+
+
+def goal():
+    camera = preset("fe185")
+    image = np.arange(camera.width * camera.height, dtype=np.uint8).reshape(camera.height, camera.width)
+    return TaughtGoal(camera, image, np.array([[10.25, 20.5], [30.0, 40.125]]), np.linspace(0, 1, 6))
+
+
+def test_a_taught_goal_survives_its_file(tmp_path):
+    goal().save(tmp_path / "goal.json")
+    back = TaughtGoal.load(tmp_path / "goal.json")
+    assert back.camera == goal().camera
+    np.testing.assert_array_equal(back.image, goal().image)
+    np.testing.assert_array_equal(back.dots, goal().dots)
+    np.testing.assert_array_equal(back.joints, goal().joints)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("omniservo.goal/1", "omniservo.goal/7", "legal: 'omniservo.goal/1'"),
+        ('"dots"', '"points"', "dots, points"),
+        ("10.25", "NaN", "dots"),
+        ('"image_png": "', '"image_png": "AAAA', "not a PNG"),
+        ('"width": 659', '"width": 660', "659"),
+    ],
+)
+def test_a_damaged_goal_file_is_refused_with_its_reason(tmp_path, old, new, says):
+    path = tmp_path / "goal.json"
+    goal().save(path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=str(path)) as refusal:
+        TaughtGoal.load(path)
+    assert says in str(refusal.value)
