@@ -1,8 +1,8 @@
 """Time of one control step: pixels in, camera twist out, nine points.
 
-Run: ``python -m benchmarks.control_speed``. Timed is the public `PathTracker.step` with compiled kernels, every call on
-the image of a new instant along the path, as in a closed loop: checks, unprojection, pose refinement, reference,
-control law and report.
+Run: ``python -m benchmarks.control_speed``. Timed is the public `PathTracker.step` with compiled kernels,
+every call on the image of a new instant along the path, as in a closed loop: checks, unprojection, pose
+refinement, reference, control law and report.
 """
 
 from __future__ import annotations
