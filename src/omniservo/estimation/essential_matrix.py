@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
 from omniservo.estimation.linear_systems import symmetric_eigen
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 
 FAR = 50.0
@@ -111,6 +111,16 @@ def ray_distances(
     first = ((ty * dz - tz * dy) * nx + (tz * dx - tx * dz) * ny + (tx * dy - ty * dx) * nz) / sine2
     second = ((ty * bz - tz * by) * nx + (tz * bx - tx * bz) * ny + (tx * by - ty * bx) * nz) / sine2
     return first, second
+
+
+@kernel
+def mark_in_front(
+    bearings: FloatArray, rotation: FloatArray, translation: FloatArray, in_front: BoolArray
+) -> None:
+    """Write which matches' rays come closest at positive distances from both cameras, (n,)."""
+    for j in range(bearings.shape[0]):
+        first, second = ray_distances(bearings, j, rotation, translation)
+        in_front[j] = 0.0 < first < math.inf and 0.0 < second < math.inf
 
 
 @kernel

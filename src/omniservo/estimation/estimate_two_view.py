@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.essential_matrix import linear_structure, ray_distances
+from omniservo.estimation.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.evidence import judge
 from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
 from omniservo.estimation.matches import Matches
@@ -223,10 +223,9 @@ def _all_points(
         return structure
     points = np.empty((len(matches.pixels), 3))
     linear_structure(matches.bearings, rotation, translation, points)
-    for j in np.flatnonzero(~fit.members).tolist():
-        first, second = ray_distances(matches.bearings, j, rotation, translation)
-        if not (0.0 < first < math.inf and second > 0.0):
-            points[j] = math.nan
+    in_front = np.empty(len(points), dtype=np.bool_)
+    mark_in_front(matches.bearings, rotation, translation, in_front)
+    points[~in_front] = math.nan
     points[fit.members] = structure
     return points
 

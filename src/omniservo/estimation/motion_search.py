@@ -51,7 +51,7 @@ def search_motion(matches: Matches, kind: int, starts: list[FloatArray]) -> list
 
     ``kind`` is the parametrisation s_R of the joint refinement.
     """
-    motions = [motion for start in starts if (motion := _refined_motion(matches, start)) is not None]
+    motions = [motion for start in starts if (motion := refined_motion(matches, start)) is not None]
     motions.sort(key=lambda motion: motion[0])
     minima: list[Minimum] = []
     for cost, rotation, translation in motions:
@@ -73,7 +73,7 @@ def eight_point_starts(matches: Matches, angles: tuple[float, ...]) -> list[Floa
     return [math.cos(a) * first + math.sin(a) * second for a in angles]
 
 
-def _refined_motion(matches: Matches, start: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
+def refined_motion(matches: Matches, start: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
     """Return (epipolar cost, R, t) that ``start`` leads to, with the signs that put the points in front."""
     rotation, translation, essential = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     if motion_in_front(matches.bearings, start, rotation, translation) < 0:

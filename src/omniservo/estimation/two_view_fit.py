@@ -14,9 +14,16 @@ from omniservo.estimation.epipolar_refinement import (
     refine_epipolar,
     sampson_distances,
 )
-from omniservo.estimation.essential_matrix import motion_in_front, ray_distances
+from omniservo.estimation.essential_matrix import mark_in_front, motion_in_front
+from omniservo.estimation.joint_refinement import FARTHEST, write_residuals
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.motion_search import START_ANGLES, Minimum, eight_point_starts, search_motion
+from omniservo.estimation.motion_search import (
+    START_ANGLES,
+    Minimum,
+    eight_point_starts,
+    refined_motion,
+    search_motion,
+)
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 LEAST_POINTS = 8
@@ -65,12 +72,13 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
     """Return the fit to all matches, or to those that agree; None where fewer than eight agree.
 
     Robust: few matches are first fitted all together; only if they do not agree, and always where they are
-    many, the members come from sampling.
+    many, the members come from sampling. Not robust: many matches are only freed of those whose rays meet
+    behind a camera; no point can be that.
     """
     n = len(matches.pixels)
     everyone = np.ones(n, dtype=np.bool_)
     if not robust:
-        return _fit(matches, everyone, kind, None)
+        return _fit(matches, everyone if n <= FEW_POINTS else _possible(matches), kind, None)
     whole = None
     if n <= FEW_POINTS:
         whole = _fit(matches, everyone, kind, None)
@@ -107,7 +115,8 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
         return False
     distances, _ = _distances(matches, fit.minima[0].rotation, fit.minima[0].translation)
     sigma = _blended_noise(distances)
-    return bool(np.abs(distances).max() <= GATE * sigma) and sigma <= SAMPLE_THRESHOLD_PX
+    noise = math.sqrt(fit.cost / max(len(distances) - MOTION_PARAMETERS, 1))
+    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= SAMPLE_THRESHOLD_PX
 
 
 def _members(matches: Matches, essential: FloatArray) -> BoolArray:
@@ -130,11 +139,30 @@ def _members(matches: Matches, essential: FloatArray) -> BoolArray:
         if (near == members).all():
             break
         members = near
-    motion_in_front(matches.bearings[members], essential, rotation, translation)
-    for j in np.flatnonzero(members).tolist():
-        first, second = ray_distances(matches.bearings, j, rotation, translation)
-        members[j] = first > 0.0 and second > 0.0
+    if motion_in_front(matches.bearings[members], essential, rotation, translation) >= 0:
+        members &= ~_behind(matches, rotation, translation)
     return members
+
+
+def _possible(matches: Matches) -> BoolArray:
+    """Return the matches that can be points at all: those of which the rays do not meet behind a camera."""
+    motion = refined_motion(matches, eight_point_starts(matches, START_ANGLES[:1])[0])
+    if motion is None:
+        return np.ones(len(matches.pixels), dtype=np.bool_)
+    return ~_behind(matches, motion[1], motion[2])
+
+
+def _behind(matches: Matches, rotation: FloatArray, translation: FloatArray) -> BoolArray:
+    """Return which rays meet behind a camera, by more than a point at infinity seen with noise could."""
+    n = len(matches.pixels)
+    in_front = np.empty(n, dtype=np.bool_)
+    mark_in_front(matches.bearings, rotation, translation, in_front)
+    behind = ~in_front
+    if behind.any():
+        far, residuals = matches.bearings[:, :3] * FARTHEST, np.empty((n, 4))
+        write_residuals(matches.parameters, matches.pixels, rotation, translation, far, residuals)
+        behind &= ~(np.hypot(residuals[:, 2], residuals[:, 3]) < SAMPLE_THRESHOLD_PX)
+    return behind
 
 
 def _distances(
