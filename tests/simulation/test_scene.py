@@ -1,0 +1,74 @@
+"""The scene's values refuse what cannot stand in a world."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.simulation import Ball, Box, Dots, Sensor
+
+HERE = RigidTransform.identity()
+
+
+@pytest.mark.parametrize("extents", [[0.1, 0.1, 0.0], [0.1, -0.1, 0.1], [0.1, np.nan, 0.1], [0.1, 0.1]])
+def test_box_without_volume_is_refused(extents):
+    with pytest.raises(InputError, match="box 'post': half"):
+        Box("post", HERE, extents)
+
+
+def test_corners_of_a_turned_box_lie_where_they_should():
+    quarter = RigidTransform.from_components(
+        [1, 2, 3], RigidTransform.identity().rotation.from_rotvec([0, 0, np.pi / 2])
+    )
+    corners = Box("post", quarter, [0.1, 0.2, 0.3]).corners
+    np.testing.assert_allclose(corners.min(axis=0), [0.8, 1.9, 2.7], atol=1e-12)
+    np.testing.assert_allclose(corners.max(axis=0), [1.2, 2.1, 3.3], atol=1e-12)
+    assert len(np.unique(corners.round(9), axis=0)) == 8
+
+
+def test_ball_of_radius_zero_is_refused():
+    with pytest.raises(InputError, match="ball 'knob': radius"):
+        Ball("knob", [0, 0, 0], 0.0)
+
+
+def test_colour_outside_the_unit_cube_is_refused():
+    with pytest.raises(InputError, match="between 0 and 1"):
+        Ball("knob", [0, 0, 0], 0.1, colour=(255, 0, 0))
+
+
+def test_dots_need_one_normal_each_and_of_some_length():
+    with pytest.raises(InputError, match="normals"):
+        Dots([[0, 0, 1.0], [0, 1, 1]], [[0, 0, -1.0]], 0.01)
+    with pytest.raises(InputError, match="normal 1 has length 0"):
+        Dots([[0, 0, 1.0], [0, 1, 1]], [[0, 0, -1.0], [0, 0, 0]], 0.01)
+
+
+def test_normals_become_unit_and_arrays_read_only():
+    dots = Dots([[0, 0, 1.0]], [[0, 0, -7.0]], 0.01)
+    np.testing.assert_array_equal(dots.normals, [[0, 0, -1]])
+    with pytest.raises(ValueError, match="read-only"):
+        dots.centers[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("bad", [{"rate": 0}, {"latency": -0.1}, {"noise": np.nan}, {"blur": np.inf}])
+def test_impossible_sensor_is_refused(bad):
+    with pytest.raises(InputError, match=f"sensor: {next(iter(bad))}"):
+        Sensor(**bad)
+
+
+def test_start_outside_the_joint_range_is_refused(make_scene):
+    with pytest.raises(InputError, match="leave the arm's range"):
+        make_scene(start_joints=np.deg2rad([0, 0, 0, 0, 121, 0]))
+
+
+def test_two_bodies_of_one_name_are_refused(make_scene):
+    twins = (Box("post", HERE, [0.1, 0.1, 0.1]), Ball("post", [0, 0, 0], 0.1))
+    with pytest.raises(InputError, match="'post' is given twice"):
+        make_scene(obstacles=twins)
+
+
+def test_joints_for_a_camera_pose_put_the_camera_there(make_scene):
+    scene = make_scene()
+    ahead = scene.world_T_camera(scene.start_joints) * RigidTransform.from_translation([0.02, -0.03, 0.05])
+    joints = scene.joints_for(ahead, scene.start_joints)
+    np.testing.assert_allclose(scene.world_T_camera(joints).as_matrix(), ahead.as_matrix(), atol=1e-9)
