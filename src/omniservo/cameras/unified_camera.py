@@ -13,6 +13,8 @@ import numpy.typing as npt
 from omniservo.cameras import unified_kernels as kernels
 from omniservo.cameras.dead_zone import DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
+from omniservo.cameras.image_limits import ImageLimits, image_limits
+from omniservo.cameras.model_domain import cosine_of_radius, model_domain
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
 
@@ -202,6 +204,13 @@ class UnifiedCamera:
             inside &= du * du + dv * dv >= self.dead_zone.radius**2
         return np.asarray(inside.reshape(shape), dtype=np.bool_)
 
+    def image_limits(self, margin_px: float = 0.0) -> ImageLimits:
+        """Return what the image shows, every limit moved inward by ``margin_px`` [px], as cones.
+
+        See `ImageLimits` and `omniservo.cameras.image_limits.image_limits`.
+        """
+        return image_limits(self, margin_px)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the camera as it stands in a problem file; `from_dict` gives an equal camera."""
         names = (*_REQUIRED[1:5], "skew", "xi")
@@ -249,17 +258,6 @@ class UnifiedCamera:
             return cls(**given)
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
-
-
-def model_domain(xi: float) -> tuple[float, float]:
-    """Return the least Z/ρ of the model's domain (exclusive) and the largest r² that can be unprojected."""
-    return (-xi, math.inf) if xi <= 1.0 else (-1.0 / xi, 1.0 / ((xi - 1.0) * (xi + 1.0)))
-
-
-def cosine_of_radius(xi: float, radius: float) -> float:
-    """Return Z/ρ of the bearings that reach radius r = ‖m‖ (finite): (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
-    r2 = radius * radius
-    return (xi + math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * r2))) / (1.0 + r2) - xi
 
 
 def _rows(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tuple[int, ...]]:
