@@ -49,7 +49,7 @@ def dot_errors(scene, image, q):
             continue  # another edge in the window
         moment = np.array([darkness.sum(0) @ offsets, darkness.sum(1) @ offsets]) / darkness.sum()
         truth = disc_centroid(scene.camera, camera_T_world, center, normal, scene.dots.radius)
-        yield np.linalg.norm(moment + (column, row) - truth), np.linalg.norm(truth - pixel)
+        yield np.linalg.norm(np.add(moment, (column, row)) - truth), np.linalg.norm(truth - pixel)
 
 
 def test_dot_centres_are_where_projection_puts_them(make_scene, wall_renderer):

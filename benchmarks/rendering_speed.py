@@ -1,0 +1,36 @@
+"""Frames per second of the simulated camera, 659×432, the paper's fisheye.
+
+Run: ``python -m benchmarks.rendering_speed``. Timed is `UnifiedRenderer.photograph`: rays, edges, blur, noise
+and rounding, each frame with the arm elsewhere between the start and the goal of paper-example-1. Two threads.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from omniservo.simulation import UnifiedRenderer, World
+from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
+from omniservo.tasks import load_task
+
+
+def frames_per_second(frames: int = 40) -> float:
+    """Return 1 / (median time of a frame) [1/s]; one frame is rendered before the clock starts."""
+    task = load_task("paper-example-1")
+    scene = scene_of_task(task)
+    goal = goal_joints(task, scene)
+    renderer = UnifiedRenderer(World(scene))
+    noise = np.random.default_rng(0)
+    renderer.photograph(scene.start_joints, noise)
+    taken = []
+    for share in np.linspace(0.0, 1.0, frames):
+        joints = (1.0 - share) * scene.start_joints + share * goal
+        before = perf_counter()
+        renderer.photograph(joints, noise)
+        taken.append(perf_counter() - before)
+    return 1.0 / float(np.median(taken))
+
+
+if __name__ == "__main__":
+    print(f"rendering 659x432: {frames_per_second():.1f} frames/s (median)")
