@@ -1,7 +1,7 @@
 """Frames per second of the simulated camera, 659×432, the paper's fisheye.
 
 Run: ``python -m benchmarks.rendering_speed``. Timed is `UnifiedRenderer.photograph`: rays, edges, blur, noise
-and rounding, each frame with the arm elsewhere between the start and the goal of paper-example-1. Two threads.
+and rounding, each frame with the arm elsewhere between start and goal of paper-example-1. Two threads.
 """
 
 from __future__ import annotations
