@@ -89,6 +89,7 @@ class PathTracker:
         self._goal_arrays = self._goal.pixels.copy(), self._goal.offsets.copy()
         self._settings = _settings(self.options)
         self._stop = StopCriterion(self._goal.pose, self.options)
+        self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
 
     @property
     def done(self) -> bool:
@@ -118,21 +119,12 @@ class PathTracker:
                 in a valid row.
         """
         seen, used = self._checked_image(time, pixels, valid)
-        w, w_dot, plan_seen, _ = self._planned(time)
-        w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
-        blend = np.array((_blend(w)[0], *_blend(w_now)))
-        blend[kernel.BLEND_RATE] *= w_dot_now
-        plan_twist *= w_dot_now
-        pose = plan_seen.copy() if self.report is None else self.report.pose.copy()
-        twist, reference, evidence = np.empty(6), np.empty((len(used), 2)), np.empty(6)
-        status = kernel.track_step(
-            self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
-            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, twist, reference, evidence,
-        )  # fmt: skip
+        status, twist, reference, pose, evidence = self._run_kernel(time, seen, used)
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
+        w, w_dot = self.time_law(time)
         self.report = TrackerReport(
             time, w, w_dot, phase, used, reference, error, goal_error, pose, rms, conditioning, factor < 1.0
         )
@@ -152,6 +144,26 @@ class PathTracker:
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
         return pixels, seen
+
+    def _run_kernel(
+        self, time: float, seen: FloatArray, used: BoolArray
+    ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return status, twist (6,), reference pixels (n, 2), pose (7,) and evidence (6,); ``used`` changes.
+
+        The constructor calls it once without points, so that compiling does not delay the first twist.
+        """
+        w, _, plan_seen, _ = self._planned(time)
+        w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
+        blend = np.array((_blend(w)[0], *_blend(w_now)))
+        blend[kernel.BLEND_RATE] *= w_dot_now
+        plan_twist *= w_dot_now
+        pose = plan_seen.copy() if self.report is None else self.report.pose.copy()
+        twist, reference, evidence = np.empty(6), np.empty((len(used), 2)), np.empty(6)
+        status = kernel.track_step(
+            self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
+            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, twist, reference, evidence,
+        )  # fmt: skip
+        return status, twist, reference, pose, evidence
 
     def _planned(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Return w, ẇ, the planned pose (7,) and the planned twist (6,) per unit w."""
