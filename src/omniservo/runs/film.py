@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from omniservo.geometry.arrays import ByteArray
-from omniservo.simulation import OutsideView, World
+from omniservo.simulation import World
+from omniservo.simulation.outside_view import OutsideView
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import Film
 

@@ -22,8 +22,9 @@ from omniservo.runs.score import score
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.servoing import ImageServoOptions
-from omniservo.simulation import OutsideView, SimulatedRobot
+from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.closed_loop import Controller, servo
+from omniservo.simulation.outside_view import OutsideView
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import RunResult, Seen, Truth
 from omniservo.simulation.scene import Scene
@@ -134,7 +135,7 @@ def _drive(
         robot.world.scene.arm,
         robot.world.scene.flange_T_camera,
         controller,
-        DotTracker(task.camera, seen.initial_dots),
+        DotTracker(task.camera),
         wait=robot.advance,
         on_step=recorder.step,
         image_age=IMAGE_AGE,

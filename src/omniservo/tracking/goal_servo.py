@@ -9,10 +9,13 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import Divergence
+from omniservo.errors import Divergence, FeatureLoss
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.servoing import ImageServo, ImageServoOptions
+
+LEAST_POINTS = 4
+"""The pose needs four."""
 
 SETTLED_FRAMES = 5
 """The goal counts as reached after this many frames in a row within the tolerance."""
@@ -92,6 +95,8 @@ class GoalServo:
             FeatureLoss: too few dots are left.
             SingularInteraction: the dots do not determine a twist.
         """
+        if valid.sum() < LEAST_POINTS:
+            raise FeatureLoss(f"{int(valid.sum())} dots are left; at least {LEAST_POINTS} are needed")
         refined = refine_pose(self._camera, self._points, pixels, self._initial_T_camera, valid)
         if refined.reference_T_camera is None:
             raise Divergence(f"no camera pose explains the {int(valid.sum())} dots in the image")
