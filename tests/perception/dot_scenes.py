@@ -44,6 +44,12 @@ class Patch:
         x, y = reach * self.half[0] * np.cos(angle), reach * self.half[1] * np.sin(angle)
         return self.centre + np.stack([x, y], 1) @ self.axes[:, :2].T
 
+    def cone(self) -> tuple[Array, float]:
+        """Axis and cosine of half the angle of a cone from the origin that holds the patch."""
+        rays = self.outline() / np.linalg.norm(self.outline(), axis=1, keepdims=True)
+        axis = self.centre / np.linalg.norm(self.centre)
+        return axis, float(np.cos(min(1.05 * np.arccos((rays @ axis).min()) + 0.01, np.pi)))
+
     def hits(self, bearings: Array) -> Array:
         """Distance (n,) [m] along each ray, infinity where it misses."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -108,23 +114,14 @@ def intensity(camera: UnifiedCamera, scene: Scene) -> Array:
     """The picture before blur and noise: (height, width), real-valued."""
     h, w = camera.height, camera.width
     grid, bearings, valid = _grid(camera)
-    boxes = [_box(camera, patch) for patch in scene.patches]
-    greys = _shade(scene, boxes, grid, bearings, valid)
+    greys = _shade(scene, bearings, valid)
     picture = greys.reshape(h, w)
     edge = (maximum_filter(picture, 3) != minimum_filter(picture, 3)).reshape(-1)
     step = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
     offsets = np.stack(np.meshgrid(step, step), -1).reshape(-1, 2)
     fine = (grid[edge][:, None] + offsets).reshape(-1, 2)
-    greys[edge] = _shade(scene, boxes, fine, *camera.unproject(fine)).reshape(-1, SUBSAMPLES**2).mean(1)
+    greys[edge] = _shade(scene, *camera.unproject(fine)).reshape(-1, SUBSAMPLES**2).mean(1)
     return greys.reshape(h, w)
-
-
-def _box(camera: UnifiedCamera, patch: Patch) -> Array | None:
-    pixels, valid = camera.project(patch.outline())
-    if not valid.all():
-        return None
-    size = pixels.max(0) - pixels.min(0)
-    return np.stack([pixels.min(0) - 2 - 0.1 * size, pixels.max(0) + 2 + 0.1 * size])
 
 
 @lru_cache(maxsize=4)
@@ -134,18 +131,14 @@ def _grid(camera: UnifiedCamera) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     return grid, *camera.unproject(grid)
 
 
-def _shade(
-    scene: Scene,
-    boxes: list[Array | None],
-    pixels: Array,
-    bearings: Array,
-    valid: npt.NDArray[np.bool_],
-) -> Array:
+def _shade(scene: Scene, bearings: Array, valid: npt.NDArray[np.bool_]) -> Array:
     greys = np.where(valid, scene.background, 0.0)
-    nearest = np.full(len(pixels), np.inf)
-    for patch, box in zip(scene.patches, boxes, strict=True):
-        candidates = valid if box is None else valid & ((pixels >= box[0]) & (pixels <= box[1])).all(1)
-        index = np.flatnonzero(candidates)
+    nearest = np.full(len(bearings), np.inf)
+    x, y, z = np.ascontiguousarray(bearings.T)
+    for patch in scene.patches:
+        axis, cosine = patch.cone()
+        along = axis[0] * x + axis[1] * y + axis[2] * z
+        index = np.flatnonzero(valid & (along >= cosine))
         distance = patch.hits(bearings[index])
         closer = distance < nearest[index]
         nearest[index[closer]] = distance[closer]

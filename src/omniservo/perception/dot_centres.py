@@ -1,10 +1,10 @@
 """From the image of a circle to the image of its centre.
 
-The image of a circle's centre is not the centroid of the circle's image: the ray to the centre is not the axis
-of the cone, and the lens magnifies unevenly. On the plane that touches the unit sphere at the dot the cone is an exact
-ellipse; its two families of circular sections give two possible circles, hence two centres, one on each side
-of the cone's axis. One picture of one dot cannot tell them apart; several dots of one size on a surface can, because their
-distances say how the surface lies.
+The image of a circle's centre is not the centroid of the circle's image: the ray to the centre is not the
+axis of the cone, and the lens magnifies unevenly. On the plane that touches the unit sphere at the dot the
+cone is an exact ellipse; its two families of circular sections give two possible circles, hence two
+centres, one on each side of the cone's axis. One picture of one dot cannot tell them apart; several dots of
+one size on a surface can, because their distances say how the surface lies.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 # Seven points and weights in the unit disc, exact for polynomials of degree 5 (Stroud, S2: 5-1).
 _ANGLES = np.arange(6) * np.pi / 3
@@ -20,7 +20,7 @@ _NODES = np.vstack([[0.0, 0.0], np.sqrt(2 / 3) * np.stack([np.cos(_ANGLES), np.s
 _WEIGHTS = np.array([0.25] + [0.125] * 6)
 
 AGREE = np.cos(np.deg2rad(30.0))
-"""cosine of the largest angle between a circle's normal and the normal of the surface through its neighbours"""
+"""cosine of the largest angle between a circle's normal and that of the surface through its neighbours"""
 DECIDE = np.deg2rad(12.0)
 """[rad] by so much the better of the two normals must agree better"""
 
@@ -28,9 +28,9 @@ DECIDE = np.deg2rad(12.0)
 def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the image (n, 2) [px] of the centre of each circle, given the moments of its image.
 
-    Where the neighbours decide between the two circles, it is the centre of the right one; else the point half-way between the
-    two centres, which halves nothing but is never worse than ±(r/d)²/4 rad (r radius, d distance). A dot whose outline
-    the camera cannot unproject keeps its centroid.
+    Where the neighbours decide between the two circles, it is the centre of the right one; else the point
+    half-way between the two centres, which halves nothing but is never worse than ±(r/d)²/4 rad (r radius,
+    d distance). A dot whose outline the camera cannot unproject keeps its centroid.
 
     Args:
         camera: the camera that took the image.
@@ -53,12 +53,13 @@ def tangent_ellipses(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Return each dot as an ellipse on the plane that touches the unit sphere at its centroid.
 
-    The ellipse is the one whose image has the given moments, found by fixed-point steps; the moments of an ellipse's
-    image are integrals over the ellipse with the camera's Jacobian determinant as density.
+    The ellipse is the one whose image has the given moments, found by fixed-point steps; the moments of an
+    ellipse's image are integrals over the ellipse with the camera's Jacobian determinant as density.
 
     Returns:
-        frames (n, 3, 3), columns x, y and the bearing of the centroid; centre (n, 2) and covariance (n, 2, 2) of the ellipse on the plane
-        z = 1 of the frame; valid (n,), False where the camera does not see all of it.
+        frames (n, 3, 3), columns x, y and the bearing of the centroid; centre (n, 2) and covariance (n, 2,
+        2) of the ellipse on the plane z = 1 of the frame; valid (n,), False where the camera does not see
+        all of it.
     """
     bearings, valid = camera.unproject(centroids)
     bearings = np.where(valid[:, None], bearings, [0.0, 0.0, 1.0])
@@ -85,8 +86,9 @@ def circles(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the two circles of radius 1 whose cone has the given ellipse on the tangent plane.
 
-    With the cone xᵀQx = 0, eigenvalues λ₁ ≥ λ₂ > 0 > λ₃ and unit eigenvectors e₁, e₂, e₃ (e₃ towards the dot), g = √((λ₁−λ₂)/(λ₁−λ₃)) and
-    h = √((λ₂−λ₃)/(λ₁−λ₃)), the circles have normal ±g·e₁ + h·e₃ and centre z₀(±(λ₃/λ₂)·g·e₁ + (λ₁/λ₂)·h·e₃), z₀ = λ₂/√(−λ₁λ₃).
+    With the cone xᵀQx = 0, eigenvalues λ₁ ≥ λ₂ > 0 > λ₃ and unit eigenvectors e₁, e₂, e₃ (e₃ towards the
+    dot), g = √((λ₁−λ₂)/(λ₁−λ₃)) and h = √((λ₂−λ₃)/(λ₁−λ₃)), the circles have normal ±g·e₁ + h·e₃ and centre
+    z₀(±(λ₃/λ₂)·g·e₁ + (λ₁/λ₂)·h·e₃), z₀ = λ₂/√(−λ₁λ₃).
 
     Returns:
         bearings (n, 2, 3) of the two centres, normals (n, 2, 3), distance (n,) of both centres in radii.
@@ -124,7 +126,7 @@ def _image_moments(
     weight = weight / weight.sum(1, keepdims=True)
     mean = (weight[..., None] * pixels).sum(1)
     off = pixels - mean[:, None]
-    return mean, (weight[..., None] * off).swapaxes(1, 2) @ off, seen.all(1)
+    return mean, (weight[..., None] * off).swapaxes(1, 2) @ off, np.asarray(seen.all(1))
 
 
 def _cholesky(matrix: FloatArray) -> FloatArray:
@@ -134,10 +136,8 @@ def _cholesky(matrix: FloatArray) -> FloatArray:
     return np.stack([a, np.zeros_like(a), b, c], 1).reshape(-1, 2, 2)
 
 
-def _side_by_neighbours(
-    points: FloatArray, normals: FloatArray, valid: BoolArray
-) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Which of the two circles (0, 1) the plane through a dot and its neighbours agrees with; -1 undecided."""
+def _side_by_neighbours(points: FloatArray, normals: FloatArray, valid: BoolArray) -> IntArray:
+    """Which of the two circles (0, 1) agrees with the plane of a dot and its neighbours; -1: undecided."""
     side = np.full(len(points), -1, dtype=np.int64)
     index = np.flatnonzero(valid)
     if len(index) < 3:

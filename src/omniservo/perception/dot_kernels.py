@@ -16,10 +16,10 @@ from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
 
 GROWTH = 1.5
-"""how far outside the ellipse darkness is collected [px]: an edge is spread over one pixel, blur adds a little"""
+"""how far outside the ellipse darkness is collected [px]: an edge spreads over one pixel, blur adds to it"""
 RING = 1.5
 """width of the ring around it that must be bright, and gives the ground [px]"""
-STRAY = 0.2
+STRAY = 0.12
 """a pixel of the ring that is off the ground by more than this part of the contrast is something else"""
 PIXEL_VARIANCE = 1.0 / 12.0
 
@@ -29,7 +29,7 @@ COLUMNS = 14
 
 @kernel
 def edge_distance(x: float, y: float, a: float, b: float, c: float) -> float:
-    """Signed distance [px], to first order, from (x, y) to the ellipse a·x² + 2b·xy + c·y² = 1; inside < 0."""
+    """Signed first-order distance [px] from (x, y) to the ellipse a·x² + 2b·xy + c·y² = 1; inside < 0."""
     gx = a * x + b * y
     gy = b * x + c * y
     square = x * gx + y * gy
@@ -51,9 +51,12 @@ def inverse_of_shape(suu: float, suv: float, svv: float) -> tuple[float, float, 
 def fit_ground(
     image: ByteArray, box: IntArray, shape: FloatArray, tolerance: float, ground: FloatArray
 ) -> tuple[int, int, float]:
-    """Fit a plane of grey (value at the centre, two slopes) to the ring's pixels within ``tolerance`` of the last one.
+    """Fit a plane of grey (value at the centre, two slopes) to the ring.
 
-    Returns the number of pixels used, of those left out, and the squared deviations of the used ones from the last plane.
+    Pixels farther than ``tolerance`` from the last plane are left out.
+
+    Returns the number of pixels used, of those left out, and the squared deviations of the used ones from
+    the last plane.
     """
     u0, v0 = shape[0], shape[1]
     a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
@@ -96,8 +99,32 @@ def fit_ground(
 
 
 @kernel
+def guess_ground(image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray) -> float:
+    """Set a flat ground: the mean of the ring's brighter half. Returns how much darker it gets inside."""
+    a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
+    darkest = 255.0
+    level = -1.0
+    for _ in range(2):
+        total = n = 0.0
+        for v in range(box[1], box[3] + 1):
+            for u in range(box[0], box[2] + 1):
+                d = edge_distance(u - shape[0], v - shape[1], a, b, c)
+                g = float(image[v, u])
+                if d <= GROWTH:
+                    darkest = min(darkest, g)
+                elif d <= GROWTH + RING and g >= level:
+                    total += g
+                    n += 1.0
+        level = total / max(n, 1.0)
+    ground[0] = level
+    ground[1] = 0.0
+    ground[2] = 0.0
+    return level - darkest
+
+
+@kernel
 def fit_moments(image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray) -> float:
-    """Replace ``shape`` (u, v, S_uu, S_uv, S_vv) by the darkness's moments; returns the total darkness, ≤ 0: none."""
+    """Replace ``shape`` (u, v, S_uu, S_uv, S_vv) by the darkness's moments; returns its sum, 0: not dark."""
     u0, v0 = shape[0], shape[1]
     a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
     m = mx = my = mxx = mxy = myy = 0.0
@@ -135,7 +162,7 @@ def fit_moments(image: ByteArray, box: IntArray, shape: FloatArray, ground: Floa
 
 @kernel
 def set_box(shape: FloatArray, width: int, height: int, box: IntArray) -> bool:
-    """Set the pixels (u_min, v_min, u_max, v_max) that ellipse and ring can touch; False: they leave the image."""
+    """Set the pixels (u_min, v_min, u_max, v_max) of ellipse and ring; False: they leave the image."""
     reach_u = 2.0 * math.sqrt(shape[2]) + GROWTH + RING
     reach_v = 2.0 * math.sqrt(shape[4]) + GROWTH + RING
     box[0] = math.floor(shape[0] - reach_u)
@@ -192,10 +219,11 @@ def judge(
 def misfit(
     image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray, contrast: float, area: float
 ) -> tuple[float, float]:
-    """Root mean square of I − (g − c·T) over the dot and its edge, relative to c; and the blur's variance [px²].
+    """Rms of I − (g − c·T) over the dot and its edge, relative to c; and the blur's variance [px²].
 
-    The blur is the one that makes the ellipse's area equal to ``area`` = darkness / contrast; an edge blurred by
-    it is drawn as a ramp of the same variance. T is the mean over 4×4 points of the pixel near the edge.
+    The blur is the one that makes the ellipse's area equal to ``area`` = darkness / contrast; an edge
+    blurred by it is drawn as a ramp of the same variance. T is the mean over 4×4 points of the pixel near
+    the edge.
     """
     half_sum = 0.5 * (shape[2] + shape[4])
     spread = math.hypot(0.5 * (shape[2] - shape[4]), shape[3])
@@ -226,11 +254,11 @@ def misfit(
 
 @kernel
 def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: FloatArray) -> None:
-    """Measure every blob that starts at ``starts`` (n, 5): u, v, S_uu, S_uv, S_vv; into ``rows`` (n, `COLUMNS`).
+    """Measure every blob from its ``starts`` (n, 5): u, v, S_uu, S_uv, S_vv; into ``rows`` (n, `COLUMNS`).
 
-    Columns: u, v, S_uu, S_uv, S_vv [px, px²]; contrast, ground [grey]; ring's rms deviation [grey]; part of the
-    ring that is not ground; skewness; misfit [of the contrast]; area [px²]; 1 where it could be measured; what one
-    grey value of noise adds to the skewness (rms).
+    Columns: u, v, S_uu, S_uv, S_vv [px, px²]; contrast, ground [grey]; ring's rms deviation [grey]; part of
+    the ring that is not ground; skewness; misfit [of the contrast]; area [px²]; 1 where it could be
+    measured; what one grey value of noise adds to the skewness (rms).
     """
     height, width = image.shape
     shape = np.empty(5)
@@ -240,14 +268,15 @@ def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: Fl
         row = rows[i]
         row[:] = 0.0
         shape[:] = starts[i]
-        ground[:] = 0.0
-        tolerance = 1e3
+        tolerance = 0.0
         darkness = 0.0
         good = False
         for step in range(12):
             good = set_box(shape, width, height, box) and 4.0 * max(shape[2], shape[4]) < largest * largest
             if not good:
                 break
+            if step == 0:
+                tolerance = 2.0 * STRAY * guess_ground(image, box, shape, ground)
             n, left, squares = fit_ground(image, box, shape, tolerance, ground)
             row[7] = math.sqrt(squares / max(n, 1))
             row[8] = left / max(n + left, 1)

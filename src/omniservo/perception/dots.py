@@ -19,8 +19,8 @@ class Dots:
     area_px: FloatArray
     """(n,) [px²] area of each dot's image"""
     covariance: FloatArray
-    """(n, 2, 2) [px²] second central moments of each dot's image: an ellipse with half axes p, q along orthonormal
-    directions e, f has p²/4·eeᵀ + q²/4·ffᵀ. It is the dot's shape, not an uncertainty."""
+    """(n, 2, 2) [px²] second central moments of each dot's image, its shape, not an uncertainty: an ellipse
+    with half axes p, q along orthonormal directions e, f has p²/4·eeᵀ + q²/4·ffᵀ"""
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -32,9 +32,9 @@ def find_dots(
     """Find every whole dark ellipse on a light ground.
 
     Pixels darker than the mean around them, in two sizes of neighbourhood, give blobs; each blob gets
-    grey-weighted moments (`dot_kernels`) and counts as a dot where it is one grey inside an ellipse, is symmetric, and a bright
-    ring lies all around it. A dot that is cut by the image's border, by something in front of it or by the edge of the image
-    circle is none.
+    grey-weighted moments (`dot_kernels`) and counts as a dot where it is one grey inside an ellipse, is
+    symmetric, and a bright ring lies all around it. A dot that is cut by the image's border, by something
+    in front of it or by the edge of the image circle is none.
 
     With a camera, ``pixels`` is the image of the circle's centre (`circle_centres`), without it the centroid.
 
@@ -51,11 +51,9 @@ def find_dots(
     if min(image.shape) < 9:
         return Dots.none()
     noise = noise_of(image)
-    offset = max(0.5 * options.min_contrast, 3.5 * noise)
-    if offset >= 250:
-        return Dots.none()
-    blocks = [SMALL_BLOCK, 2 * int(options.max_diameter) + 1]
-    starts = [blob_moments(_darker_than_mean(image, block, offset), (0, 0), options) for block in blocks]
+    offset = threshold_offset(noise, options)
+    masks = [darker_than_mean(image, block, offset) for block in neighbourhoods(options)]
+    starts = [blob_moments(mask, (0, 0), options) for mask in masks]
     rows = measure(image, np.concatenate(starts), noise, options)
     return dots_from(rows, camera)
 
@@ -85,7 +83,7 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
 
 def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> Dots:
     """Turn measured rows into dots, in order, with the centre corrected where the camera is known."""
-    centroids, covariance = rows[:, :2], rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2)
+    centroids, covariance = rows[:, :2], covariances(rows)
     pixels = centroids if camera is None else circle_centres(camera, centroids, covariance)
     order = np.lexsort((pixels[:, 0], pixels[:, 1]))
     return Dots(pixels[order], rows[order, 11], covariance[order])
@@ -110,11 +108,11 @@ def blob_moments(mask: ByteArray, corner: tuple[int, int], options: DotOptions) 
 
 
 def noise_of(image: ByteArray) -> float:
-    """Estimate the standard deviation of the grey noise from the median of |second differences| along every fourth row."""
+    """Standard deviation of the grey noise, from the median |second difference| along every fourth row."""
     rows = image[::4].astype(np.int16)
     bend = np.abs(rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2])
     # the median of |normal| is 0.6745 σ, and a second difference has √6 σ
-    return float(np.median(bend)) / (0.6745 * np.sqrt(6.0))
+    return float(np.median(bend) / (0.6745 * np.sqrt(6.0)))
 
 
 def check_image(image: Any, camera: UnifiedCamera | None) -> None:
@@ -128,12 +126,25 @@ def check_image(image: Any, camera: UnifiedCamera | None) -> None:
         )
 
 
-def _darker_than_mean(image: ByteArray, block: int, offset: float) -> ByteArray:
-    return np.asarray(
-        cv2.adaptiveThreshold(
-            image, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, block, float(np.ceil(offset))
-        )
-    )
+def neighbourhoods(options: DotOptions) -> tuple[int, int]:
+    """Sides [px] of the squares whose mean is the threshold: for small dots, and for the largest."""
+    return SMALL_BLOCK, max(SMALL_BLOCK, 2 * int(options.max_diameter) + 1)
+
+
+def threshold_offset(noise: float, options: DotOptions) -> float:
+    """By how many grey values a pixel must be darker than the mean around it."""
+    return min(max(0.5 * options.min_contrast, 3.5 * noise), 255.0)
+
+
+def darker_than_mean(image: ByteArray, block: int, offset: float) -> ByteArray:
+    """Mask (h, w) of the pixels darker by ``offset`` than the mean of ``block``×``block`` pixels around."""
+    method, kind = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV
+    return np.asarray(cv2.adaptiveThreshold(image, 255, method, kind, block, float(np.ceil(offset))))
+
+
+def covariances(rows: FloatArray) -> FloatArray:
+    """Second central moments (n, 2, 2) [px²] of measured rows."""
+    return np.asarray(rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2))
 
 
 def _is_dot(rows: FloatArray, noise: float, options: DotOptions) -> Any:
@@ -145,7 +156,7 @@ def _is_dot(rows: FloatArray, noise: float, options: DotOptions) -> Any:
     grey = (contrast >= options.min_contrast) & (contrast >= MIN_SIGNAL * rows[:, 7])
     whole = (
         (rows[:, 8] <= MAX_STRAY)
-        & (rows[:, 9] <= np.minimum(MAX_SKEWNESS + 2.5 * noise * rows[:, 13], 0.3))
+        & (rows[:, 9] <= np.minimum(MAX_SKEWNESS + 2.5 * noise * rows[:, 13], 0.35))
         & (rows[:, 10] <= MAX_MISFIT + 0.4 / np.maximum(rows[:, 11], 1.0))
     )
     return (rows[:, 12] > 0) & shape & size & grey & whole
