@@ -216,7 +216,7 @@ def _largest_convex(angles: FloatArray, least: FloatArray) -> FloatArray:
         result = linprog(slope, A_ub=conditions, b_ub=np.zeros(n), bounds=bounds)
         if not result.success:
             raise InputError(f"image limits: no convex part of the distorted image found ({result.message})")
-        g = np.maximum(result.x, least)
+        g = np.maximum(np.asarray(result.x), least)
         new_area = 0.5 * float(np.sum(after / (g * np.roll(g, -1))))
         if new_area <= area * (1.0 + 1e-4):
             break
