@@ -281,3 +281,19 @@ def test_wrong_goal_pixels_are_named(goal_pixels, message):
 def test_wrong_options_are_named(options):
     with pytest.raises(InputError, match=next(iter(options))):
         TrackerOptions(**options)
+
+
+def test_a_reference_outside_the_camera_domain_is_left_out_of_the_error():
+    points = np.vstack((FRONT, [[0.5 * np.sin(np.radians(92.4)), 0.0, 0.5 * np.cos(np.radians(92.4))]]))
+    path = bent_path((0.0, 0.0, 0.02), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    path.rotation[:3, 0] = 0.0
+    path.rotation[:, 1] = 0.0
+    seen, _ = FISHEYE.project(points)
+    goal = FISHEYE.project(points - [0.0, 0.0, 1e-4])[0]
+    with pytest.raises(InputError, match="goal_pixels: missing, and the plan's end does not see point 9"):
+        PathTracker(plan_of(points, path), FISHEYE)
+    tracker = PathTracker(plan_of(points, path), FISHEYE, goal_pixels=goal)
+    tracker.step(1.2, seen)
+    assert np.isnan(tracker.report.reference_pixels[9]).all()
+    assert np.isfinite(tracker.report.reference_pixels[:9]).all()
+    assert 0.0 < tracker.report.error_px < 25.0

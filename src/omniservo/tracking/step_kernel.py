@@ -85,22 +85,10 @@ def track_step(
     )  # fmt: skip
     rows = np.zeros((3 * n, 6))
     target = np.zeros(3 * n)
-    c = np.empty(3)
-    planned = np.empty(3)
-    now = np.empty(3)
-    for j in range(n):
-        if not valid[j]:
-            continue
-        _into_camera(pose, points[j], c)
-        distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-        for a in range(3):
-            c[a] = distance * bearings[j, a]
-        _move(plan_seen, plan_now, c, now)
-        _into_camera(plan_now, points[j], planned)
-        _write_equations(
-            kind, settings[GAIN], now, planned, plan_twist, offsets[j], blend, rows[3 * j : 3 * j + 3],
-            target[3 * j : 3 * j + 3],
-        )  # fmt: skip
+    _write_system(
+        kind, settings[GAIN], points, valid, bearings, offsets, blend, pose, plan_seen, plan_now, plan_twist,
+        rows, target,
+    )  # fmt: skip
     evidence[CONDITIONING] = solve_twist(rows, target, twist)
     return _judge(settings, seen, twist, evidence)
 
@@ -183,9 +171,17 @@ def _see_pose(
     pose: FloatArray,
     evidence: FloatArray,
 ) -> bool:
-    """Refine ``pose`` on the pixels, from the guess in it or else from the plan's; False: neither works."""
+    """Refine ``pose`` on the pixels, from the guess in it or else from the plan's; False: neither works.
+
+    Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
+    """
+    c = np.empty(3)
+    fit = np.empty(points.shape[0], dtype=np.bool_)
     for guess in (pose, plan_seen):
-        q, t, rms, ok = refine_pose_kernel(parameters, points, pixels, valid, guess[:4], guess[4:])
+        for j in range(points.shape[0]):
+            _into_camera(guess, points[j], c)
+            fit[j] = valid[j] and project_point(parameters, c[0], c[1], c[2])[2]
+        q, t, rms, ok = refine_pose_kernel(parameters, points, pixels, fit, guess[:4], guess[4:])
         if ok:
             pose[:4] = q
             pose[4:] = t
@@ -208,10 +204,14 @@ def _measure_gaps(
     reference_pixels: FloatArray,
     evidence: FloatArray,
 ) -> None:
-    """Write the reference's pixels and the rms distances to them and to the goal image [px]."""
+    """Write the reference's pixels and the rms distances to them and to the goal image [px].
+
+    A point whose reference lies outside the camera's domain counts in the second alone.
+    """
     c = np.empty(3)
     s = np.empty(3)
     total = 0.0
+    count = 0
     goal_total = 0.0
     for j in range(points.shape[0]):
         _into_camera(plan_seen, points[j], c)
@@ -223,10 +223,50 @@ def _measure_gaps(
         reference_pixels[j, 1] = v if ok else math.nan
         if valid[j]:
             goal_total += (pixels[j, 0] - goal_pixels[j, 0]) ** 2 + (pixels[j, 1] - goal_pixels[j, 1]) ** 2
-            # A reference that the camera cannot see is infinitely far: the plan does not hold there.
-            total += (pixels[j, 0] - u) ** 2 + (pixels[j, 1] - v) ** 2 if ok else math.inf
-    evidence[ERROR_PX] = math.sqrt(total / evidence[COUNT])
+            if ok:
+                total += (pixels[j, 0] - u) ** 2 + (pixels[j, 1] - v) ** 2
+                count += 1
+    # Without any reference that the camera could see the plan does not hold here.
+    evidence[ERROR_PX] = math.sqrt(total / count) if count > 0 else math.inf
     evidence[GOAL_ERROR_PX] = math.sqrt(goal_total / evidence[COUNT])
+
+
+@kernel
+def _write_system(
+    kind: int,
+    gain: float,
+    points: FloatArray,
+    valid: BoolArray,
+    bearings: FloatArray,
+    offsets: FloatArray,
+    blend: FloatArray,
+    pose: FloatArray,
+    plan_seen: FloatArray,
+    plan_now: FloatArray,
+    plan_twist: FloatArray,
+    rows: FloatArray,
+    target: FloatArray,
+) -> None:
+    """Write the equations (3n, 6), (3n,) of all valid points when the twist acts; the other rows stay zero.
+
+    A point lies where its bearing was seen, at the distance (44), carried on by the planned motion since.
+    """
+    c = np.empty(3)
+    planned = np.empty(3)
+    now = np.empty(3)
+    for j in range(points.shape[0]):
+        if not valid[j]:
+            continue
+        _into_camera(pose, points[j], c)
+        distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+        for a in range(3):
+            c[a] = distance * bearings[j, a]
+        _move(plan_seen, plan_now, c, now)
+        _into_camera(plan_now, points[j], planned)
+        _write_equations(
+            kind, gain, now, planned, plan_twist, offsets[j], blend, rows[3 * j : 3 * j + 3],
+            target[3 * j : 3 * j + 3],
+        )  # fmt: skip
 
 
 @kernel
