@@ -19,10 +19,11 @@ _ANGLES = np.arange(6) * np.pi / 3
 _NODES = np.vstack([[0.0, 0.0], np.sqrt(2 / 3) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)])
 _WEIGHTS = np.array([0.25] + [0.125] * 6)
 
-AGREE = np.cos(np.deg2rad(30.0))
-"""cosine of the largest angle between a circle's normal and that of the surface through its neighbours"""
-DECIDE = np.deg2rad(12.0)
-"""[rad] by so much the better of the two normals must agree better"""
+NEIGHBOURS = 6
+OUT_OF_PLANE = np.deg2rad(30.0)
+"""a neighbour farther out of the dot's plane does not belong to its surface"""
+DECIDE = np.deg2rad(10.0)
+"""[rad] by so much the sum over the neighbours must be smaller for one circle than for the other"""
 
 
 def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -137,25 +138,23 @@ def _cholesky(matrix: FloatArray) -> FloatArray:
 
 
 def _side_by_neighbours(points: FloatArray, normals: FloatArray, valid: BoolArray) -> IntArray:
-    """Which of the two circles (0, 1) agrees with the plane of a dot and its neighbours; -1: undecided."""
+    """Which of the two circles (0, 1) lies in one surface with its neighbours; -1: undecided.
+
+    Of a dot on a board most neighbours lie in its plane, others beyond a ridge do not: the angles between
+    the plane and the directions to the neighbours are summed, each cut off at OUT_OF_PLANE.
+    """
     side = np.full(len(points), -1, dtype=np.int64)
     index = np.flatnonzero(valid)
-    if len(index) < 3:
-        return side
-    gaps = np.linalg.norm(points[index][:, None] - points[index], axis=2)
-    for i, row in zip(index, gaps, strict=True):
-        order = np.argsort(row, kind="stable")[:6]
-        near = index[order[row[order] <= 2.2 * row[order[1]]]]
-        if len(near) < 3:
-            continue
-        off = points[near] - points[i]
-        _, sizes, axes = np.linalg.svd(off)
-        if sizes[1] < 0.25 * sizes[0] or sizes[2] > 0.35 * sizes[1]:
-            continue
-        agreement = np.abs(normals[i] @ axes[2])
-        angles = np.arccos(np.minimum(agreement, 1.0))
-        best = int(np.argmin(angles))
-        if agreement[best] >= AGREE and angles[1 - best] - angles[best] >= DECIDE:
+    for i in index if len(index) > 2 else []:
+        off = points[index] - points[i]
+        gaps = np.linalg.norm(off, axis=1)
+        order = np.argsort(gaps, kind="stable")[1:NEIGHBOURS]
+        near = order[gaps[order] <= 2.2 * gaps[order[0]]]
+        sines = np.abs(off[near] @ normals[i].T) / np.maximum(gaps[near], 1e-12)[:, None]
+        angles = np.minimum(np.arcsin(np.minimum(sines, 1.0)), OUT_OF_PLANE)
+        total = angles.sum(0)
+        best = int(np.argmin(total))
+        if total[1 - best] - total[best] >= DECIDE and angles[:, best].min() < 0.5 * OUT_OF_PLANE:
             side[i] = best
     return side
 
