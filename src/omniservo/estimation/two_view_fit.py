@@ -49,6 +49,9 @@ that happen to be small must not reject the rest."""
 SIGNIFICANCE = 1e-3
 """Few matches are only rejected where chance explains the better fit with less than this probability."""
 
+UNSUSPICIOUS_NOISE_PX = 1.0
+"""Few points can hide a wrong match in a bad motion; more noise than this makes them suspicious."""
+
 LARGEST_NOISE_PX = 5.0
 """Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
 
@@ -86,14 +89,14 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
             return whole
     essential = np.empty((3, 3))
     _, inliers = find_consensus(matches.bearings, matches.jacobians, SAMPLE_THRESHOLD_PX, 1, essential)
-    if inliers < LEAST_POINTS:
-        return whole
+    if inliers < LEAST_POINTS:  # every sample is degenerate: so are all matches together, and judged as that
+        return whole or _fit(matches, everyone, kind, None)
     members = _members(matches, essential)
     if members.sum() < LEAST_POINTS:
         return whole
     if members.all() and whole is not None:
         return whole
-    chosen = _fit(matches, members, kind, essential)
+    chosen = _grown(matches, _fit(matches, members, kind, essential), kind)
     if whole is not None and not _significant(whole, chosen):
         return whole
     return chosen
@@ -109,6 +112,19 @@ def _fit(matches: Matches, members: BoolArray, kind: int, prior: FloatArray | No
     return TwoViewFit(members, search_motion(chosen, kind, starts))
 
 
+def _grown(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
+    """Return the fit after its own minimum, sharper than any sample's, has chosen the members once more."""
+    if not fit.minima:
+        return fit
+    best = fit.minima[0]
+    distances, essential = _distances(matches, best.rotation, best.translation)
+    near = np.abs(distances) <= GATE * _blended_noise(distances[fit.members])
+    near &= ~_behind(matches, best.rotation, best.translation)
+    if near.sum() <= fit.members.sum():
+        return fit
+    return _fit(matches, near, kind, essential)
+
+
 def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     """Tell whether no match lies beyond the gate of all, and σ is that of pixels and not of blunders."""
     if not fit.minima:
@@ -116,7 +132,7 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     distances, _ = _distances(matches, fit.minima[0].rotation, fit.minima[0].translation)
     sigma = _blended_noise(distances)
     noise = math.sqrt(fit.cost / max(len(distances) - MOTION_PARAMETERS, 1))
-    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= SAMPLE_THRESHOLD_PX
+    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= UNSUSPICIOUS_NOISE_PX
 
 
 def _members(matches: Matches, essential: FloatArray) -> BoolArray:
