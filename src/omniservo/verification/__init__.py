@@ -1,1 +1,7 @@
 """The independent, exact check of a plan file. Imports nothing else of ours."""
+
+from omniservo.verification.certificate import Certificate, Judgement
+from omniservo.verification.fields import PlanFileError
+from omniservo.verification.verify_plan import verify_plan
+
+__all__ = ["Certificate", "Judgement", "PlanFileError", "verify_plan"]

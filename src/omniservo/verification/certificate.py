@@ -1,0 +1,40 @@
+"""The verifier's answer."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+Status = Literal["certified", "refuted", "undecided"]
+
+
+class Judgement(NamedTuple):
+    """One constraint of the problem, or one line of the plan's certificate that stands for none."""
+
+    name: str
+    margin: float
+    """as the plan states it; 0 where it states none"""
+    unit: str
+    verdict: Literal["holds", "violated", "undecided"]
+    """of that margin and of the constraint itself"""
+    w: float | None
+    """where it does not hold"""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is proven of a plan file.
+
+    ``certified``: the path and every claim of the file are proven. ``refuted``: something in it is false
+    or missing. ``undecided``: neither. ``reasons`` says why it is not certified, one readable line each.
+    """
+
+    status: Status
+    constraints: tuple[Judgement, ...]
+    reasons: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the answer as plain lists and numbers."""
+        return {
+            "status": self.status,
+            "constraints": [judgement._asdict() for judgement in self.constraints],
+            "reasons": list(self.reasons),
+        }

@@ -1,0 +1,143 @@
+"""The polygon of a distorted camera: proven to lie inside the image before a point is proven to lie in it.
+
+1. The polygon is convex and contains the principal axis.
+2. The distortion's Jacobian is symmetric, and I on the axis. Its determinant is positive everywhere on the
+   polygon, so it is positive definite there, and the distortion is one-to-one.
+3. Such a map takes inner points to inner points, so u and v take their extremes on the outline: it is enough
+   that the outline stays inside the image's edges.
+4. The circles are convex: it is enough that they contain the vertices.
+"""
+
+from fractions import Fraction
+from itertools import combinations
+
+from omniservo.verification.decision import HOLDS, Finding, nonnegative
+from omniservo.verification.fields import Vector
+from omniservo.verification.image_limits import circle_radius, edges
+from omniservo.verification.pixels import combine_sums, distort
+from omniservo.verification.plan_file import Camera
+from omniservo.verification.polynomials import integers
+
+_MOST_TRIANGLES = 20_000
+Corner = tuple[int, int]
+Triangle = tuple[Corner, Corner, Corner]
+Form = dict[int, int]
+"""A form in barycentric coordinates: the coefficient of λ₀ⁿ⁻ⁱ⁻ʲ λ₁ⁱ λ₂ʲ stands at 16i + j."""
+
+
+def anticlockwise(polygon: tuple[Vector, ...]) -> tuple[Vector, ...] | None:
+    """Return the vertices with the polygon to the left of every side; None where it is not convex."""
+    n = len(polygon)
+    area = sum((_cross(polygon[i - 1], polygon[i]) for i in range(n)), Fraction(0))
+    vertices = polygon if area > 0 else polygon[::-1]
+    flat = integers(*(x for vertex in vertices for x in vertex))
+    corners = list(zip(flat[::2], flat[1::2], strict=True))
+    for i in range(n):
+        (x0, y0), (x1, y1) = corners[i - 1], corners[i]
+        dx, dy = x1 - x0, y1 - y0
+        if any(dx * (y - y0) < dy * (x - x0) for x, y in corners):
+            return None
+    return vertices if area != 0 else None
+
+
+def region(camera: Camera, polygon: tuple[Vector, ...], inset: Fraction) -> Finding:
+    """Decide whether the distorted polygon lies in the image, ``inset`` px inside its limits, one-to-one."""
+    vertices = anticlockwise(polygon)
+    if vertices is None:
+        return Finding("violated", None, "the polygon is not convex")
+    if any(_cross(vertices[i - 1], vertices[i]) < 0 for i in range(len(vertices))):
+        return Finding("undecided", None, "the polygon does not contain the principal axis; not judged")
+    radius = circle_radius(camera, inset)
+    for x, y in vertices:
+        outside_domain = camera.xi > 1 and (camera.xi**2 - 1) * (x * x + y * y) >= 1
+        if outside_domain or (radius is not None and (radius < 0 or x * x + y * y > radius**2)):
+            at = f"({float(x):.6g}, {float(y):.6g})"
+            return Finding(
+                "violated", None, f"polygon vertex {at} lies outside the largest angle or the domain"
+            )
+    scaled = integers(Fraction(1), *(x for vertex in vertices for x in vertex))
+    one, corners = scaled[0], list(zip(scaled[1::2], scaled[2::2], strict=True))
+    return _one_to_one(camera, one, corners) or _outline_inside(camera, one, corners, inset) or HOLDS
+
+
+def _cross(a: Vector, b: Vector) -> Fraction:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def _outline_inside(camera: Camera, one: int, corners: list[Corner], inset: Fraction) -> Finding | None:
+    """Return what is wrong with the distorted outline: along a side, u and v are polynomials of degree 5."""
+    lines = {}
+    for name, (l1, l2, l3) in edges(camera, inset).items():
+        lines[name] = integers(
+            l1 * camera.fx, l1 * camera.skew + l2 * camera.fy, l1 * camera.cx + l2 * camera.cy + l3
+        )
+    for i, (x1, y1) in enumerate(corners):
+        x0, y0 = corners[i - 1]
+        x, y, d = distort(([x0, x1 - x0], [0]), ([y0, y1 - y0], [0]), ([one], [0]), [0], camera.distortion)
+        for name, weights in lines.items():
+            found = nonnegative(combine_sums(*zip(weights, (x, y, d), strict=True))[0])
+            if found.verdict != "holds":
+                return Finding(
+                    found.verdict, None, f"polygon side {i - 1 if i else len(corners) - 1} crosses the {name}"
+                )
+    return None
+
+
+def _one_to_one(camera: Camera, one: int, corners: list[Corner]) -> Finding | None:
+    """Return what is wrong unless the determinant is positive on all triangles (axis, vertex, vertex)."""
+    stack = [(one, ((0, 0), corners[i - 1], corners[i])) for i in range(len(corners))]
+    coefficients = integers(Fraction(1), *camera.distortion)
+    for _ in range(_MOST_TRIANGLES):
+        if not stack:
+            return None
+        scale, triangle = stack.pop()
+        form = _determinant(coefficients, scale, triangle)
+        if any(form.get(corner, 0) <= 0 for corner in (0, 8 * 16, 8)):
+            return Finding("violated", None, "the distortion is not one-to-one on the polygon")
+        if min(form.values()) < 0:
+            stack += _bisected(scale, triangle)
+    return Finding("undecided", None, "the distortion is hardly one-to-one on the polygon; not settled")
+
+
+def _bisected(scale: int, triangle: Triangle) -> list[tuple[int, Triangle]]:
+    """Halve the triangle through the middle of its longest side, all numbers doubled."""
+    a, b = max(combinations(triangle, 2), key=lambda s: (s[0][0] - s[1][0]) ** 2 + (s[0][1] - s[1][1]) ** 2)
+    opposite = next(c for c in triangle if c not in (a, b))
+    middle = (a[0] + b[0], a[1] + b[1])
+    doubled = {c: (2 * c[0], 2 * c[1]) for c in triangle}
+    return [(2 * scale, (doubled[opposite], doubled[end], middle)) for end in (a, b)]
+
+
+def _times(p: Form, q: Form) -> Form:
+    product: Form = {}
+    for i, a in p.items():
+        for j, b in q.items():
+            product[i + j] = product.get(i + j, 0) + a * b
+    return product
+
+
+def _sum(*terms: tuple[int, Form]) -> Form:
+    total: Form = {}
+    for k, p in terms:
+        for i, a in p.items():
+            total[i] = total.get(i, 0) + k * a
+    return total
+
+
+def _determinant(coefficients: list[int], scale: int, triangle: Triangle) -> Form:
+    """Return the determinant of the distortion's Jacobian, a form of degree 8 on the triangle.
+
+    Its coefficients are the Bernstein coefficients times positive integers.
+    """
+    unit, k1, k2, p1, p2 = coefficients
+    x, y = ({0: t[0], 16: t[1], 1: t[2]} for t in zip(*triangle, strict=True))
+    one = {0: scale, 16: scale, 1: scale}
+    square, cube = _times(one, one), _times(_times(one, one), one)
+    xx, yy = _times(x, x), _times(y, y)
+    s = _sum((1, xx), (1, yy))
+    radial = _sum((unit, _times(square, square)), (k1, _times(s, square)), (k2, _times(s, s)))
+    slope = _sum((2 * k1, square), (4 * k2, s))
+    j_xx = _sum((1, radial), (1, _times(slope, xx)), (1, _times(cube, _sum((2 * p1, y), (6 * p2, x)))))
+    j_yy = _sum((1, radial), (1, _times(slope, yy)), (1, _times(cube, _sum((6 * p1, y), (2 * p2, x)))))
+    j_xy = _sum((1, _times(slope, _times(x, y))), (1, _times(cube, _sum((2 * p1, x), (2 * p2, y)))))
+    return _sum((1, _times(j_xx, j_yy)), (-1, _times(j_xy, j_xy)))

@@ -1,0 +1,90 @@
+"""Every constraint of a problem judged along one path."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from omniservo.verification.camera_path import CameraPath, CameraPoint, camera_points
+from omniservo.verification.clearance import clearance
+from omniservo.verification.constraint import Constraint
+from omniservo.verification.dead_zone import dead_zone
+from omniservo.verification.decision import HOLDS, Finding
+from omniservo.verification.domain import domain
+from omniservo.verification.fields import NotJudged, Vector
+from omniservo.verification.least_distance import least_distance
+from omniservo.verification.occlusion import occlusion
+from omniservo.verification.plan_file import Problem
+from omniservo.verification.rotation import rotation
+from omniservo.verification.visibility import visibility
+from omniservo.verification.workspace import workspace
+
+MOST_WORK = 2_000_000
+"""Target points times limits on each: more is not judged."""
+_SAMPLES = 128
+
+
+@dataclass
+class Case:
+    """A constraint, the margin that is claimed for it, and what was found."""
+
+    constraint: Constraint[Any]
+    margin: Fraction
+    finding: Finding = HOLDS
+    subject: Any = None
+    point: int | None = None
+
+    @property
+    def name(self) -> str:
+        """The constraint, and the point that it is lost on."""
+        return self.constraint.name + ("" if self.point is None else f" (point {self.point})")
+
+    def judge(self, judges: list[Any], subject: CameraPath | CameraPoint, point: int | None) -> None:
+        """Keep the first violation, else the first doubt."""
+        for judge in judges if self.finding.verdict != "violated" else ():
+            finding = judge(subject)
+            if finding.verdict == "violated" or (finding.verdict != "holds" and self.finding is HOLDS):
+                self.finding, self.subject, self.point = finding, subject, point
+
+    def reason(self) -> str:
+        """Name constraint, point, w and amount in one line."""
+        if self.finding.note:
+            return f"{self.constraint.name}: {self.finding.note}"
+        if self.finding.w is None or self.finding.verdict == "undecided":
+            return f"{self.name}: a margin of {float(self.margin):.9g} is neither proven nor refuted"
+        candidates = [self.finding.w, *(Fraction(k, _SAMPLES) for k in range(_SAMPLES + 1))]
+        left, w = min((self.constraint.left(self.subject, w), w) for w in candidates)
+        unit = self.constraint.unit
+        needed = f"{float(self.margin):.9g} {unit} needed"
+        return f"{self.name}: {left:.9g} {unit} left at w = {float(w):.6g}, {needed}"
+
+
+def judged(
+    problem: Problem, path: CameraPath, polygon: tuple[Vector, ...] | None, margins: Mapping[str, Fraction]
+) -> list[Case]:
+    """Derive every constraint from the problem and judge it for the margin claimed, 0 where none is.
+
+    Raises:
+        NotJudged: more points and limits than are judged.
+    """
+    families = [clearance, workspace, rotation]
+    on_path = [_prepared(c, margins) for family in families for c in family(problem)]
+    on_points = [
+        _prepared(c, margins)
+        for family in (domain, lambda p: visibility(p, polygon), dead_zone, least_distance, occlusion)
+        for c in family(problem)
+    ]
+    if len(problem.points) * (len(on_points) + len(polygon or ())) > MOST_WORK:
+        raise NotJudged(f"{len(problem.points)} points under {len(on_points)} limits: more than is judged")
+    for case, judges in on_path:
+        case.judge(judges, path, None)
+    for j, point in enumerate(camera_points(path, problem.points)):
+        for case, judges in on_points:
+            case.judge(judges, point, j)
+    return [case for case, _ in on_path + on_points]
+
+
+def _prepared(constraint: Constraint[Any], margins: Mapping[str, Fraction]) -> tuple[Case, list[Any]]:
+    """A negative margin may be true, but the constraint itself must hold all the same."""
+    margin = margins.get(constraint.name, Fraction(0))
+    return Case(constraint, margin), [constraint.judge(m) for m in sorted({margin, max(margin, Fraction(0))})]
