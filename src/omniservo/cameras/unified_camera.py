@@ -22,6 +22,9 @@ _LARGEST_IMAGE = 100_000
 _ANGLE_SLACK = 1e-15
 """on the cosine of max_angle: a point at that angle is inside, whatever the rounding"""
 
+_RADIUS_SLACK = 1e-13
+"""on r²: the rounded pixel of a valid point can be unprojected"""
+
 _REQUIRED = ("model", "fx", "fy", "cx", "cy", "xi", "width", "height")
 _OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone")
 
@@ -112,12 +115,13 @@ class UnifiedCamera:
         if self.max_angle is not None and self.max_angle < angle:
             angle = self.max_angle
             cosine = max(cosine, math.cos(angle) - _ANGLE_SLACK)
-            r2 = min(r2, (math.sin(angle) / (cosine + self.xi)) ** 2 * (1.0 + 8e-15))
+            r2 = min(r2, (math.sin(angle) / (cosine + self.xi)) ** 2)
         radius = largest_invertible_radius(self.distortion)
         if radius * radius < r2:
             r2 = radius * radius
             cosine = max(cosine, cosine_of_radius(self.xi, radius))
             angle = min(angle, math.acos(cosine))
+        r2 *= 1.0 + _RADIUS_SLACK
         reach = largest_distorted_radius(self.distortion, math.sqrt(r2)) * (1.0 + 1e-12)
         values = [self.fx, self.fy, self.cx, self.cy, self.skew, self.xi, *self.distortion]
         parameters = frozen(np.array([*values, cosine, r2, reach * reach]))
@@ -201,7 +205,7 @@ class UnifiedCamera:
         inside = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         if self.dead_zone is not None:
             du, dv = u - self.dead_zone.center[0], v - self.dead_zone.center[1]
-            inside &= du * du + dv * dv >= self.dead_zone.radius**2
+            inside &= np.hypot(du, dv) >= self.dead_zone.radius
         return np.asarray(inside.reshape(shape), dtype=np.bool_)
 
     def image_limits(self, margin_px: float = 0.0) -> ImageLimits:
