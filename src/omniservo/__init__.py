@@ -1,3 +1,70 @@
-"""Certified visual-servo path planning for every central camera."""
+"""Certified visual-servo path planning for every central camera.
+
+The public names are imported when they are first used, so that ``import omniservo`` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from omniservo.calibration import load_camera, save_camera
+    from omniservo.cameras import DeadZone, UnifiedCamera, preset, tangent_view
+    from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
+    from omniservo.estimation import TwoViewEstimate, estimate_two_view
+    from omniservo.planning import CameraPath, Certificate, Plan, PlanningProblem, plan_path
+    from omniservo.tracking import PathTracker, TrackerOptions
+    from omniservo.verification import verify_plan
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "load_camera": "calibration",
+    "save_camera": "calibration",
+    "DeadZone": "cameras",
+    "UnifiedCamera": "cameras",
+    "preset": "cameras",
+    "tangent_view": "cameras",
+    "AnswerIsNo": "errors",
+    "InputError": "errors",
+    "OmniservoError": "errors",
+    "ServoStop": "errors",
+    "TwoViewEstimate": "estimation",
+    "estimate_two_view": "estimation",
+    "CameraPath": "planning",
+    "Certificate": "planning",
+    "Plan": "planning",
+    "PlanningProblem": "planning",
+    "plan_path": "planning",
+    "PathTracker": "tracking",
+    "TrackerOptions": "tracking",
+    "verify_plan": "verification",
+}
+
+__all__ = [
+    "AnswerIsNo",
+    "CameraPath",
+    "Certificate",
+    "DeadZone",
+    "InputError",
+    "OmniservoError",
+    "PathTracker",
+    "Plan",
+    "PlanningProblem",
+    "ServoStop",
+    "TrackerOptions",
+    "TwoViewEstimate",
+    "UnifiedCamera",
+    "estimate_two_view",
+    "load_camera",
+    "plan_path",
+    "preset",
+    "save_camera",
+    "tangent_view",
+    "verify_plan",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module 'omniservo' has no attribute {name!r}")
+    return getattr(import_module(f"omniservo.{_HOME[name]}"), name)

@@ -8,7 +8,15 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption, answer_is_no
+from omniservo.cli.output import (
+    CameraNameOption,
+    ForceOption,
+    JsonOption,
+    Output,
+    QuietOption,
+    SeedOption,
+    answer_is_no,
+)
 from omniservo.errors import InputError
 
 
@@ -17,6 +25,7 @@ def estimate(
     camera: Annotated[
         str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")
     ] = None,
+    camera_name: CameraNameOption = None,
     initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
     goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
     displacement: Annotated[
@@ -37,9 +46,11 @@ def estimate(
         writable(out, force=force)
     with output.working("estimating"):
         if task is not None and initial is None and goal is None and displacement is None:
-            result = estimate_simulated(task, camera=camera, seed=seed)
+            result = estimate_simulated(task, camera=camera, camera_name=camera_name, seed=seed)
         elif task is None and camera is not None and initial is not None and goal is not None:
-            result = estimate_images(camera, initial, goal, displacement=displacement)
+            result = estimate_images(
+                camera, initial, goal, camera_name=camera_name, displacement=displacement
+            )
         else:
             raise InputError("estimate: give a TASK, or --camera, --initial and --goal")
     if out is not None:

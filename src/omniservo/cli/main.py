@@ -43,10 +43,14 @@ def _omniservo(
     """Certified visual-servo path planning for every central camera."""
 
 
-def main() -> None:
-    """Run the command line; a wrong input is one message and exit code 2, never a traceback."""
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; a wrong input is one message and exit code 2, never a traceback.
+
+    Args:
+        arguments: what follows the program's name; None: what the process was called with.
+    """
     try:
-        app()
+        app(args=arguments)
     except InputError as error:
         print(f"omniservo: {error}", file=sys.stderr)
         sys.exit(WRONG_INPUT)

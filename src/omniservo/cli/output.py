@@ -22,11 +22,12 @@ WRONG_INPUT = 2
 """the input or the call is wrong"""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-QuietOption = Annotated[
-    bool, typer.Option("--quiet", help="Nothing on standard output but what was asked for.")
-]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+CameraNameOption = Annotated[
+    str | None, typer.Option("--camera-name", help="Which camera of a --camera file with several.")
+]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption, answer_is_no
+from omniservo.cli.output import (
+    CameraNameOption,
+    ForceOption,
+    JsonOption,
+    Output,
+    QuietOption,
+    SeedOption,
+    answer_is_no,
+)
 
 
 def run(
@@ -19,6 +27,7 @@ def run(
     ] = "certified",
     goal: Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")] = None,
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
+    camera_name: CameraNameOption = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -30,7 +39,7 @@ def run(
     from omniservo.tasks import TaughtGoal, load_task
 
     output = Output(as_json, quiet)
-    loaded = load_task(task, camera=camera)
+    loaded = load_task(task, camera=camera, camera_name=camera_name)
     folder = out if out is not None else Path("runs") / loaded.name
     taught = None if goal is None else TaughtGoal.load(goal)
     with whole_folder(folder, force=force) as work, output.working("starting") as progress:

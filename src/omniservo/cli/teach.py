@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption
+from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
 
 
 def teach(
     task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
     out: Annotated[Path, typer.Option("--out", help="Write the taught goal here (JSON).")],
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
+    camera_name: CameraNameOption = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -27,7 +28,7 @@ def teach(
     output = Output(as_json, quiet)
     writable(out, force=force)
     with output.working("teaching"):
-        goal = teach_goal(load_task(task, camera=camera), seed=seed)
+        goal = teach_goal(load_task(task, camera=camera, camera_name=camera_name), seed=seed)
     goal.save(out, force=force)
     output.line(f"{len(goal.dots)} dots; written: {out}")
     output.result({"out": str(out), "dots": goal.dots, "joints": goal.joints})

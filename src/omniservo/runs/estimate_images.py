@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from omniservo.calibration import load_camera
-from omniservo.cameras import PRESETS, UnifiedCamera, preset
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import ByteArray
@@ -18,16 +17,22 @@ from omniservo.runs.teach_goal import teach_goal
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
-from omniservo.tasks import load_task
+from omniservo.tasks import load_task, named_camera
 
 
 def estimate_images(
-    camera: str, initial: Path, goal: Path, *, displacement: float | None = None
+    camera: str,
+    initial: Path,
+    goal: Path,
+    *,
+    camera_name: str | None = None,
+    displacement: float | None = None,
 ) -> TwoViewEstimate:
     """Return the estimate from two image files.
 
     Args:
         camera: a calibration file or a preset's name.
+        camera_name: which camera of a file with several.
         initial: the initial image.
         goal: the goal image.
         displacement: distance between the two camera centres [m]; None: the translation has length 1.
@@ -36,18 +41,20 @@ def estimate_images(
         InputError: a file that is not what it should be, or too few dots.
         AnswerIsNo: the dots cannot be matched.
     """
-    model = preset(camera) if camera in PRESETS else load_camera(camera)
+    model = named_camera(camera, camera_name)
     seen = see(model, read_image(initial, model), read_image(goal, model))
     return estimate_two_view(model, seen.initial_dots, seen.goal_dots, scale=displacement)
 
 
-def estimate_simulated(task: str, *, camera: str | None = None, seed: int = 0) -> TwoViewEstimate:
+def estimate_simulated(
+    task: str, *, camera: str | None = None, camera_name: str | None = None, seed: int = 0
+) -> TwoViewEstimate:
     """Return the estimate from a task's own two pictures, taken in the simulator.
 
     Raises:
         InputError, AnswerIsNo: as `run_task`.
     """
-    loaded = load_task(task, camera=camera)
+    loaded = load_task(task, camera=camera, camera_name=camera_name)
     goal = teach_goal(loaded, seed=seed + 1)
     scene = scene_of_task(loaded)
     robot = SimulatedRobot(scene, seed=seed)

@@ -22,29 +22,36 @@ def shipped_tasks() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")))
 
 
-def load_task(task: str | Path, *, camera: str | Path | None = None) -> Task:
+def named_camera(camera: str | Path, name: str | None = None) -> UnifiedCamera:
+    """Return a preset by its name, or a calibration file's camera (the one called ``name``)."""
+    return preset(str(camera)) if str(camera) in PRESETS else load_camera(camera, name=name)
+
+
+def load_task(task: str | Path, *, camera: str | Path | None = None, camera_name: str | None = None) -> Task:
     """Read a task: a shipped name or the path of a YAML file.
 
     Args:
         task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
         camera: a calibration file (or preset name) that replaces the task's camera.
+        camera_name: which camera of that file, if it has several.
 
     Raises:
         InputError: the file is not a valid task; the message names file, field, value and what is legal.
     """
     names = shipped_tasks()
+    replacement = None if camera is None else named_camera(camera, camera_name)
     if str(task) in names:
         with resources.as_file(resources.files("omniservo.tasks") / "shipped" / f"{task}.yaml") as path:
-            return _from_file(path, str(task), camera)
+            return _from_file(path, str(task), replacement)
     path = Path(task)
     if not path.is_file():
         raise InputError(
             f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
         )
-    return _from_file(path, str(path), camera)
+    return _from_file(path, str(path), replacement)
 
 
-def _from_file(path: Path, source: str, camera: str | Path | None) -> Task:
+def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Task:
     document = read_document(path)
     if not isinstance(document, dict):
         raise InputError(f"{source}: a task is a mapping of fields, not {type(document).__name__}")
@@ -52,10 +59,7 @@ def _from_file(path: Path, source: str, camera: str | Path | None) -> Task:
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = _units(fields.pop("units", {}), source)
-    if camera is None:
-        fields["camera"] = _camera(fields.get("camera"), path.parent, source)
-    else:
-        fields["camera"] = preset(str(camera)) if str(camera) in PRESETS else load_camera(camera)
+    fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
     try:
         return Task.model_validate(fields, context=context)
     except ValidationError as error:

@@ -1,0 +1,132 @@
+import json
+
+import pytest
+
+from omniservo.cli.main import main
+
+
+def call(capsys, *arguments):
+    """Exit code, standard output and standard error of one command."""
+    try:
+        main([str(a) for a in arguments])
+        code = 0
+    except SystemExit as end:
+        code = end.code or 0
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def problem(**changes):
+    """A small problem in the form that the interface promises."""
+    camera = {
+        "model": "unified",
+        "fx": 300.0,
+        "fy": 300.0,
+        "cx": 320.0,
+        "cy": 240.0,
+        "skew": 0.0,
+        "xi": 1.2,
+        "distortion": [0, 0, 0, 0],
+        "width": 640,
+        "height": 480,
+        "max_angle": 1.5,
+        "dead_zone": None,
+    }
+    return {
+        "format": "omniservo.problem/1",
+        "camera": camera,
+        "points": [[x, y, 0.6 + 0.2 * x * y] for x in (-0.1, 0, 0.1) for y in (-0.1, 0, 0.1)],
+        "goal": {"translation": [0.2, 0, 0.1], "quaternion": [0, 0, 0, 1]},
+        "obstacles": [{"type": "sphere", "center": [0.1, 0.005, 0.05], "radius": 0.02}],
+        "clearance": 0.03,
+        **changes,
+    }
+
+
+def written(path, document):
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_plan_is_written_verified_and_reported_as_json(capsys, tmp_path):
+    source, plan = written(tmp_path / "problem.json", problem()), tmp_path / "plan.json"
+    code, out, err = call(capsys, "plan", source, "--out", plan, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["status"] == "certified"
+    assert json.loads(plan.read_text())["format"] == "omniservo.plan/1"
+    code, out, err = call(capsys, "verify", plan, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["status"] == "certified"
+
+
+def test_a_false_plan_is_refuted_with_exit_code_1_and_a_reason(capsys, tmp_path):
+    source, plan = written(tmp_path / "problem.json", problem()), tmp_path / "plan.json"
+    call(capsys, "plan", source, "--out", plan, "--quiet")
+    document = json.loads(plan.read_text())
+    document["problem"]["obstacles"][0]["radius"] = 0.15
+    written(plan, document)
+    code, _, err = call(capsys, "verify", plan)
+    assert code == 1
+    assert err.startswith("omniservo: refuted: ")
+
+
+def test_an_impossible_problem_is_exit_code_1_and_says_why(capsys, tmp_path):
+    obstacle = {"type": "sphere", "center": [0.2, 0, 0.1], "radius": 0.01}
+    code, out, err = call(
+        capsys, "plan", written(tmp_path / "problem.json", problem(obstacles=[obstacle])), "--quiet"
+    )
+    assert (code, out) == (1, "")
+    assert "infeasible" in err
+    assert "obstacle 0" in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("plan", "{dir}/missing.json"),
+        ("plan", "{dir}/broken.json"),
+        ("verify", "{dir}/broken.json"),
+        ("verify", "{dir}/problem.json"),
+        ("run", "no-such-task"),
+        ("run", "paper-example-1", "--out", "{dir}"),
+        ("run", "paper-example-1", "--camera", "{dir}/broken.json", "--out", "{dir}/new"),
+        ("teach", "paper-example-1", "--out", "{dir}/problem.json"),
+        ("estimate",),
+        ("estimate", "--camera", "fe185", "--initial", "{dir}/problem.json", "--goal", "{dir}/problem.json"),
+        ("camera", "show", "{dir}/broken.json"),
+        ("camera", "convert", "{dir}/broken.json", "{dir}/new.yaml", "--to", "own"),
+        ("plan", "{dir}/problem.json", "--method", "magic"),
+    ],
+)
+def test_wrong_input_is_one_message_and_exit_code_2_and_leaves_nothing(capsys, tmp_path, arguments):
+    written(tmp_path / "problem.json", problem())
+    (tmp_path / "broken.json").write_text('{"format": ')
+    before = sorted(p.name for p in tmp_path.iterdir())
+    code, out, err = call(capsys, *(a.format(dir=tmp_path) for a in arguments))
+    assert code == 2
+    assert out == ""
+    assert err
+    assert "Traceback" not in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+def test_examples_lists_the_shipped_tasks(capsys):
+    code, out, _ = call(capsys, "examples", "--json")
+    assert code == 0
+    assert [t["name"] for t in json.loads(out)["tasks"]] == [
+        "catadioptric-ring",
+        "paper-example-1",
+        "paper-example-2",
+        "perspective-wall",
+    ]
+
+
+def test_a_camera_is_shown_converted_and_read_back(capsys, tmp_path):
+    own, mei = tmp_path / "camera.yaml", tmp_path / "mei.yaml"
+    camera = problem()["camera"]
+    written(tmp_path / "camera.json", {"format": "omniservo.camera/1", **camera, "max_angle": None})
+    assert call(capsys, "camera", "convert", tmp_path / "camera.json", mei, "--to", "mei")[0] == 0
+    assert call(capsys, "camera", "convert", mei, own, "--to", "own", "--quiet")[:2] == (0, "")
+    code, out, _ = call(capsys, "camera", "show", own, "--json")
+    assert code == 0
+    assert json.loads(out)["fx"] == 300.0
