@@ -10,7 +10,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import ByteArray
 from omniservo.perception import DotTracker
 from omniservo.planning import Plan
 from omniservo.runs.estimate_task import estimate_task
@@ -128,7 +128,7 @@ def _controller(
 
 def _drive(
     task: Task, robot: SimulatedRobot, controller: Controller, seen: Seen, truth: Truth
-) -> tuple[RunLog, list[FloatArray]]:
+) -> tuple[RunLog, list[ByteArray]]:
     recorder = Recorder(task, robot, controller, truth.points)
     stop = servo(
         robot,
