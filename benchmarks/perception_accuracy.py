@@ -116,7 +116,9 @@ def draw_layout(rng: np.random.Generator) -> tuple[Array, Array]:
     if rng.random() < 0.5:
         i, k = (grid.ravel().astype(float) for grid in np.meshgrid([-1, 0, 1], [-1, 0, 1]))
         step_x, step_y, drop = rng.uniform(0.05, 0.08), rng.uniform(0.05, 0.06), rng.uniform(0.03, 0.07)
-        centres = np.stack([i * step_x, k * step_y, -np.abs(i) * drop + rng.choice([-0.004, 0.004], 9)], 1)
+        i_, k_ = i + rng.uniform(-0.1, 0.1, 9), k + rng.uniform(-0.1, 0.1, 9)
+        off = rng.choice([-0.004, 0.004], 9)
+        centres = np.stack([i_ * step_x, k_ * step_y, -np.abs(i_) * drop + off], 1)
         normals = np.stack([-i * drop, 0 * i, np.where(i, -step_x, -1.0)], 1)
     else:
         places: list[Array] = []
