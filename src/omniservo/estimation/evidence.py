@@ -3,11 +3,11 @@
 Models are compared by F tests on their reprojection errors. With σ² from the general model (n − 5 degrees of
 freedom), a simpler model of p parameters is kept where
 
-    (S_simple − S)/(n + 5 − p)  <  F₀.₉₉(n + 5 − p, n − 5) · max(S/(n − 5), (0.01 px)²)
+    (S_simple − S)/(n + 5 − p)  <  F_c(n + 5 − p, n − 5) · max(S/(n − 5), (0.01 px)²)
 
 because then the pixels do not tell the general model from it. The floor stands for the fact that no pixel
 is known better; without it, exact synthetic data would make rounding errors significant. A simpler model is
-dropped all the same where S_simple exceeds (1 px)² χ²₀.₉₉(2n − p): with nine points the F test alone would
+dropped all the same where S_simple exceeds (0.6 px)² χ²_c(2n − p): with nine points the F test alone would
 believe in several pixels of noise before it believed in parallax.
 """
 
@@ -31,8 +31,10 @@ from omniservo.estimation.two_view_estimate import Status
 from omniservo.estimation.two_view_fit import LARGEST_NOISE_PX, MOTION_PARAMETERS, TwoViewFit
 
 LEAST_NOISE_PX = 0.01
-PLAUSIBLE_NOISE_PX = 1.0
-CONFIDENCE = 0.99
+PLAUSIBLE_NOISE_PX = 0.6
+CONFIDENCE = {"no_motion": 0.999, "pure_rotation": 0.999, "planar_points": 0.99}
+"""Higher where no direction exists: the general model then takes the best of many, and F is too large."""
+
 
 SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
     (IDENTITY, 0, "no_motion", "both images are the same"),
@@ -86,8 +88,8 @@ def _simpler_model(members: Matches, variance_sum: float, cost: float) -> tuple[
             members.parameters, members.pixels, members.bearings, members.jacobians, kind, matrix
         )
         extra = n + MOTION_PARAMETERS - parameters
-        bound = float(fdtri(extra, freedom, CONFIDENCE)) * variance_sum / freedom
-        plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, 1.0 - CONFIDENCE))
+        bound = float(fdtri(extra, freedom, CONFIDENCE[status])) * variance_sum / freedom
+        plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, 1.0 - CONFIDENCE[status]))
         if simple < plausible and (simple - min(cost, simple)) / extra < bound:
             return (
                 status,
