@@ -1,1 +1,15 @@
 """Figures, animation and the HTML report of a run."""
+
+from omniservo.reporting.animation import write_animation
+from omniservo.reporting.paper_table import ComparisonRow, comparison_table, paper_table_markdown
+from omniservo.reporting.write_figures import write_figures
+from omniservo.reporting.write_report import write_report
+
+__all__ = [
+    "ComparisonRow",
+    "comparison_table",
+    "paper_table_markdown",
+    "write_animation",
+    "write_figures",
+    "write_report",
+]

@@ -1,0 +1,147 @@
+"""A short animation: what the camera sees, and the arm from outside."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from omniservo.files import write_whole
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.reporting.style import GOAL
+from omniservo.simulation.run_result import RunResult
+
+_HEIGHT = 270
+_FOOTER = 30
+_GAP = 6
+_FINE = 2
+"""Marks are drawn at this multiple of the size and averaged down."""
+
+_STILL = 7
+"""Grey values: a pixel that changes by less keeps its value, so that noise costs no bytes."""
+
+_COLOURS = 96
+_END = 1500
+"""How long the last picture stays [ms]."""
+
+_WAY = "#ff9d1c"
+
+
+def write_animation(result: RunResult, path: Path) -> None:
+    """Write the run as an endless animated GIF, in its own time; an existing file is replaced.
+
+    Left: the camera's pictures with the ways of the dots so far and blue rings where the goal image has them.
+    Right: robot and obstacle. A run that was stopped before its first step gives one picture.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_whole(path, animation_bytes(result), force=True)
+
+
+def animation_bytes(result: RunResult) -> bytes:
+    """Return the animation of `write_animation` as the bytes of a GIF file."""
+    pictures = list(_pictures(result))
+    palette = _shared_palette(pictures)
+    frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    stream = io.BytesIO()
+    frames[0].save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=frames[1:],
+        duration=_durations(result.film.times),
+        loop=0,
+        optimize=True,
+    )
+    return stream.getvalue()
+
+
+def _durations(times: Sequence[float]) -> list[int]:
+    """Return how long each picture stays [ms]; GIF counts in hundredths of a second."""
+    steps = [max(20, 10 * round(100 * (b - a))) for a, b in pairwise(times)]
+    return [*steps, _END]
+
+
+def _pictures(result: RunResult) -> Iterator[Image.Image]:
+    """Yield the composed pictures in the order of time."""
+    film = result.film
+    if not film.times:
+        yield _composed(result, result.seen.initial_image, result.outside_initial, 0, last=True)
+        return
+    times = result.log.column("time")
+    camera, outside = _stilled(film.camera), _stilled(film.outside)
+    for k, time in enumerate(film.times):
+        steps = int(np.searchsorted(times, time, side="right"))
+        yield _composed(result, camera[k], outside[k], steps, last=k == len(film.times) - 1)
+
+
+def _stilled(images: Sequence[ByteArray]) -> list[ByteArray]:
+    """Return the images with changes below `_STILL` left out: noise neither flickers nor costs bytes."""
+    shown, still = images[0], []
+    for image in images:
+        change = np.abs(image.astype(np.int16) - shown)
+        moved = change > _STILL if change.ndim == 2 else (change > _STILL).any(axis=-1, keepdims=True)
+        shown = np.where(moved, image, shown)
+        still.append(shown)
+    return still
+
+
+def _composed(
+    result: RunResult, camera: ByteArray, outside: ByteArray, steps: int, *, last: bool
+) -> Image.Image:
+    """Put both pictures side by side over a line of words, after ``steps`` control steps."""
+    left, right = _scaled(camera), _scaled(outside)
+    ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
+    _mark(left, ways, result.seen.goal_dots, left.height / camera.shape[0])
+    sizes = [(picture.width // _FINE, _HEIGHT) for picture in (left, right)]
+    page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], _HEIGHT + _FOOTER), "white")
+    page.paste(left.resize(sizes[0], Image.Resampling.BOX), (0, 0))
+    page.paste(right.resize(sizes[1], Image.Resampling.BOX), (sizes[0][0] + _GAP, 0))
+    font = ImageFont.load_default(15)
+    words = _words(result, steps, last=last)
+    ImageDraw.Draw(page).text((4, _HEIGHT + 7), words, fill="#1c1f24", font=font)
+    return page
+
+
+def _scaled(image: ByteArray) -> Image.Image:
+    """Return an image as RGB of the fine height; its final width is even in the fine picture."""
+    picture = Image.fromarray(image).convert("RGB")
+    width = _FINE * round(_HEIGHT * picture.width / picture.height)
+    return picture.resize((width, _FINE * _HEIGHT), Image.Resampling.BILINEAR)
+
+
+def _mark(picture: Image.Image, ways: FloatArray, goal: FloatArray, scale: float) -> None:
+    """Draw the ways (k, n, 2) [px] so far and rings at the goal (n, 2) [px]."""
+    draw = ImageDraw.Draw(picture)
+    for j in range(ways.shape[1]):
+        way = ways[:, j][np.isfinite(ways[:, j]).all(axis=1)]
+        if len(way) > 1:
+            draw.line([tuple(p) for p in (way + 0.5) * scale], fill=_WAY, width=4, joint="curve")
+    for u, v in (goal + 0.5) * scale:
+        draw.ellipse((u - 9, v - 9, u + 9, v + 9), outline="white", width=5)
+        draw.ellipse((u - 8, v - 8, u + 8, v + 8), outline=GOAL, width=3)
+
+
+def _words(result: RunResult, steps: int, *, last: bool) -> str:
+    """Return the line under the pictures."""
+    if steps == 0:
+        return f"{result.method}   stopped before the first step: {result.log.stop_reason}"
+    row = result.log.rows[steps - 1]
+    words = f"{result.method}   {row.time:5.2f} s   {row.goal_error_px:6.2f} px from the goal image"
+    if last and result.log.stop_reason:
+        return f"{words}   stopped: {result.log.stop_reason.replace('_', ' ')}"
+    return words
+
+
+def _shared_palette(pictures: Sequence[Image.Image]) -> Image.Image:
+    """Return one palette for all pictures, from the first, middle and last."""
+    chosen = [pictures[0], pictures[len(pictures) // 2], pictures[-1]]
+    sheet = Image.new("RGB", (chosen[0].width, chosen[0].height * len(chosen)))
+    for i, picture in enumerate(chosen):
+        sheet.paste(picture, (0, i * picture.height))
+    return sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)

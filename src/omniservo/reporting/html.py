@@ -1,0 +1,47 @@
+"""HTML from values: everything that is not markup of ours is escaped."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+
+@dataclass(frozen=True)
+class Markup:
+    """Text that is HTML already."""
+
+    html: str
+
+
+Cell = str | Markup
+
+
+def text(value: Cell) -> str:
+    """Return a value as HTML; only `Markup` passes unescaped."""
+    return value.html if isinstance(value, Markup) else escape(value, quote=True)
+
+
+def tag(name: str, *content: Cell, **attributes: str) -> Markup:
+    """Return an element; ``class_`` gives the attribute class."""
+    given = "".join(f' {key.rstrip("_")}="{escape(value, quote=True)}"' for key, value in attributes.items())
+    return Markup(f"<{name}{given}>{''.join(text(c) for c in content)}</{name}>")
+
+
+def joined(parts: Iterable[Cell]) -> Markup:
+    """Return parts one after the other."""
+    return Markup("\n".join(text(part) for part in parts))
+
+
+def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]]) -> Markup:
+    """Return a table that scrolls sideways where the page is too narrow."""
+    top = tag("tr", *(tag("th", cell, scope="col") for cell in head))
+    body = [tag("tr", tag("th", row[0], scope="row"), *(tag("td", cell) for cell in row[1:])) for row in rows]
+    return tag("div", tag("table", tag("thead", top), tag("tbody", *body)), class_="scroll")
+
+
+def inlined(data: bytes, kind: str, alternative: str) -> Markup:
+    """Return an image that is part of the page; ``kind`` is "png" or "gif"."""
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    return Markup(f'<img src="{source}" alt="{escape(alternative, quote=True)}">')

@@ -1,0 +1,159 @@
+"""Distance to the obstacles and to the image's limits: planned, guaranteed, executed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.curves import Curve, executed_curve, planned_curve
+from omniservo.reporting.style import (
+    ASKED,
+    CERTIFIED,
+    EXECUTED,
+    FORBIDDEN,
+    PLANNED,
+    QUIET,
+    Drawing,
+    legend_below,
+    new_figure,
+)
+from omniservo.simulation.run_result import RunResult
+
+
+def clearance(result: RunResult) -> Drawing | None:
+    """Draw the camera's distance to the planner's obstacles; None where there are none."""
+    obstacles = result.task.planning.obstacles
+    if not obstacles:
+        return None
+    planned, executed = planned_curve(result), executed_curve(result)
+    common = [i for i, o in enumerate(obstacles) if o.clearance is None]
+    own = [i for i, o in enumerate(obstacles) if o.clearance is not None]
+    figure = new_figure(5.8, 3.9)
+    axes = figure.subplots()
+    _group(axes, planned, executed, own, (QUIET, QUIET), "to balls with a clearance of their own")
+    _group(axes, planned, executed, common, (PLANNED, EXECUTED), "")
+    _asked_lines(axes, result, common)
+    certified = certified_clearance(result)
+    if certified is not None and common:
+        axes.axhline(1000.0 * certified, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w")
+    _along(axes, planned)
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    axes.set_ylabel("camera centre to surface [mm]")
+    legend_below(figure, axes, 2)
+    return Drawing(
+        "clearance",
+        "Distance to the obstacles",
+        "One curve for each obstacle that the planner knows. Planned curves must stay above the certified "
+        "bound, executed ones above what the task asks for; the room between the two dotted lines is the "
+        "tracking margin.",
+        figure,
+    )
+
+
+def visibility(result: RunResult) -> Drawing:
+    """Draw the smallest distance of any dot to the image's limits."""
+    planned, executed = planned_curve(result), executed_curve(result)
+    figure = new_figure(5.8, 3.9)
+    axes = figure.subplots()
+    if planned is not None:
+        axes.plot(planned.w, planned.visibility, color=PLANNED, label="planned")
+    x = _abscissa(executed, planned)
+    axes.plot(x, executed.visibility, ".", ms=5, color=EXECUTED, label="executed (truth)")
+    axes.axhline(
+        result.task.planning.visibility_margin, color=ASKED, ls=":", lw=1.6, label="asked when planning"
+    )
+    certified = certified_visibility(result)
+    if certified is not None:
+        axes.axhline(certified, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w")
+    _along(axes, planned)
+    low = min(0.0, axes.get_ylim()[0])
+    axes.set_ylim(bottom=low)
+    if low < 0.0:
+        axes.axhspan(low, 0.0, color=FORBIDDEN, zorder=0)
+    axes.set_ylabel("nearest dot to an image limit [px]")
+    legend_below(figure, axes, 2)
+    return Drawing(
+        "visibility",
+        "Dots in view",
+        "Distance of the worst dot to the nearest limit: image border, lens's circle, dead zone. Above zero "
+        "every dot is in view. A gap is a dot that the camera cannot see at all.",
+        figure,
+    )
+
+
+def certified_clearance(result: RunResult) -> float | None:
+    """Return the guaranteed smallest distance [m] to the obstacles without a clearance of their own."""
+    common = [i for i, o in enumerate(result.task.planning.obstacles) if o.clearance is None]
+    margins = _margins(result, tuple(f"clearance obstacle {i}" for i in common))
+    return None if result.plan is None or not margins else result.plan.problem.clearance + min(margins)
+
+
+def certified_visibility(result: RunResult) -> float | None:
+    """Return the guaranteed smallest distance [px] of any dot to an image limit."""
+    margins = _margins(result, ("visibility", "dead_zone"))
+    return (
+        None if result.plan is None or not margins else result.plan.problem.visibility_margin + min(margins)
+    )
+
+
+def _margins(result: RunResult, prefixes: Sequence[str]) -> list[float]:
+    """Return the margins of a certified plan's constraints whose name is, or begins with, a prefix."""
+    if result.plan is None or result.plan.status != "certified" or result.plan.certificate is None:
+        return []
+    return [
+        c.margin
+        for c in result.plan.certificate.constraints
+        if any(c.name == p or c.name.startswith(f"{p} ") for p in prefixes)
+    ]
+
+
+def _group(
+    axes: Axes,
+    planned: Curve | None,
+    executed: Curve,
+    chosen: Sequence[int],
+    colours: tuple[str, str],
+    note: str,
+) -> None:
+    """Draw the distances to some of the obstacles."""
+    x = _abscissa(executed, planned)
+    for number, i in enumerate(chosen):
+        label = note or None if number == 0 else None
+        if planned is not None:
+            axes.plot(
+                planned.w, 1000.0 * planned.clearances[:, i], color=colours[0], lw=1.8 if not note else 1.0,
+                label=(label or "planned") if number == 0 else None,
+            )  # fmt: skip
+        if not note or planned is None:
+            axes.plot(
+                x, 1000.0 * executed.clearances[:, i], ".", ms=4, color=colours[1],
+                label=(label or "executed (truth)") if number == 0 else None,
+            )  # fmt: skip
+
+
+def _asked_lines(axes: Axes, result: RunResult, common: Sequence[int]) -> None:
+    planning = result.task.planning
+    if not common:
+        return
+    asked = 1000.0 * planning.clearance
+    axes.axhline(asked, color=ASKED, ls=":", lw=1.8, label=f"asked: {asked:g} mm")
+    if planning.tracking_margin > 0.0 and result.plan is not None:
+        wider = 1000.0 * (planning.clearance + planning.tracking_margin)
+        axes.axhline(wider, color=QUIET, ls=":", lw=1.8, label=f"asked with tracking margin: {wider:g} mm")
+
+
+def _abscissa(executed: Curve, planned: Curve | None) -> FloatArray:
+    """Return w of the executed steps, or the time where nothing was planned."""
+    return executed.time if planned is None else executed.w
+
+
+def _along(axes: Axes, planned: Curve | None) -> None:
+    if planned is None:
+        axes.set_xlabel("time [s] (nothing was planned)")
+    else:
+        axes.set_xlabel("path parameter w [1]")
+        axes.set_xlim(-0.01, 1.01)
+        axes.set_xticks(np.linspace(0.0, 1.0, 6))

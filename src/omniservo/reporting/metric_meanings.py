@@ -1,0 +1,77 @@
+"""What each number of metrics.json means, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from omniservo.reporting.spelling import NOTHING, spell
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """A metric in words."""
+
+    label: str
+    unit: str
+    """as in metrics.json: "m", "rad", "px", "s", or "" where it is not a quantity"""
+
+
+_MEANINGS = {
+    "task": Meaning("Task", ""),
+    "method": Meaning("Method", ""),
+    "status": Meaning("How it ended", ""),
+    "reason": Meaning("Why it was stopped", ""),
+    "plan_status": Meaning("Plan", ""),
+    "clearance_asked_m": Meaning("Safe distance asked for, camera centre to obstacle", "m"),
+    "clearance_planned_m": Meaning("Safe distance certified for the whole path", "m"),
+    "clearance_executed_m": Meaning("Smallest distance executed, camera centre to obstacle", "m"),
+    "arm_clearance_executed_m": Meaning("Smallest gap executed, any link to the obstacle's body", "m"),
+    "visibility_planned_px": Meaning("Dots to the image's limits, certified", "px"),
+    "visibility_executed_px": Meaning("Dots to the image's limits, executed", "px"),
+    "final_error_px": Meaning("At the goal: image error, rms", "px"),
+    "final_translation_error_m": Meaning("At the goal: position error (truth)", "m"),
+    "final_rotation_error_rad": Meaning("At the goal: rotation error (truth)", "rad"),
+    "path_deviation_m": Meaning("Largest deviation from the planned path", "m"),
+    "servo_seconds": Meaning("Duration of the motion", "s"),
+    "frames": Meaning("Images used by the controller", ""),
+    "lost_dots": Meaning("Dots not found, over all images", ""),
+    "contacts": Meaning("Bodies that touched", ""),
+    "estimate_rms_px": Meaning("Residual of motion and structure, rms", "px"),
+    "perception_seconds": Meaning("Time: finding and matching the dots", "s"),
+    "estimation_seconds": Meaning("Time: motion and structure", "s"),
+    "planning_seconds": Meaning("Time: planning", "s"),
+    "control_seconds_median": Meaning("Time: one control step, median", "s"),
+    "whole_seconds": Meaning("Time: the whole job, simulation included", "s"),
+}
+
+_ENDINGS = {"_m": "m", "_rad": "rad", "_px": "px", "_seconds": "s"}
+
+
+def meaning_of(name: str) -> Meaning:
+    """Return a metric's meaning; an unknown one keeps its name and gets its unit by its ending."""
+    known = _MEANINGS.get(name)
+    if known is not None:
+        return known
+    unit = next((u for ending, u in _ENDINGS.items() if name.endswith(ending)), "")
+    return Meaning(name.replace("_", " ").capitalize(), unit)
+
+
+def spell_metric(name: str, value: object) -> str:
+    """Return a metric's value for people."""
+    if value is None or value == "":
+        return NOTHING
+    if isinstance(value, list | tuple | set | frozenset):
+        return spell_contacts(value) if name == "contacts" else ", ".join(map(str, value)) or NOTHING
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k}: {v}" for k, v in value.items())
+    unit = meaning_of(name).unit
+    if unit and isinstance(value, int | float) and not isinstance(value, bool):
+        return spell(float(value), unit)
+    return str(value)
+
+
+def spell_contacts(pairs: Iterable[object]) -> str:
+    """Return pairs of bodies that touched, or "none"."""
+    words = [" and ".join(map(str, p)) if isinstance(p, list | tuple) else str(p) for p in pairs]
+    return "; ".join(words) or "none"

@@ -1,0 +1,122 @@
+"""The camera's path in space (figures 3a and 6a)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.patches import Circle, Polygon
+from scipy.spatial import ConvexHull
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.space import Space, box_edges, box_faces, space_of, sphere_surface
+from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
+from omniservo.reporting.upright_axes import UprightAxes
+from omniservo.simulation.run_result import RunResult
+
+
+def path_3d(result: RunResult) -> Drawing:
+    """Draw planned and executed path, camera symbols, estimated points, obstacles and their safe distance."""
+    upright = UprightAxes.for_start(result.task.start.world_T_camera.transform)
+    space = space_of(result, upright)
+    figure = new_figure(11.0, 5.6)
+    panels = figure.subplot_mosaic(
+        [["askew", "side"], ["askew", "above"]],
+        per_subplot_kw={"askew": {"projection": "3d"}},
+        width_ratios=(1.15, 1.0),
+    )
+    _askew(panels["askew"], space, upright)
+    for name, columns, title in (("side", (0, 2), "From the side"), ("above", (0, 1), "From above")):
+        _flat(panels[name], space, columns)
+        panels[name].set_title(title)
+        upright.name(panels[name], *columns)
+    legend_below(figure, panels["side"], 4 if any(b.has_own_clearance for b in space.balls) else 6)
+    return Drawing(
+        "path-3d",
+        "Path of the camera in space",
+        "In the initial camera frame; up is up, and a millimetre is equally long everywhere. Shaded: the "
+        "safe distance that the task asks for around the points (crosses) that stand for the obstacle; the "
+        "path must stay outside. The brick-red box is the obstacle's real body, which the planner does not "
+        "know. Small pyramids: the camera, looking through its base.",
+        figure,
+    )
+
+
+def _askew(axes: Any, space: Space, upright: UprightAxes) -> None:
+    """Draw everything in perspective-free 3-D."""
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=24.0, azim=-58.0)
+    _solid(axes, space)
+    for line in space.symbols:
+        axes.plot(*line.T, color=EXECUTED, lw=0.9, alpha=0.75)
+    axes.plot(*space.executed.T, color=EXECUTED, lw=3.2, zorder=5)
+    if space.planned is not None:
+        axes.plot(*space.planned.T, color=PLANNED, lw=1.4, zorder=6)
+    axes.scatter(*space.points.T, s=18, c="black", depthshade=False)
+    low, high = _with_margin(space.extent)
+    for which, a, b in zip("xyz", low, high, strict=True):
+        getattr(axes, f"set_{which}lim")(a, b)
+    axes.set_box_aspect(high - low, zoom=1.12)
+    axes.locator_params(nbins=5)
+    axes.tick_params(pad=1)
+    upright.name(axes, 0, 1, 2)
+    axes.zaxis.labelpad = -2
+
+
+def _solid(axes: Any, space: Space) -> None:
+    """Draw the obstacles as bodies and balls."""
+    for corners in space.bodies:
+        for face in box_faces(corners):
+            axes.plot_surface(*np.moveaxis(face, -1, 0), color=OBSTACLE, alpha=0.22, linewidth=0, shade=False)
+        for edge in box_edges(corners):
+            axes.plot(*edge.T, color=OBSTACLE, lw=0.9)
+    for ball in space.balls:
+        grid = np.moveaxis(sphere_surface(ball.center, ball.reach), -1, 0)
+        colour = QUIET if ball.has_own_clearance else OBSTACLE
+        axes.plot_surface(*grid, color=colour, alpha=0.12, linewidth=0, shade=False)
+        if not ball.has_own_clearance:
+            axes.scatter(*ball.center, s=26, marker="x", c=OBSTACLE, depthshade=False)
+
+
+def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
+    """Draw everything seen along one axis."""
+    flat = list(columns)
+    _outlines(axes, space, flat)
+    for number, line in enumerate(space.symbols):
+        label = "camera" if number == 0 else None
+        axes.plot(*line[:, flat].T, color=EXECUTED, lw=0.8, alpha=0.7, label=label)
+    axes.plot(*space.executed[:, flat].T, color=EXECUTED, lw=3.2, label="executed")
+    if space.planned is not None:
+        axes.plot(*space.planned[:, flat].T, color=PLANNED, lw=1.4, label="planned")
+    axes.plot(*space.points[:, flat].T, "o", ms=4.5, color="black", label="estimated dots")
+    low, high = _with_margin(space.extent)
+    axes.set_xlim(low[columns[0]], high[columns[0]])
+    axes.set_ylim(low[columns[1]], high[columns[1]])
+    axes.set_aspect("equal", adjustable="box")
+    axes.locator_params(nbins=6)
+
+
+def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
+    """Draw the shadows of bodies and balls on the page."""
+    for number, corners in enumerate(space.bodies):
+        seen = corners[:, flat]
+        outline = seen[ConvexHull(seen).vertices]
+        label = "obstacle's body" if number == 0 else None
+        axes.add_patch(Polygon(outline, facecolor=f"{OBSTACLE}40", edgecolor=OBSTACLE, lw=0.9, label=label))
+    own_labelled = labelled = False
+    for ball in space.balls:
+        centre: FloatArray = ball.center[flat]
+        if ball.has_own_clearance:
+            label, own_labelled = None if own_labelled else "ball with a clearance of its own", True
+            axes.add_patch(
+                Circle(tuple(centre), ball.reach, fill=False, edgecolor=QUIET, lw=0.9, label=label)
+            )
+            continue
+        label, labelled = None if labelled else "safe distance", True
+        axes.add_patch(Circle(tuple(centre), ball.reach, facecolor=f"{OBSTACLE}22", label=label))
+        axes.plot(*centre, "x", ms=6, color=OBSTACLE)
+
+
+def _with_margin(extent: FloatArray) -> FloatArray:
+    margin = 0.03 * float(np.ptp(extent, axis=0).max())
+    return np.asarray(extent + margin * np.array([[-1.0], [1.0]]), dtype=np.float64)

@@ -1,0 +1,226 @@
+"""The report's sections, each a piece of HTML made from results."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag
+from omniservo.reporting.margins import certified_clearance, certified_visibility
+from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
+from omniservo.reporting.paper_table import PAPER, comparison_table
+from omniservo.reporting.spelling import NOTHING, spell
+from omniservo.reporting.verdict import plan_sentence, verdict_of
+from omniservo.simulation.run_result import RunResult
+from omniservo.tasks import shipped_tasks
+
+METHODS = {
+    "certified": "Certified plan",
+    "paper": "The paper's own search",
+    "ibvs": "Classical servo, no plan",
+}
+
+_PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-python-headless", "matplotlib")
+
+
+def verdict(result: RunResult, *, named: bool) -> Markup:
+    """Return the verdict's box; ``named``: with the method's name."""
+    judged = verdict_of(result)
+    name = [tag("span", METHODS.get(result.method, result.method), class_="method")] if named else []
+    return tag(
+        "div",
+        *name,
+        tag("strong", judged.word),
+        tag("p", judged.sentence),
+        tag("p", plan_sentence(result), class_="quiet"),
+        class_="verdict good" if judged.good else "verdict bad",
+    )
+
+
+def key_numbers(result: RunResult) -> Markup:
+    """Return the few numbers that matter most, each with what it is measured against."""
+    metrics = result.metrics
+    planning = result.task.planning
+    tiles = [
+        (
+            "Smallest distance to the obstacle",
+            spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
+            f"certified {spell(certified_clearance(result), 'm')}, asked {spell(planning.clearance, 'm')}",
+        ),
+        (
+            "Dots inside the image by",
+            spell_metric("visibility_executed_px", metrics.get("visibility_executed_px")),
+            f"certified {spell(certified_visibility(result), 'px')}, more than 0 needed",
+        ),
+        (
+            "Off the goal",
+            spell_metric("final_translation_error_m", metrics.get("final_translation_error_m")),
+            f"{spell_metric('final_rotation_error_rad', metrics.get('final_rotation_error_rad'))}, "
+            f"{spell_metric('final_error_px', metrics.get('final_error_px'))} rms",
+        ),
+        (
+            "Planned in",
+            spell(result.seconds.get("planning"), "s"),
+            f"motion and structure {spell(result.seconds.get('estimation'), 's')}",
+        ),
+    ]
+    return tag(
+        "dl",
+        *(
+            tag("div", tag("dt", label), tag("dd", value), tag("dd", note, class_="quiet"))
+            for label, value, note in tiles
+        ),
+        class_="tiles",
+    )
+
+
+def side_by_side(results: Sequence[RunResult]) -> Markup:
+    """Return the table that compares methods: one column each, what is not good marked."""
+    names = list(dict.fromkeys(name for r in results for name in r.metrics))
+    skipped = {"task", "method", "status", "reason", "contacts", "clearance_asked_m"}
+    rows: list[list[Cell]] = [
+        ["Verdict", *(_marked(verdict_of(r).word, verdict_of(r).good) for r in results)],
+        [
+            meaning_of("contacts").label,
+            *(_marked(spell_contacts(sorted(r.log.contacts)), not r.log.contacts) for r in results),
+        ],
+    ]
+    for name in names:
+        if name not in skipped:
+            rows.append([meaning_of(name).label, *(_judged(r, name) for r in results)])
+    return table(["", *(METHODS.get(r.method, r.method) for r in results)], rows)
+
+
+def paper_and_ours(result: RunResult) -> Markup | None:
+    """Return the table paper / ours; None where the task is not one of the paper's."""
+    rows = comparison_table(result)
+    if not rows:
+        return None
+    example = PAPER[result.task.name].example
+    return joined(
+        [
+            table(
+                ["", f"paper, example {example}", "here", "unit"],
+                [[r.quantity, r.paper, r.ours, r.unit] for r in rows],
+            ),
+            tag(
+                "p",
+                "The paper's times are those of its MATLAB program on a Pentium D. Its target and obstacle "
+                "body are not published; those here are our reading of its figures.",
+                class_="quiet",
+            ),
+        ]
+    )
+
+
+def metrics(result: RunResult) -> Markup:
+    """Return every metric with its meaning and its name in metrics.json."""
+    rows: list[list[Cell]] = [
+        [meaning_of(name).label, spell_metric(name, value), tag("code", name)]
+        for name, value in result.metrics.items()
+    ]
+    return table(["quantity", "value", "in metrics.json"], rows)
+
+
+def certificate(result: RunResult) -> Markup | None:
+    """Return the certificate's constraints, the tightest marked; None where there is none."""
+    if result.plan is None or result.plan.certificate is None:
+        return None
+    worst = result.plan.certificate.worst
+    rows: list[list[Cell]] = []
+    for c in result.plan.certificate.constraints:
+        tightest = c.name == getattr(worst, "name", worst)
+        rows.append(
+            [
+                joined([c.name, tag("span", "worst", class_="badge")]) if tightest else c.name,
+                spell(c.margin, c.unit),
+                f"{c.w:.3f}",
+            ]
+        )
+    lead = tag(
+        "p",
+        f"Plan: {result.plan.status}. A margin is what is left beyond what the problem asks for (0: just "
+        "met); of a certified constraint it is guaranteed for every w in [0, 1]. The last column says where "
+        "the smallest value was found.",
+    )
+    return joined([lead, table(["constraint", "margin", "at w"], rows)])
+
+
+def estimate(result: RunResult) -> Markup:
+    """Return what the two pictures said about motion and structure, with 1σ."""
+    found = result.estimate
+    sigma = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    rows = [["status", found.status], ["residual, rms over both images", spell(found.rms_px, "px")]]
+    rows.append(["dots used", f"{int(found.inliers.sum())} of {len(found.inliers)}"])
+    rows.append(["matching residual", spell(result.seen.residual_px, "px")])
+    rows.append(["metric", "yes" if found.is_metric else "no: the translation has length 1"])
+    if found.initial_T_goal is not None:
+        length = "m" if found.is_metric else "1"
+        shift = found.initial_T_goal.translation
+        turn = found.initial_T_goal.rotation.as_rotvec()
+        rows.append(["goal, translation", ", ".join(spell(float(x), length) for x in shift)])
+        rows.append(["… 1σ", ", ".join(spell(float(s), length) for s in sigma[:3])])
+        rows.append(["goal, rotation vector", ", ".join(spell(float(x), "rad") for x in turn)])
+        rows.append(["… 1σ", ", ".join(spell(float(s), "rad") for s in sigma[3:])])
+    return table(["motion and structure from two images", "x, y, z of the initial camera"], rows)
+
+
+def timings(result: RunResult) -> Markup:
+    """Return how long each stage took."""
+    names = {
+        "perception": "finding and matching the dots of two images",
+        "estimation": "motion and structure",
+        "planning": "planning, certificate included",
+        "control": "one control step, median",
+        "whole": "the whole job, simulation and pictures included",
+    }
+    rows = [[names.get(stage, stage), spell(value, "s")] for stage, value in result.seconds.items()]
+    return table(["stage", "wall time"], rows)
+
+
+def reproduce(results: Sequence[RunResult]) -> Markup:
+    """Return the command that repeats the run, and the versions that made it."""
+    first = results[0]
+    name = first.task.name
+    task = name if name in shipped_tasks() else f"{name}.yaml"
+    method = "compare" if len(results) > 1 else first.method
+    seed = f" --seed {first.metrics['seed']}" if "seed" in first.metrics else ""
+    versions = [f"{package} {version(package)}" for package in _PACKAGES]
+    return joined(
+        [
+            tag("pre", tag("code", f"omniservo run {task} --method {method}{seed}")),
+            tag("p", f"Python {platform.python_version()}, {', '.join(versions)}.", class_="quiet"),
+        ]
+    )
+
+
+def animation(data: bytes, result: RunResult) -> Markup:
+    """Return the animation as a figure."""
+    words = (
+        "Left: the camera in the hand, with the ways of the dots and blue rings where the goal image has "
+        "them. Right: the arm from outside."
+    )
+    return tag(
+        "figure", inlined(data, "gif", f"animation of the {result.method} run"), tag("figcaption", words)
+    )
+
+
+def _marked(words: str, good: bool) -> Markup:
+    return tag("span", words, class_="ok" if good else "no")
+
+
+def _judged(result: RunResult, name: str) -> Cell:
+    """Return a metric, marked where it breaks what the task asks for."""
+    value = result.metrics.get(name)
+    words = spell_metric(name, value) if name in result.metrics else NOTHING
+    if not isinstance(value, int | float):
+        return words
+    least = {
+        "clearance_executed_m": result.task.planning.clearance,
+        "arm_clearance_executed_m": 0.0,
+        "visibility_executed_px": 0.0,
+    }.get(name)
+    return words if least is None else _marked(words, value > least or value == least != 0.0)

@@ -1,0 +1,111 @@
+"""Translation and rotation of the robot over time (figures 4 and 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.curves import executed_curve
+from omniservo.reporting.style import THREE, Drawing, legend_below, new_figure
+from omniservo.simulation.run_result import RunResult
+
+
+def translation(result: RunResult) -> Drawing | None:
+    """Draw the flange's position over time, in the paper's robot axes; None for a run without a step."""
+    executed = executed_curve(result)
+    if not len(executed):
+        return None
+    planned = _planned_poses(result, executed.w)
+    figure = new_figure(5.8, 3.6)
+    axes = figure.subplots()
+    _three(
+        axes,
+        executed.time,
+        1000.0 * robot_position(result, executed.poses),
+        None if planned is None else 1000.0 * robot_position(result, planned),
+        ("q1", "q2", "q3"),
+    )
+    axes.set_ylabel("position of the flange [mm]")
+    legend_below(figure, axes, 4)
+    return Drawing(
+        "translation",
+        "Translation of the robot",
+        "The paper's robot coordinates: q1, q2, q3 are the flange's position from the world's origin, along "
+        "the x, y and z axes of the initial camera. Dashed: the plan.",
+        figure,
+    )
+
+
+def rotation(result: RunResult) -> Drawing | None:
+    """Draw the camera's rotation over time; None for a run without a step."""
+    executed = executed_curve(result)
+    if not len(executed):
+        return None
+    planned = _planned_poses(result, executed.w)
+    figure = new_figure(5.8, 3.6)
+    axes = figure.subplots()
+    _three(
+        axes,
+        executed.time,
+        np.rad2deg(executed.rotations),
+        None if planned is None else np.rad2deg(planned.rotation.as_rotvec()),
+        ("q4", "q5", "q6"),
+    )
+    _at_least(axes, 2.0)
+    axes.set_ylabel("rotation vector [deg]")
+    legend_below(figure, axes, 4)
+    return Drawing(
+        "rotation",
+        "Rotation of the robot",
+        "The rotation vector (axis times angle) of the hand since the start; q4, q5, q6 are its parts along "
+        "the initial camera's x, y and z axes. Dashed: the plan.",
+        figure,
+    )
+
+
+def robot_position(result: RunResult, initial_T_camera: RigidTransform) -> FloatArray:
+    """Return the flange's position (k, 3) [m] from the world's origin, in the initial camera's axes."""
+    world_T_initial = result.task.start.world_T_camera.transform
+    camera_T_flange = result.task.arm.flange_T_camera.transform.inv()
+    in_world = (world_T_initial * initial_T_camera * camera_T_flange).translation
+    return np.asarray(world_T_initial.rotation.inv().apply(in_world), dtype=np.float64)
+
+
+def _planned_poses(result: RunResult, w: FloatArray) -> RigidTransform | None:
+    if result.plan is None or result.plan.path is None or not np.isfinite(w).all():
+        return None
+    poses: RigidTransform = result.plan.path(np.clip(w, 0.0, 1.0))
+    return poses
+
+
+def _three(
+    axes: Axes, time: FloatArray, executed: FloatArray, planned: FloatArray | None, names: Sequence[str]
+) -> None:
+    """Draw three components (k, 3): executed thick, planned dashed."""
+    for i, (name, colour) in enumerate(zip(names, THREE, strict=True)):
+        axes.plot(
+            time, executed[:, i], color=colour, lw=2.2, marker="." if len(time) == 1 else "", label=name
+        )
+    if planned is not None:
+        for i in range(3):
+            axes.plot(
+                time,
+                planned[:, i],
+                color="black",
+                lw=1.0,
+                ls=(0, (4, 3)),
+                label="planned" if i == 0 else None,
+            )
+    axes.set_xlabel("time [s]")
+
+
+def _at_least(axes: Axes, span: float) -> None:
+    """Widen the vertical range to ``span``, so that noise does not look like motion."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)

@@ -1,0 +1,119 @@
+"""What the figures of space show, in plotted coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.curves import Curve, executed_curve, planned_curve
+from omniservo.reporting.upright_axes import UprightAxes
+from omniservo.simulation.run_result import RunResult
+
+_SYMBOLS = 6
+_LEAST_SYMBOL = 1e-3
+_BITS = list(product((0, 1), repeat=3))
+_EDGES = [
+    (i, j)
+    for i, j in combinations(range(8), 2)
+    if sum(a != b for a, b in zip(_BITS[i], _BITS[j], strict=True)) == 1
+]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A planning obstacle with the distance asked around it."""
+
+    center: FloatArray
+    """(3,) [mm]"""
+    reach: float
+    """radius plus asked clearance [mm]"""
+    has_own_clearance: bool
+    """its task gives it a clearance of its own"""
+
+
+@dataclass(frozen=True)
+class Space:
+    """Everything in plotted coordinates [mm]."""
+
+    planned: FloatArray | None
+    """(k, 3)"""
+    executed: FloatArray
+    """(k, 3), possibly none"""
+    points: FloatArray
+    """(n, 3) estimated dots"""
+    bodies: tuple[FloatArray, ...]
+    """(8, 3) corners of each real block, counted up in (±, ±, ±)"""
+    balls: tuple[Ball, ...]
+    symbols: tuple[FloatArray, ...]
+    """lines (j, 3) of the camera's symbol at moments evenly spaced along the way"""
+
+    @property
+    def extent(self) -> FloatArray:
+        """(2, 3) lowest and highest coordinates of everything shown."""
+        parts = [self.points, self.executed, *self.bodies, *self.symbols]
+        parts += [] if self.planned is None else [self.planned]
+        parts += [ball.center + ball.reach * np.array([[-1.0], [1.0]]) for ball in self.balls]
+        every = np.vstack(parts)
+        return np.stack([every.min(axis=0), every.max(axis=0)])
+
+
+def space_of(result: RunResult, upright: UprightAxes) -> Space:
+    """Return what a run's figures of space show."""
+    planned, executed = planned_curve(result), executed_curve(result)
+    points = upright.apply(result.estimate.points[np.isfinite(result.estimate.points).all(axis=1)])
+    shown = executed if len(executed) else planned
+    planning = result.task.planning
+    balls = [
+        Ball(
+            upright.apply(np.asarray(o.center)),
+            1000.0 * (o.radius + (planning.clearance if o.clearance is None else o.clearance)),
+            o.clearance is not None,
+        )
+        for o in planning.obstacles
+    ]
+    size = 0.06 * float(np.ptp(np.vstack([points, np.zeros((1, 3))]), axis=0).max()) / 1000.0
+    return Space(
+        planned=None if planned is None else upright.apply(planned.positions),
+        executed=upright.apply(executed.positions),
+        points=points,
+        bodies=tuple(upright.apply(corners) for corners in result.truth.obstacle_corners),
+        balls=tuple(balls),
+        symbols=() if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size)),
+    )
+
+
+def box_edges(corners: FloatArray) -> list[FloatArray]:
+    """Return the 12 edges (2, 3) of a box from its corners (8, 3), counted up in (±, ±, ±)."""
+    return [corners[[i, j]] for i, j in _EDGES]
+
+
+def box_faces(corners: FloatArray) -> list[FloatArray]:
+    """Return the 6 faces of a box, each as a grid (2, 2, 3) of its corners, as in `box_edges`."""
+    cube = corners.reshape(2, 2, 2, 3)
+    return [np.take(cube, side, axis=axis) for axis in range(3) for side in (0, 1)]
+
+
+def sphere_surface(center: FloatArray, radius: float) -> FloatArray:
+    """Return a grid (13, 25, 3) on a sphere."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 25), indexing="ij")
+    grid = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    return np.asarray(center + radius * grid, dtype=np.float64)
+
+
+def _symbols(curve: Curve, size: float) -> list[FloatArray]:
+    """Return a pyramid's lines (j, 3) [m] for each of a few poses; its depth is ``size`` [m]."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve.positions, axis=0), axis=1))])
+    chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], _SYMBOLS)).clip(0, len(way) - 1))
+    poses, depth = curve.poses, max(size, _LEAST_SYMBOL)
+    return [line for index in chosen for line in _pyramid(poses[int(index)], depth)]
+
+
+def _pyramid(pose: RigidTransform, depth: float) -> list[FloatArray]:
+    wide, high = 0.75 * depth, 0.5 * depth
+    rim = np.array([[-wide, -high, depth], [wide, -high, depth], [wide, high, depth], [-wide, high, depth]])
+    lines = [np.vstack([rim, rim[:1]])] + [np.vstack([np.zeros(3), corner]) for corner in rim]
+    return [np.asarray(pose.apply(line), dtype=np.float64) for line in lines]

@@ -1,0 +1,37 @@
+"""Numbers as a person reads them."""
+
+from __future__ import annotations
+
+import math
+
+_UNITS = {
+    "m": (1e3, "mm"),
+    "rad": (180.0 / math.pi, "°"),
+    "1": (1.0, ""),
+}
+_TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
+
+NOTHING = "–"
+"""where a quantity does not exist"""
+
+
+def spell(value: float | None, unit: str) -> str:
+    """Return a value with a readable unit: m in mm, rad in degrees, s in s, ms or µs; others as they are."""
+    if value is None or math.isnan(value):
+        return NOTHING
+    if unit == "s":
+        factor, name = next((t for t in _TIMES if abs(value) >= t[0]), _TIMES[-1])
+        return f"{significant(value / factor)} {name}"
+    factor, name = _UNITS.get(unit, (1.0, unit))
+    number = significant(value * factor)
+    return f"{number}{name}" if name == "°" else f"{number} {name}".rstrip()
+
+
+def significant(value: float) -> str:
+    """Return a number with the digits that matter to a person: 0.0410, 5.28, 61.27, 874."""
+    if value == 0.0 or not math.isfinite(value):
+        return "0" if value == 0.0 else str(value)
+    size = math.floor(math.log10(abs(value)))
+    if size < -6:
+        return f"{value:.1e}"
+    return f"{value:.{0 if size >= 2 else 2 if size >= 0 else 2 - size}f}"

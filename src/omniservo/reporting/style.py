@@ -1,0 +1,86 @@
+"""How every figure looks: colours that colour-blind readers tell apart, sizes; no pyplot."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+EXECUTED = "#0b3c6f"
+"""what the arm did"""
+PLANNED = "#e08a00"
+"""what the plan says"""
+CERTIFIED = "#c1121f"
+"""what the certificate guarantees; always dashed"""
+ASKED = "#3d3d3d"
+"""what the task asks for; always dotted"""
+START = "#d1001c"
+"""the paper's red circles"""
+GOAL = "#0050d8"
+"""the paper's blue stars"""
+OBSTACLE = "#8c3b24"
+QUIET = "#8a8f98"
+"""borders, and what only gives context"""
+FORBIDDEN = "#f4e3e0"
+"""ground on which a curve must not run"""
+THREE = ("#0072b2", "#d55e00", "#009e73")
+"""three components; Okabe and Ito's colours"""
+SIX = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#56b4e9", "#6b5600")
+"""six joints"""
+
+_STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.edgecolor": "#555a61",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e4e6ea",
+    "grid.linewidth": 0.8,
+    "legend.fontsize": 9.0,
+    "legend.frameon": False,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "lines.linewidth": 1.8,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.hashsalt": "omniservo",
+    "svg.fonttype": "path",
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A finished figure and what to look at in it."""
+
+    name: str
+    """of its files, without ending"""
+    title: str
+    caption: str
+    """plain text"""
+    figure: Figure
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return a context in which figures are drawn and saved; Matplotlib's own settings return after it."""
+    return mpl.rc_context(_STYLE)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of ``width`` × ``height`` [inch]; it belongs to no window and no global list."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
+    """Put the legend of ``axes`` under the whole figure, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)

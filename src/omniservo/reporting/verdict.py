@@ -1,0 +1,51 @@
+"""How a run ended, in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniservo.reporting.metric_meanings import spell_contacts
+from omniservo.reporting.spelling import spell
+from omniservo.simulation.run_result import RunResult
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended."""
+
+    good: bool
+    word: str
+    sentence: str
+
+
+def verdict_of(result: RunResult) -> Verdict:
+    """Return the verdict: contact first, then what stopped the arm, then how well it converged."""
+    if result.log.contacts:
+        pairs = spell_contacts(sorted(result.log.contacts))
+        then = f" Then it stopped: {result.log.stop_message}." if result.log.stop_reason else ""
+        return Verdict(False, "Touched", f"The arm touched something: {pairs}.{then}")
+    if result.log.stop_reason:
+        reason = result.log.stop_reason.replace("_", " ")
+        return Verdict(False, f"Stopped: {reason}", f"{_capital(result.log.stop_message)}.")
+    errors = [
+        spell(float(value), unit)
+        for name, unit in (("final_translation_error_m", "m"), ("final_rotation_error_rad", "rad"))
+        if isinstance(value := result.metrics.get(name), int | float)
+    ]
+    off = f", {' and '.join(errors)} off" if errors else ""
+    return Verdict(True, "Converged", f"The camera stands at the goal{off}; nothing was touched.")
+
+
+def plan_sentence(result: RunResult) -> str:
+    """Return what the plan promised."""
+    if result.plan is None:
+        return "Nothing was planned: the classical image-based servo goes its own way."
+    if result.plan.status == "certified":
+        return "The path was certified: every constraint is proven for the whole path, not sampled."
+    why = f" {_capital(result.plan.reason)}." if result.plan.reason else ""
+    return f"The path was followed although its certificate says: {result.plan.status}.{why}"
+
+
+def _capital(sentence: str) -> str:
+    stripped = sentence.strip().rstrip(".")
+    return stripped[:1].upper() + stripped[1:]

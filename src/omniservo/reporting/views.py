@@ -1,0 +1,94 @@
+"""What was seen: the pictures from the hand with their dots, and the robot from outside (figures 2 and 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.reporting.style import GOAL, START, Drawing, new_figure
+from omniservo.simulation.run_result import RunResult
+
+
+def views(result: RunResult) -> Drawing:
+    """Draw the initial, goal and final image from the hand; below each its dots, near and numbered."""
+    camera = result.task.camera
+    figure = new_figure(11.0, 0.5 + 7.4 * camera.height / camera.width)
+    panels = figure.subplots(2, 3)
+    pictures = (
+        ("Initial image", result.seen.initial_image, result.seen.initial_dots, START),
+        ("Goal image, as taught", result.goal.image, result.seen.goal_dots, GOAL),
+        ("Final image", result.final_image, _last_dots(result), GOAL),
+    )
+    for (whole, near), (title, image, dots, colour) in zip(panels.T, pictures, strict=True):
+        _picture(whole, image, title)
+        _picture(near, image, "")
+        _frame_dots(whole, near, dots)
+        _numbered(near, dots, colour)
+    return Drawing(
+        "views",
+        "What the camera in the hand saw",
+        "Below each image its dots, enlarged. They were found in each picture and matched between the first "
+        "two without being told which is which; equal numbers are the same dot. The final image should look "
+        "like the goal image.",
+        figure,
+    )
+
+
+def outside(result: RunResult) -> Drawing:
+    """Draw the robot and the obstacle at both ends, as a bystander sees them."""
+    figure = new_figure(9.6, 3.8)
+    left, right = figure.subplots(1, 2)
+    _picture(left, result.outside_initial, "Start")
+    _picture(right, result.outside_final, "End")
+    return Drawing(
+        "outside",
+        "Robot and obstacle from outside",
+        "The arm with the camera in its hand, the obstacle (brick red) and the target's boards, at the start "
+        "and at the end of the run.",
+        figure,
+    )
+
+
+def _picture(axes: Axes, image: ByteArray, title: str) -> None:
+    axes.imshow(
+        image, cmap="gray" if image.ndim == 2 else None, vmin=0, vmax=255, interpolation="antialiased"
+    )
+    axes.set_title(title)
+    axes.set_axis_off()
+
+
+def _frame_dots(whole: Axes, near: Axes, dots: FloatArray) -> None:
+    """Enlarge the part with the dots in ``near`` and frame it in ``whole``."""
+    seen = dots[np.isfinite(dots).all(axis=1)]
+    if not len(seen):
+        return
+    right, low = (abs(a - b) for a, b in (whole.get_xlim(), whole.get_ylim()))
+    centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    share = min(1.0, 1.2 * float(np.max(np.ptp(seen, axis=0) / (right, low))) + 0.06)
+    half = 0.5 * share * np.array([right, low])
+    centre = np.clip(centre, half - 0.5, np.array([right, low]) - 0.5 - half)
+    near.set_xlim(centre[0] - half[0], centre[0] + half[0])
+    near.set_ylim(centre[1] + half[1], centre[1] - half[1])
+    whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
+    whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
+
+
+def _numbered(axes: Axes, dots: FloatArray, colour: str) -> None:
+    """Mark every dot with a ring and its number, on any ground legible."""
+    halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+    for number, (u, v) in enumerate(dots):
+        if not np.isfinite((u, v)).all():
+            continue
+        axes.plot(u, v, "o", ms=8, mfc="none", mec=colour, mew=1.2)
+        axes.annotate(
+            str(number), (u, v), xytext=(5, 4), textcoords="offset points", fontsize=8, fontweight="bold",
+            color=colour, path_effects=halo,
+        )  # fmt: skip
+
+
+def _last_dots(result: RunResult) -> FloatArray:
+    """Return the dots (n, 2) of the last step; none where no step was made."""
+    return result.log.rows[-1].pixels if result.log.rows else np.empty((0, 2))

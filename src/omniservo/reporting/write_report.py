@@ -1,0 +1,135 @@
+"""The HTML report: one file that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from omniservo.errors import InputError
+from omniservo.files import write_whole
+from omniservo.reporting import report_sections as section
+from omniservo.reporting.animation import animation_bytes
+from omniservo.reporting.html import Markup, inlined, joined, tag
+from omniservo.reporting.style import Drawing
+from omniservo.reporting.write_figures import drawings, image_bytes
+from omniservo.simulation.run_result import RunResult
+
+_WIDE = 9.0
+"""Figures wider than this [inch] get the page's whole width."""
+
+
+def write_report(folder: Path, results: Sequence[RunResult]) -> None:
+    """Write ``report.html`` into the folder; an existing one is replaced.
+
+    Images are part of the file; it loads nothing and runs nothing. Several results, methods on one task,
+    are shown side by side.
+
+    Raises:
+        InputError: no result is given, or the folder cannot be written.
+    """
+    if not results:
+        raise InputError("results: none given; at least one is needed")
+    write_whole(folder / "report.html", report_html(results), force=True)
+
+
+def report_html(results: Sequence[RunResult]) -> str:
+    """Return the report's text."""
+    task = results[0].task
+    several = len(results) > 1
+    style = (files("omniservo.reporting") / "report.css").read_text(encoding="utf-8")
+    body = [
+        tag(
+            "header",
+            tag("p", "omniservo", class_="brand"),
+            tag("h1", task.name),
+            tag("p", task.summary, class_="summary"),
+        ),
+        tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
+        *([] if several else [section.key_numbers(results[0])]),
+        *([_part("The methods side by side", section.side_by_side(results))] if several else []),
+        _animations(results),
+        *_paper(results),
+        _part("Figures", *_figures(results)),
+        *(_details(r, several) for r in results),
+        _part("How to reproduce this", section.reproduce(results)),
+    ]
+    head = joined(
+        [
+            Markup('<meta charset="utf-8">'),
+            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            tag("title", f"omniservo: {task.name}"),
+            tag("style", Markup(style)),
+        ]
+    )
+    page = tag("html", tag("head", head), tag("body", tag("main", joined(body))), lang="en")
+    return f"<!doctype html>\n{page.html}\n"
+
+
+def _part(title: str, *content: Markup) -> Markup:
+    return tag("section", tag("h2", title), *content)
+
+
+def _animations(results: Sequence[RunResult]) -> Markup:
+    shown = [section.animation(animation_bytes(r), r) for r in results]
+    if len(results) == 1:
+        return tag("section", *shown, class_="film")
+    named = [joined([tag("h3", _method(r)), film]) for r, film in zip(results, shown, strict=True)]
+    return tag(
+        "section", tag("h2", "The runs"), tag("div", *(tag("div", n) for n in named), class_="columns of2")
+    )
+
+
+def _paper(results: Sequence[RunResult]) -> list[Markup]:
+    rows = section.paper_and_ours(results[0])
+    return [] if rows is None else [_part("The paper's numbers and ours", rows)]
+
+
+def _figures(results: Sequence[RunResult]) -> list[Markup]:
+    """Return every figure: of one run in reading order, of several beside each other figure by figure."""
+    per_run = [list(drawings(r)) for r in results]
+    if len(results) == 1:
+        return [tag("div", *(_figure(d, "", caption=True) for d in per_run[0]), class_="figures")]
+    blocks = []
+    names = list(dict.fromkeys(d.name for run in per_run for d in run))
+    for name in names:
+        found = [
+            (result, drawing)
+            for result, run in zip(results, per_run, strict=True)
+            for drawing in run
+            if drawing.name == name
+        ]
+        first = found[0][1]
+        columns = "columns" if _is_wide(first) else f"columns of{len(results)}"
+        blocks += [
+            tag("h3", first.title),
+            tag("p", first.caption, class_="caption"),
+            tag("div", *(_figure(d, _method(r), caption=False) for r, d in found), class_=columns),
+        ]
+    return blocks
+
+
+def _figure(drawing: Drawing, method: str, *, caption: bool) -> Markup:
+    image = inlined(image_bytes(drawing, "png"), "png", f"{drawing.title} {method}".strip())
+    words = [tag("strong", f"{drawing.title}. "), drawing.caption] if caption else [method]
+    return tag("figure", image, tag("figcaption", *words), class_="wide" if _is_wide(drawing) else "half")
+
+
+def _is_wide(drawing: Drawing) -> bool:
+    return float(drawing.figure.get_size_inches()[0]) > _WIDE
+
+
+def _details(result: RunResult, several: bool) -> Markup:
+    """Return the tables for those who want to know exactly."""
+    proof = section.certificate(result)
+    parts = [
+        tag("details", tag("summary", "All metrics"), section.metrics(result)),
+        *([tag("details", tag("summary", "Certificate"), proof)] if proof is not None else []),
+        tag("details", tag("summary", "Motion and structure"), section.estimate(result)),
+        tag("details", tag("summary", "Computing times"), section.timings(result)),
+    ]
+    return _part(f"In detail: {_method(result)}" if several else "In detail", *parts)
+
+
+def _method(result: RunResult) -> str:
+    return section.METHODS.get(result.method, result.method)
