@@ -93,5 +93,16 @@ def save_camera(camera: UnifiedCamera, path: str | Path, format: str = "own", *,
         text = json.dumps(fields, indent=2) + "\n"
     else:
         header = mei_yaml.HEADER if module is mei_yaml else ""
-        text = header + yaml.safe_dump(fields, sort_keys=False)
+        text = header + yaml.dump(fields, Dumper=_Dumper, sort_keys=False, width=1000)
     write_whole(path, text, force=force)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Lists on one line, as in the originals; OpenCV's reader refuses the other way that YAML has."""
+
+
+def _list_on_one_line(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.SequenceNode:
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
+
+
+_Dumper.add_representer(list, _list_on_one_line)

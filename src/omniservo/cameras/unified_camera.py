@@ -266,7 +266,10 @@ class UnifiedCamera:
 
 def _rows(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tuple[int, ...]]:
     """Return ``value`` (…, width) as contiguous float64 rows, and the shape of its leading axes."""
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise InputError(f"{name}: rows of different lengths given; numbers (…, {width}) needed") from None
     if array.dtype.kind not in "fiu" or array.ndim == 0 or array.shape[-1] != width:
         raise InputError(f"{name}: {array.dtype} of shape {array.shape} given; numbers (…, {width}) needed")
     shape = array.shape[:-1]
