@@ -23,7 +23,7 @@ def film_of(log: RunLog, images: Sequence[ByteArray], world: World) -> Film:
     if not log.rows:
         return Film((), (), ())
     chosen = np.unique(np.linspace(0, len(log.rows) - 1, FRAMES).round().astype(int))
-    outside = OutsideView(world, width=_WIDTH, height=_HEIGHT)
+    outside = OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=2)
     return Film(
         times=tuple(log.rows[i].time for i in chosen),
         camera=tuple(images[i] for i in chosen),
