@@ -18,6 +18,9 @@ from omniservo.simulation.run_result import RunResult
 _WIDE = 9.0
 """Figures wider than this [inch] get the page's whole width."""
 
+_PICTURES = ("views", "outside")
+"""Wide figures that are still legible at a third of the page."""
+
 
 def write_report(folder: Path, results: Sequence[RunResult]) -> None:
     """Write ``report.html`` into the folder; an existing one is replaced.
@@ -100,7 +103,8 @@ def _figures(results: Sequence[RunResult]) -> list[Markup]:
             if drawing.name == name
         ]
         first = found[0][1]
-        columns = "columns" if _is_wide(first) else f"columns of{len(results)}"
+        alone = _is_wide(first) and name not in _PICTURES
+        columns = "columns" if alone else f"columns of{len(results)}"
         blocks += [
             tag("h3", first.title),
             tag("p", first.caption, class_="caption"),
@@ -111,8 +115,10 @@ def _figures(results: Sequence[RunResult]) -> list[Markup]:
 
 def _figure(drawing: Drawing, method: str, *, caption: bool) -> Markup:
     image = inlined(image_bytes(drawing, "png"), "png", f"{drawing.title} {method}".strip())
-    words = [tag("strong", f"{drawing.title}. "), drawing.caption] if caption else [method]
-    return tag("figure", image, tag("figcaption", *words), class_="wide" if _is_wide(drawing) else "half")
+    if not caption:
+        return tag("figure", tag("figcaption", tag("strong", method)), image)
+    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
+    return tag("figure", image, words, class_="wide" if _is_wide(drawing) else "half")
 
 
 def _is_wide(drawing: Drawing) -> bool:

@@ -1,0 +1,121 @@
+"""The figures: written, of the run they claim to show, and drawn with what the run has."""
+
+from itertools import pairwise
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from PIL import Image
+
+from omniservo.reporting import write_figures
+from omniservo.reporting.write_figures import drawings, image_bytes
+
+EVERY = {
+    "views", "outside", "path-3d", "virtual-plane", "image", "translation", "rotation", "clearance",
+    "visibility", "image-error", "camera-twist", "joint-velocities",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drawn(run):
+    return {drawing.name: drawing for drawing in drawings(run)}
+
+
+def test_every_figure_is_written_as_png_and_svg(run, tmp_path):
+    written = write_figures(run, tmp_path)
+    assert {p.stem for p in written if p.suffix == ".png"} == EVERY
+    assert {p.stem for p in written if p.suffix == ".svg"} == EVERY
+    for path in written:
+        if path.suffix == ".png":
+            with Image.open(path) as picture:
+                assert picture.size[0] > 600
+                assert len(picture.convert("RGB").getcolors(2**24)) > 10
+        else:
+            assert "<svg" in path.read_text()[:2000]
+
+
+def test_figures_do_not_touch_matplotlibs_settings(run):
+    before = dict(mpl.rcParams)
+    image_bytes(next(drawings(run)), "png")
+    assert dict(mpl.rcParams) == before
+
+
+def test_equal_runs_give_equal_files(made_up_run):
+    def once():
+        drawing = next(d for d in drawings(made_up_run()) if d.name == "clearance")
+        return image_bytes(drawing, "svg"), image_bytes(drawing, "png")
+
+    assert once() == once()
+
+
+def test_different_runs_give_different_figures(drawn, made_up_run):
+    other = {d.name: d for d in drawings(made_up_run("paper-example-2"))}
+    assert set(other) == EVERY
+    for name in EVERY - {"joint-velocities", "camera-twist", "outside"}:
+        assert image_bytes(drawn[name], "png") != image_bytes(other[name], "png"), name
+
+
+def test_every_axis_has_a_unit(drawn):
+    for name in EVERY - {"views", "outside"}:
+        for axes in drawn[name].figure.axes:
+            shared = axes.get_shared_x_axes().get_siblings(axes)
+            assert any("[" in a.get_xlabel() for a in shared), name
+            assert "[" in axes.get_ylabel(), name
+
+
+def test_no_words_of_a_figure_overlap_or_leave_it(drawn):
+    for drawing in drawn.values():
+        figure = drawing.figure
+        figure.draw_without_rendering()
+        page = figure.bbox
+        for axes in figure.axes:
+            for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+                box = text.get_window_extent()
+                assert not text.get_text() or (box.x0 > page.x0 - 2 and box.x1 < page.x1 + 2), drawing.name
+            if axes.name != "3d":
+                ticks = [t.get_window_extent() for t in axes.xaxis.get_majorticklabels() if t.get_text()]
+                assert all(a.x1 <= b.x0 for a, b in pairwise(ticks)), drawing.name
+
+
+def test_a_run_without_a_plan_shows_what_was_executed(made_up_run):
+    names = {d.name for d in drawings(made_up_run(method="ibvs"))}
+    assert names == EVERY
+
+
+def test_a_run_stopped_before_its_first_step_still_has_its_plan_and_pictures(stopped_run):
+    names = {d.name for d in drawings(stopped_run)}
+    assert {"views", "outside", "path-3d", "virtual-plane", "image", "clearance", "visibility"} <= names
+    assert not names & {"image-error", "camera-twist", "joint-velocities", "translation", "rotation"}
+
+
+def test_a_run_of_one_step_can_be_drawn(made_up_run):
+    assert {d.name for d in drawings(made_up_run(steps=1))} == EVERY
+
+
+def test_lost_dots_are_gaps_and_not_lines(made_up_run):
+    lossy = made_up_run(steps=12)
+    for row in lossy.log.rows[4:8]:
+        row.pixels[2] = np.nan
+        row.valid[2] = False
+    drawing = next(d for d in drawings(lossy) if d.name == "image")
+    line = [x for x in drawing.figure.axes[0].lines if len(x.get_xdata()) == 12][2]
+    assert np.isnan(line.get_xdata()).sum() == 4
+
+
+def test_the_caption_says_how_many_dots_the_virtual_plane_cannot_show(made_up_run):
+    behind = made_up_run(steps=5)
+    camera = behind.task.camera
+    pixel, valid = camera.project(np.array([np.sin(1.6), 0.0, np.cos(1.6)]))
+    assert valid
+    for row in behind.log.rows[:3]:
+        row.pixels[0] = pixel
+    captions = {d.name: d.caption for d in drawings(behind)}
+    assert "3 of 45" in captions["virtual-plane"]
+
+
+def test_the_certified_bound_is_drawn_only_for_a_certified_plan(run, drawn):
+    def labels(drawing):
+        return {line.get_label() for line in drawing.figure.axes[0].lines}
+
+    assert "certified for all w" in labels(drawn["clearance"])
+    assert "certified for all w" in labels(drawn["visibility"])

@@ -1,0 +1,181 @@
+"""The report: one file, complete, and safe against what files say."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+from omniservo.errors import InputError
+from omniservo.reporting import write_report
+from omniservo.reporting.metric_meanings import meaning_of, spell_metric
+from omniservo.reporting.spelling import significant, spell
+from omniservo.reporting.verdict import verdict_of
+from omniservo.simulation.run_log import RunLog
+
+VOID = {"meta", "img"}
+
+
+class Structure(HTMLParser):
+    """Collects attributes, text and unbalanced tags."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.wrong, self.tags, self.links, self.words = [], [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for key, value in attrs if key in ("src", "href", "srcset", "data", "action")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+    def handle_data(self, data):
+        self.words.append(data.strip())
+
+
+def read(folder):
+    structure = Structure()
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    structure.feed(page)
+    return page, structure
+
+
+@pytest.fixture(scope="module")
+def report(run, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    write_report(folder, [run])
+    return read(folder)
+
+
+def test_report_is_balanced_html_with_a_title(report):
+    page, structure = report
+    assert page.startswith("<!doctype html>")
+    assert not structure.open
+    assert not structure.wrong
+    assert "title" in structure.tags
+
+
+def test_report_needs_nothing_but_itself(report):
+    page, structure = report
+    assert structure.links
+    assert all(link.startswith("data:image/") for link in structure.links)
+    assert not set(structure.tags) & {"script", "link", "iframe", "object"}
+    assert not re.search(r"url\(|@import|https?://", page)
+
+
+def test_report_contains_every_metric_with_its_value(report, run):
+    _, structure = report
+    words = structure.words
+    for name, value in run.metrics.items():
+        assert name in words
+        assert meaning_of(name).label in words
+        assert spell_metric(name, value) in words
+
+
+def test_report_contains_every_constraint_of_the_certificate(report, run):
+    _, structure = report
+    for constraint in run.plan.certificate.constraints:
+        assert constraint.name in structure.words
+
+
+def test_verdict_comes_before_every_figure_and_table(report):
+    page, _ = report
+    assert page.index("Converged") < page.index("<img")
+    assert page.index("Converged") < page.index("<table")
+
+
+def test_words_from_files_are_escaped(run, tmp_path):
+    evil = '<script>alert("x")</script>'
+    task = run.task.model_copy(update={"summary": evil})
+    log = RunLog(run.log.rows, {("<b>forearm", "obstacle 0")}, "divergence", f"points {evil}")
+    metrics = {**run.metrics, "reason": evil, "<i>odd": evil}
+    write_report(tmp_path, [replace(run, task=task, log=log, metrics=metrics)])
+    page, structure = read(tmp_path)
+    assert not set(structure.tags) & {"script", "b", "i"}
+    assert "<script" not in page
+    assert evil in structure.words
+
+
+def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
+    classical = made_up_run(method="ibvs", steps=6)
+    classical.log.contacts.add(("forearm", "obstacle 0"))
+    classical.metrics.update(contacts=[["forearm", "obstacle 0"]], clearance_executed_m=0.021)
+    write_report(tmp_path, [run, classical])
+    page, structure = read(tmp_path)
+    assert not structure.wrong
+    assert "Touched" in structure.words
+    assert "forearm and obstacle 0" in structure.words
+    assert page.count("data:image/gif") == 2
+    assert '<span class="no">21.00 mm</span>' in page
+    assert "omniservo run paper-example-1 --method compare" in structure.words
+
+
+def test_a_run_without_a_plan_says_so(made_up_run, tmp_path):
+    write_report(tmp_path, [made_up_run(method="ibvs", steps=3)])
+    page, structure = read(tmp_path)
+    assert not structure.wrong
+    assert "Nothing was planned" in page
+    assert "Certificate" not in structure.words
+
+
+def test_a_stopped_run_leads_with_the_named_reason(stopped_run, tmp_path):
+    write_report(tmp_path, [stopped_run])
+    page, structure = read(tmp_path)
+    assert not structure.wrong
+    assert page.index("Stopped: feature loss") < page.index("3 of 9 points are usable")
+
+
+def test_a_task_that_is_not_the_papers_has_no_table_of_the_papers_numbers(run, tmp_path):
+    write_report(tmp_path, [replace(run, task=run.task.model_copy(update={"name": "my-own"}))])
+    page, _ = read(tmp_path)
+    assert "The paper's numbers" not in page
+    assert "The paper&#x27;s numbers" not in page
+    assert "omniservo run my-own.yaml" in page
+
+
+def test_no_results_are_refused(tmp_path):
+    with pytest.raises(InputError, match="at least one"):
+        write_report(tmp_path, [])
+
+
+def test_contact_outweighs_convergence(run):
+    touched = replace(run, log=RunLog(run.log.rows, {("wrist", "obstacle 0")}))
+    assert not verdict_of(touched).good
+    assert "wrist and obstacle 0" in verdict_of(touched).sentence
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (0.0, "0"),
+        (0.041, "0.0410"),
+        (5.278, "5.28"),
+        (61.266, "61.27"),
+        (874.4, "874"),
+        (-19.5, "-19.50"),
+        (2e-9, "2.0e-09"),
+    ],
+)
+def test_numbers_keep_the_digits_that_matter(value, words):
+    assert significant(value) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [
+        (0.0612, "m", "61.20 mm"),
+        (3.073, "s", "3.07 s"),
+        (8e-4, "s", "800 µs"),
+        (0.0, "s", "0 µs"),
+        (1.0, "rad", "57.30°"),
+        (None, "px", "–"),
+        (float("nan"), "m", "–"),
+        (0.99, "1", "0.990"),
+    ],
+)
+def test_quantities_are_given_in_units_people_read(value, unit, words):
+    assert spell(value, unit) == words
