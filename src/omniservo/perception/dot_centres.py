@@ -29,9 +29,9 @@ DECIDE = np.deg2rad(10.0)
 def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the image (n, 2) [px] of the centre of each circle, given the moments of its image.
 
-    Where the neighbours decide between the two circles, it is the centre of the right one; else the point
-    half-way between the two centres, which halves nothing but is never worse than ±(r/d)²/4 rad (r radius,
-    d distance). A dot whose outline the camera cannot unproject keeps its centroid.
+    Where the neighbours decide between the two circles, it is the centre of the right one. Else it is the
+    ray half-way between the two centres, at most about (r/d)²/2 rad from the truth (r radius, d distance; worst
+    at 45° of tilt). A dot whose outline the camera cannot unproject keeps its centroid.
 
     Args:
         camera: the camera that took the image.

@@ -181,8 +181,7 @@ def judge(
     a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
     # in the middle the dot covers whole pixels, if it is large enough to
     core = core_n = 0.0
-    third = np.zeros(4)
-    sixth = 0.0
+    t0 = t1 = t2 = t3 = sixth = 0.0
     # whitening: lower Cholesky factor of S with the pixel's square
     l00 = math.sqrt(shape[2] + PIXEL_VARIANCE)
     l10 = shape[3] / l00
@@ -195,10 +194,10 @@ def judge(
             if d <= GROWTH:
                 p = x / l00
                 q = (y - l10 * p) / l11
-                third[0] += w * p * p * p
-                third[1] += w * p * p * q
-                third[2] += w * p * q * q
-                third[3] += w * q * q * q
+                t0 += w * p * p * p
+                t1 += w * p * p * q
+                t2 += w * p * q * q
+                t3 += w * q * q * q
                 sixth += (p * p + q * q) ** 3
                 if d < -1.2:
                     core += w
@@ -207,10 +206,9 @@ def judge(
     contrast = darkness / area
     if core_n >= 3.0:
         contrast = max(contrast, core / core_n)
-    t = third / darkness
     row[5] = contrast
     row[6] = ground[0]
-    row[9] = math.sqrt(t[0] * t[0] + 3.0 * (t[1] * t[1] + t[2] * t[2]) + t[3] * t[3])
+    row[9] = math.sqrt(t0 * t0 + 3.0 * (t1 * t1 + t2 * t2) + t3 * t3) / darkness
     row[11] = darkness / contrast
     row[13] = math.sqrt(sixth) / darkness
 
@@ -254,7 +252,7 @@ def misfit(
 
 @kernel
 def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: FloatArray) -> None:
-    """Measure every blob from its ``starts`` (n, 5): u, v, S_uu, S_uv, S_vv; into ``rows`` (n, `COLUMNS`).
+    """Measure every blob from its ``starts`` (n, 5): u, v, S_uu, S_uv, S_vv; into zeroed ``rows``.
 
     Columns: u, v, S_uu, S_uv, S_vv [px, px²]; contrast, ground [grey]; ring's rms deviation [grey]; part of
     the ring that is not ground; skewness; misfit [of the contrast]; area [px²]; 1 where it could be
@@ -266,8 +264,8 @@ def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: Fl
     box = np.zeros(4, np.int64)
     for i in range(starts.shape[0]):
         row = rows[i]
-        row[:] = 0.0
-        shape[:] = starts[i]
+        for k in range(5):
+            shape[k] = starts[i, k]
         tolerance = 0.0
         darkness = 0.0
         good = False
@@ -295,7 +293,8 @@ def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: Fl
                 break
         if not good or not set_box(shape, width, height, box):
             continue
-        row[:5] = shape
+        for k in range(5):
+            row[k] = shape[k]
         judge(image, box, shape, ground, darkness, row)
         row[10], blur = misfit(image, box, shape, ground, row[5], row[11])
         row[2] -= blur

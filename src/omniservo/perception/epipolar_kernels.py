@@ -13,11 +13,19 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
-from omniservo.perception.match_kernels import CAP, cross
+from omniservo.perception.match_kernels import CAP, cross, dot, unit
 
 STEPS = 25
 BEHIND = 25.0
 """cost of a dot that the motion puts behind a camera"""
+
+
+@kernel
+def copy(source: FloatArray, target: FloatArray) -> None:
+    """Copy a matrix (a slice assignment compiles many times as long)."""
+    for r in range(source.shape[0]):
+        for c in range(source.shape[1]):
+            target[r, c] = source[r, c]
 
 
 @kernel
@@ -51,12 +59,14 @@ def turn(rotation: FloatArray, w: FloatArray) -> None:
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     s = math.sin(angle) / angle if angle > 1e-12 else 1.0
     c = (1.0 - math.cos(angle)) / (angle * angle) if angle > 1e-6 else 0.5
-    once, twice = np.empty(3), np.empty(3)
+    column, once, twice = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
-        column = rotation[:, k].copy()
+        for r in range(3):
+            column[r] = rotation[r, k]
         cross(w, column, once)
         cross(w, once, twice)
-        rotation[:, k] = column + s * once + c * twice
+        for r in range(3):
+            rotation[r, k] = column[r] + s * once[r] + c * twice[r]
 
 
 @kernel
@@ -74,8 +84,10 @@ def linearise(
 
     ``side_a`` (n, 11), ``side_b`` (m, 11): see `score_hypotheses`.
     """
-    normal[:] = 0.0
-    right[:] = 0.0
+    for r in range(5):
+        right[r] = 0.0
+        for c in range(5):
+            normal[r, c] = 0.0
     total = 0.0
     y, by_b, by_a, lever, row = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(5)
     for i, j in pairs:
@@ -109,11 +121,10 @@ def linearise(
 @kernel
 def tangent_basis(t: FloatArray, basis: FloatArray) -> None:
     """Two unit vectors across the unit vector t."""
-    k = np.argmin(np.abs(t))
     axis = np.zeros(3)
-    axis[k] = 1.0
+    axis[0 if abs(t[0]) <= min(abs(t[1]), abs(t[2])) else 1 if abs(t[1]) <= abs(t[2]) else 2] = 1.0
     cross(t, axis, basis[0])
-    basis[0] /= math.sqrt((basis[0] * basis[0]).sum())
+    unit(basis[0])
     cross(t, basis[0], basis[1])
 
 
@@ -125,30 +136,33 @@ def fit_motion(
     basis, normal, damped = np.zeros((2, 3)), np.zeros((5, 5)), np.zeros((5, 5))
     right, step = np.zeros(5), np.zeros(5)
     trial_rotation, trial_t = np.empty((3, 3)), np.empty(3)
-    t /= math.sqrt((t * t).sum())
+    unit(t)
     tangent_basis(t, basis)
     cost = linearise(side_a, side_b, pairs, rotation, t, basis, normal, right)
     damping = 1e-3
     for _ in range(STEPS):
-        damped[:] = normal
-        step[:] = right
+        copy(normal, damped)
         for k in range(5):
+            step[k] = right[k]
             damped[k, k] += damping * normal[k, k] + 1e-12
         if not solve5(damped, step):
             damping *= 10.0
             continue
-        trial_rotation[:] = rotation
+        copy(rotation, trial_rotation)
         turn(trial_rotation, step[:3])
-        trial_t[:] = t + step[3] * basis[0] + step[4] * basis[1]
-        trial_t /= math.sqrt((trial_t * trial_t).sum())
+        for k in range(3):
+            trial_t[k] = t[k] + step[3] * basis[0, k] + step[4] * basis[1, k]
+        unit(trial_t)
         tangent_basis(trial_t, basis)
         trial = linearise(side_a, side_b, pairs, trial_rotation, trial_t, basis, damped, step)
         if trial < cost:
             gain = cost - trial
-            rotation[:] = trial_rotation
-            t[:] = trial_t
-            normal[:] = damped
-            right[:] = step
+            copy(trial_rotation, rotation)
+            copy(damped, normal)
+            for k in range(5):
+                right[k] = step[k]
+            for k in range(3):
+                t[k] = trial_t[k]
             cost = trial
             damping = max(damping * 0.1, 1e-9)
             if gain < 1e-4 * cost + 1e-9:
@@ -187,14 +201,14 @@ def disagreement(
         noise = 1e-18
         for k in range(3, 9):
             noise += 0.5 * (a[k] * a[k] + b[k] * b[k])
-        sine_a, sine_b = (y_t * y_t).sum() + 1e-12, (b_t * b_t).sum() + 1e-12
+        sine_a, sine_b = dot(y_t, y_t) + 1e-12, dot(b_t, b_t) + 1e-12
         sizes = a[10] * a[10] + b[10] * b[10]
         off = 0.5 * math.log(sine_a / sine_b) - (b[9] - a[9])
         total += min(off * off / (sizes + noise / min(sine_a, sine_b)), CAP)
-        parallax = (n * n).sum()
+        parallax = dot(n, n)
         if parallax <= 25.0 * noise:
             continue
-        first, second = (n * b_t).sum(), (n * y_t).sum()
+        first, second = dot(n, b_t), dot(n, y_t)
         if first * second <= 0.0:
             total += BEHIND
             continue
@@ -211,7 +225,8 @@ def disagreement(
         off = offs[k] - mean / weights
         total += min(off * off / variances[k], CAP)
     if behind > ahead:
-        t *= -1.0
+        for k in range(3):
+            t[k] = -t[k]
         ahead, behind = behind, ahead
     return total + BEHIND * behind
 
@@ -240,12 +255,14 @@ def score_hypotheses(
     for h in range(len(costs)):
         used = pairs[h, : counts[h]]
         for r in range(3):
-            rotation[r] = motions[h, 3 * r : 3 * r + 3]
-        t[:] = motions[h, 9:]
-        if (t * t).sum() < 1e-18:
+            t[r] = motions[h, 9 + r]
+            for c in range(3):
+                rotation[r, c] = motions[h, 3 * r + c]
+        if dot(t, t) < 1e-18:
             t[2] = 1.0
         costs[h, 0] = fit_motion(side_a, side_b, used, rotation, t)
         costs[h, 1] = disagreement(side_a, side_b, used, rotation, t)
         for r in range(3):
-            motions[h, 3 * r : 3 * r + 3] = rotation[r]
-        motions[h, 9:] = t
+            motions[h, 9 + r] = t[r]
+            for c in range(3):
+                motions[h, 3 * r + c] = rotation[r, c]

@@ -26,24 +26,43 @@ def cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """Scalar product of 3-vectors."""
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+@kernel
+def gap(a: FloatArray, b: FloatArray) -> float:
+    """Distance of two points."""
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@kernel
+def unit(a: FloatArray) -> float:
+    """Divide a 3-vector by its length, which is returned; zero stays zero."""
+    length = math.sqrt(dot(a, a))
+    if length > 0.0:
+        for k in range(3):
+            a[k] /= length
+    return length
+
+
+@kernel
 def triangle_frame(p: FloatArray, q: FloatArray, r: FloatArray, out: FloatArray) -> bool:
     """Orthonormal frame (rows of ``out``) of a triangle: along pq, in its plane, normal.
 
     False: the three points lie on a line.
     """
-    x, y, z, d = out[0], out[1], out[2], r - p
-    x[:] = q - p
-    length = math.sqrt((x * x).sum())
-    if length == 0.0:
-        return False
-    x /= length
-    cross(x, d, z)
-    length = math.sqrt((z * z).sum())
-    if length < 1e-9 * math.sqrt((d * d).sum()):
-        return False
-    z /= length
+    x, y, z = out[0], out[1], out[2]
+    for k in range(3):
+        x[k] = q[k] - p[k]
+        y[k] = r[k] - p[k]
+    unit(x)
+    unit(y)
+    cross(x, y, z)
+    flat = unit(z) < 1e-9
     cross(z, x, y)
-    return True
+    return not flat
 
 
 @kernel
@@ -56,14 +75,44 @@ def assign(cost: FloatArray, limit: float, partner: IntArray) -> float:
     """
     total = 0.0
     for i in range(cost.shape[0]):
-        best = np.argmin(cost[i])
+        best = 0
+        for j in range(cost.shape[1]):
+            if cost[i, j] < cost[i, best]:
+                best = j
+        mutual = cost[i, best] < limit
+        for k in range(cost.shape[0]):
+            mutual = mutual and cost[k, best] >= cost[i, best]
         partner[i] = -1
-        if cost[i, best] < limit and np.argmin(cost[:, best]) == i:
+        if mutual:
             partner[i] = best
             total += cost[i, best]
         else:
             total += limit
     return total
+
+
+@kernel
+def motion_between(
+    frame_a: FloatArray,
+    frame_b: FloatArray,
+    cloud_a: FloatArray,
+    triple_a: IntArray,
+    cloud_b: FloatArray,
+    triple_b: tuple[int, int, int],
+    rotation: FloatArray,
+    motion: FloatArray,
+) -> None:
+    """Set ``rotation`` and ``motion`` (R by rows, t) that lay one triangle on the other: frames and middles."""
+    for r in range(3):
+        t = 0.0
+        for c in range(3):
+            rotation[r, c] = 0.0
+            for k in range(3):
+                rotation[r, c] += frame_b[k, r] * frame_a[k, c]
+            motion[3 * r + c] = rotation[r, c]
+        for c in range(3):
+            t += (cloud_b[triple_b[c], r] - dot(rotation[r], cloud_a[triple_a[c]])) / 3.0
+        motion[9 + r] = t
 
 
 @kernel
@@ -111,21 +160,14 @@ def register_triples(
                         continue
                     if not triangle_frame(cloud_b[j0], cloud_b[j1], cloud_b[j2], frame_b):
                         continue
-                    for r in range(3):
-                        for c in range(3):
-                            rotation[r, c] = 0.0
-                            for k3 in range(3):
-                                rotation[r, c] += frame_b[k3, r] * frame_a[k3, c]
-                            motions[count, 3 * r + c] = rotation[r, c]
-                        middle_a = (cloud_a[i0] + cloud_a[i1] + cloud_a[i2]) / 3.0
-                        middle_b = (cloud_b[j0, r] + cloud_b[j1, r] + cloud_b[j2, r]) / 3.0
-                        motions[count, 9 + r] = middle_b - (rotation[r] * middle_a).sum()
+                    motion_between(
+                        frame_a, frame_b, cloud_a, triples[k], cloud_b, (j0, j1, j2), rotation, motions[count]
+                    )
                     for i in range(n):
                         for r in range(3):
-                            moved[r] = (rotation[r] * cloud_a[i]).sum() + motions[count, 9 + r]
+                            moved[r] = dot(rotation[r], cloud_a[i]) + motions[count, 9 + r]
                         for j in range(m):
-                            off = moved - cloud_b[j]
-                            cost[i, j] = (off * off).sum() / variance[j]
+                            cost[i, j] = gap(moved, cloud_b[j]) ** 2 / variance[j]
                     scores[count] = assign(cost, CAP, partners[count])
                     count += 1
     return count
@@ -137,6 +179,5 @@ def _alike(
 ) -> bool:
     if j == h:
         return False
-    off_a, off_b = cloud_a[i] - cloud_a[k], cloud_b[j] - cloud_b[h]
-    gap = math.sqrt((off_a * off_a).sum()) - math.sqrt((off_b * off_b).sum())
-    return bool(gap * gap < 12.0 * (variance[j] + variance[h]))
+    off = gap(cloud_a[i], cloud_a[k]) - gap(cloud_b[j], cloud_b[h])
+    return bool(off * off < 12.0 * (variance[j] + variance[h]))
