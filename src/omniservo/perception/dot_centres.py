@@ -30,8 +30,8 @@ def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: Flo
     """Return the image (n, 2) [px] of the centre of each circle, given the moments of its image.
 
     Where the neighbours decide between the two circles, it is the centre of the right one. Else it is the
-    ray half-way between the two centres, at most about (r/d)²/2 rad from the truth (r radius, d distance; worst
-    at 45° of tilt). A dot whose outline the camera cannot unproject keeps its centroid.
+    ray half-way between the two centres, about (r/d)²/2 rad off at worst (r radius, d distance; at 45°
+    of tilt). A dot whose outline the camera cannot unproject keeps its centroid.
 
     Args:
         camera: the camera that took the image.

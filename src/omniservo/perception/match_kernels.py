@@ -102,7 +102,7 @@ def motion_between(
     rotation: FloatArray,
     motion: FloatArray,
 ) -> None:
-    """Set ``rotation`` and ``motion`` (R by rows, t) that lay one triangle on the other: frames and middles."""
+    """Set ``rotation`` and ``motion`` (R by rows, t) that lay one triangle on the other."""
     for r in range(3):
         t = 0.0
         for c in range(3):
