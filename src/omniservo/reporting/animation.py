@@ -15,7 +15,6 @@ from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.reporting.style import GOAL
 from omniservo.simulation.run_result import RunResult
 
-_HEIGHT = 270
 _FOOTER = 30
 _GAP = 6
 _FINE = 2
@@ -24,11 +23,14 @@ _FINE = 2
 _STILL = 7
 """Grey values: a pixel that changes by less keeps its value, so that noise costs no bytes."""
 
-_COLOURS = 96
+_COLOURS = 240
 _END = 1500
 """How long the last picture stays [ms]."""
 
 _WAY = "#ff9d1c"
+
+_SWATCH = 12
+"""Height of a mark's colour in the sheet that the palette is made from, so that thin lines keep theirs."""
 
 
 def write_animation(result: RunResult, path: Path) -> None:
@@ -95,24 +97,25 @@ def _composed(
     result: RunResult, camera: ByteArray, outside: ByteArray, steps: int, *, last: bool
 ) -> Image.Image:
     """Put both pictures side by side over a line of words, after ``steps`` control steps."""
-    left, right = _scaled(camera), _scaled(outside)
+    height = outside.shape[0]
+    left, right = _scaled(camera, height), _scaled(outside, height)
     ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
     _mark(left, ways, result.seen.goal_dots, left.height / camera.shape[0])
-    sizes = [(picture.width // _FINE, _HEIGHT) for picture in (left, right)]
-    page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], _HEIGHT + _FOOTER), "white")
+    sizes = [(picture.width // _FINE, height) for picture in (left, right)]
+    page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], height + _FOOTER), "white")
     page.paste(left.resize(sizes[0], Image.Resampling.BOX), (0, 0))
     page.paste(right.resize(sizes[1], Image.Resampling.BOX), (sizes[0][0] + _GAP, 0))
     font = ImageFont.load_default(15)
     words = _words(result, steps, last=last)
-    ImageDraw.Draw(page).text((4, _HEIGHT + 7), words, fill="#1c1f24", font=font)
+    ImageDraw.Draw(page).text((4, height + 7), words, fill="#1c1f24", font=font)
     return page
 
 
-def _scaled(image: ByteArray) -> Image.Image:
-    """Return an image as RGB of the fine height; its final width is even in the fine picture."""
+def _scaled(image: ByteArray, height: int) -> Image.Image:
+    """Return an image as RGB at the fine multiple of the height."""
     picture = Image.fromarray(image).convert("RGB")
-    width = _FINE * round(_HEIGHT * picture.width / picture.height)
-    return picture.resize((width, _FINE * _HEIGHT), Image.Resampling.BILINEAR)
+    width = _FINE * round(height * picture.width / picture.height)
+    return picture.resize((width, _FINE * height), Image.Resampling.BILINEAR)
 
 
 def _mark(picture: Image.Image, ways: FloatArray, goal: FloatArray, scale: float) -> None:
@@ -139,9 +142,13 @@ def _words(result: RunResult, steps: int, *, last: bool) -> str:
 
 
 def _shared_palette(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Return one palette for all pictures, from the first, middle and last."""
+    """Return one palette for all pictures, from the first, middle and last and the colours of the marks."""
     chosen = [pictures[0], pictures[len(pictures) // 2], pictures[-1]]
-    sheet = Image.new("RGB", (chosen[0].width, chosen[0].height * len(chosen)))
+    width, height = chosen[0].size
+    sheet = Image.new("RGB", (width, (height + 2 * _SWATCH) * len(chosen)))
     for i, picture in enumerate(chosen):
-        sheet.paste(picture, (0, i * picture.height))
+        top = i * (height + 2 * _SWATCH)
+        sheet.paste(picture, (0, top))
+        sheet.paste(_WAY, (0, top + height, width, top + height + _SWATCH))
+        sheet.paste(GOAL, (0, top + height + _SWATCH, width, top + height + 2 * _SWATCH))
     return sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)

@@ -39,7 +39,7 @@ def views(result: RunResult) -> Drawing:
 
 def outside(result: RunResult) -> Drawing:
     """Draw the robot and the obstacle at both ends, as a bystander sees them."""
-    figure = new_figure(9.6, 3.8)
+    figure = new_figure(9.6, 3.9)
     left, right = figure.subplots(1, 2)
     _picture(left, result.outside_initial, "Start")
     _picture(right, result.outside_final, "End")
