@@ -156,8 +156,8 @@ def test_contact_outweighs_convergence(run):
         (5.278, "5.28"),
         (61.266, "61.27"),
         (874.4, "874"),
-        (-19.5, "-19.50"),
-        (2e-9, "2.0e-09"),
+        (-19.5, "−19.50"),
+        (2e-9, "2.0e−09"),
     ],
 )
 def test_numbers_keep_the_digits_that_matter(value, words):

@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
@@ -158,14 +159,18 @@ def estimate(result: RunResult) -> Markup:
     rows.append(["matching residual", spell(result.seen.residual_px, "px")])
     rows.append(["metric", "yes" if found.is_metric else "no: the translation has length 1"])
     if found.initial_T_goal is not None:
-        length = "m" if found.is_metric else "1"
+        length, factor = ("mm", 1e3) if found.is_metric else ("lengths of t", 1.0)
         shift = found.initial_T_goal.translation
         turn = found.initial_T_goal.rotation.as_rotvec()
-        rows.append(["goal, translation", ", ".join(spell(float(x), length) for x in shift)])
-        rows.append(["… 1σ", ", ".join(spell(float(s), length) for s in sigma[:3])])
-        rows.append(["goal, rotation vector", ", ".join(spell(float(x), "rad") for x in turn)])
-        rows.append(["… 1σ", ", ".join(spell(float(s), "rad") for s in sigma[3:])])
-    return table(["motion and structure from two images", "x, y, z of the initial camera"], rows)
+        rows.append([f"goal, translation [{length}]", _vector(factor * shift, 3)])
+        rows.append(["… 1σ", _vector(factor * sigma[:3], 3)])
+        rows.append(["goal, rotation vector [°]", _vector(np.rad2deg(turn), 4)])
+        rows.append(["… 1σ, about the goal camera's axes", _vector(np.rad2deg(sigma[3:]), 4)])
+    return table(["motion and structure from two images", "along x, y, z of the initial camera"], rows)
+
+
+def _vector(values: FloatArray, digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values).replace("-", "−")
 
 
 def timings(result: RunResult) -> Markup:

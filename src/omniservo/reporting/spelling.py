@@ -33,5 +33,5 @@ def significant(value: float) -> str:
         return "0" if value == 0.0 else str(value)
     size = math.floor(math.log10(abs(value)))
     if size < -6:
-        return f"{value:.1e}"
-    return f"{value:.{0 if size >= 2 else 2 if size >= 0 else 2 - size}f}"
+        return f"{value:.1e}".replace("-", "−")
+    return f"{value:.{0 if size >= 2 else 2 if size >= 0 else 2 - size}f}".replace("-", "−")
