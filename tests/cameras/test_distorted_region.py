@@ -9,6 +9,8 @@ from scipy.optimize import minimize
 from omniservo.cameras import DeadZone, UnifiedCamera
 from omniservo.cameras.distorted_region import dead_zone_on_plane
 from omniservo.errors import InputError
+from omniservo.verification.distorted_region import region
+from omniservo.verification.plan_file import Camera
 
 
 def area(polygon):
@@ -129,6 +131,28 @@ def test_edges_stay_in_the_image_in_exact_arithmetic(which):
         size = (camera.width, camera.height)
         assert all(low >= Fraction(-1, 2) + margin for _, low in lows)
         assert all(high <= size[axis] - Fraction(1, 2) - margin for axis, high in highs)
+
+
+@pytest.mark.parametrize("margin", [0.0, 5.0, 31.7])
+def test_the_independent_verifier_proves_the_polygon(distorted_camera, margin):
+    c = distorted_camera
+    exact = Camera(
+        *(Fraction(v) for v in (c.fx, c.fy, c.cx, c.cy, c.skew, c.xi)),
+        tuple(Fraction(k) for k in c.distortion),
+        Fraction(c.width),
+        Fraction(c.height),
+        None if c.max_angle is None else Fraction(c.max_angle),
+        None,
+    )
+    polygon = tuple((Fraction(x), Fraction(y)) for x, y in c.image_limits(margin).polygon.tolist())
+    assert region(exact, polygon, Fraction(margin)).verdict == "holds"
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.9])
+def test_lens_wider_than_the_model_does_not_disturb(xi):
+    camera = UnifiedCamera(400, 400, 320, 240, xi, 640, 480, distortion=(0.1, 0.02, 0, 0), max_angle=np.pi)
+    without = UnifiedCamera(400, 400, 320, 240, xi, 640, 480, distortion=(0.1, 0.02, 0, 0))
+    assert np.array_equal(camera.image_limits(3.0).polygon, without.image_limits(3.0).polygon)
 
 
 def test_barrel_polygon_covers_98_percent_of_the_largest_convex_part():

@@ -81,7 +81,7 @@ def dead_zone_on_plane(camera: UnifiedCamera, zone: DeadZone, margin_px: float) 
     within r/(σ_min λ) of m₀ as long as that is at most R_b, and its image K m within r σ_max/(σ_min λ).
 
     Raises:
-        InputError: the zone reaches to where the distortion folds, so that no such disc is known.
+        InputError: the zone reaches to where the distortion folds or the lens ends: no such disc is known.
     """
     x, y, ok = _plane_point(camera, np.asarray(zone.center))
     smallest = smallest_scale(camera)
@@ -94,30 +94,32 @@ def dead_zone_on_plane(camera: UnifiedCamera, zone: DeadZone, margin_px: float) 
             center = camera.matrix[:2] @ np.array([x, y, 1.0])
             return DeadZone((float(center[0]), float(center[1])), radius * largest / stretch * (1.0 + 1e-12))
         bound *= 1.1
-    raise InputError(
-        f"dead_zone: {zone} given; it reaches to where the camera's distortion is not one-to-one"
-    )
+    raise InputError(f"dead_zone: {zone} given; it reaches beyond the usable part of the distorted image")
 
 
 def _disc(camera: UnifiedCamera, margin_px: float) -> float:
     """Return R: the usable disc and, where the lens ends inside it, the lens's circle with the margin.
 
-    A pixel at distance d inside the circle's image is reached from radius r with
-    σ_min ∫ λ(r) dr ≤ d from r to the circle, λ ≤ J's eigenvalues at r (and at most 1).
+    Where ‖m‖ ≤ r, the pixel is at least σ_min ∫ λ dr inside the circle's image, the integral from r to the
+    circle, λ(r) ≤ J's eigenvalues at radius r. The margin is asked for with 0.2% to spare, more than
+    the integral's steps.
     """
     usable = math.sqrt(float(camera.parameters[11])) * (1.0 - 1e-9)
     if camera.max_angle is None:
         return usable
     lens = radius_of_angle(camera.xi, camera.max_angle)
-    if margin_px == 0.0 or not lens <= usable * (1.0 + 1e-6):
+    if margin_px == 0.0 or math.isinf(lens):
         return min(usable, lens)
     r = np.linspace(lens, 0.0, 1025)
     k1, k2, p1, p2 = camera.distortion
-    along, across = 1.0 + 3.0 * k1 * r**2 + 5.0 * k2 * r**4, 1.0 + k1 * r**2 + k2 * r**4
-    stretch = np.minimum(np.minimum(along, across), 1.0) - 6.0 * math.hypot(p1, p2) * r
+    radial = np.minimum(1.0 + 3.0 * k1 * r**2 + 5.0 * k2 * r**4, 1.0 + k1 * r**2 + k2 * r**4)
+    tangential = 6.0 * math.hypot(p1, p2) * r
+    if radial[0] + tangential[0] <= 0.0:
+        return usable  # folded at the circle: the image ends before it
+    stretch = radial - tangential
     lower = np.maximum(0.0, np.minimum(stretch[1:], stretch[:-1]))
     inside = smallest_scale(camera) * np.cumsum(lower) * (lens / 1024.0)
-    needed = margin_px * (1.0 + 1e-4)
+    needed = margin_px * 1.002
     if inside[-1] <= needed:
         raise InputError(f"margin_px: {margin_px:g} given; it leaves nothing inside the max_angle circle")
     return min(usable, float(r[1:][np.searchsorted(inside, needed)]))
