@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Literal
+
 from omniservo.errors import AnswerIsNo
 from omniservo.estimation import TwoViewEstimate
 from omniservo.planning import Plan, PlanningProblem, plan_path
@@ -12,10 +14,15 @@ def problem_of(task: Task, estimate: TwoViewEstimate) -> PlanningProblem:
     """Return the problem: estimated goal and points, the task's obstacles, clearance plus tracking margin.
 
     An obstacle with a clearance of its own keeps it: the tracking margin widens the common one.
+
+    Raises:
+        AnswerIsNo: the estimate holds no pose.
     """
     planning = task.planning
     pose = estimate.initial_T_goal
-    problem = {
+    if pose is None:
+        raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
+    problem: dict[str, Any] = {
         "format": "omniservo.problem/1",
         "camera": task.camera.to_dict(),
         "points": estimate.points.tolist(),
@@ -36,7 +43,9 @@ def problem_of(task: Task, estimate: TwoViewEstimate) -> PlanningProblem:
     return PlanningProblem.from_dict(problem)
 
 
-def plan_task(task: Task, estimate: TwoViewEstimate, method: str, seed: int) -> Plan:
+def plan_task(
+    task: Task, estimate: TwoViewEstimate, method: Literal["certified", "paper"], seed: int
+) -> Plan:
     """Return the plan to follow.
 
     The paper's method promises nothing between its samples, so its path is followed whatever the
