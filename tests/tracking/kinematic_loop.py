@@ -89,6 +89,7 @@ class Loop:
     period: float = 0.01
     """[s]"""
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(7))
+    positions: list = field(default_factory=list)
     deviations: list = field(default_factory=list)
     errors: list = field(default_factory=list)
     twists: list = field(default_factory=list)
@@ -112,6 +113,7 @@ class Loop:
             self.pose = self.pose * RigidTransform.from_exp_coords(
                 np.concatenate((twist[3:], twist[:3])) * self.period
             )
+            self.positions.append(self.pose.translation)
             planned = path(tracker.time_law(time + self.period)[0])
             self.deviations.append(np.linalg.norm(self.pose.translation - planned.translation))
             self.errors.append(tracker.report.error_px)

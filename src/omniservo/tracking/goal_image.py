@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +11,8 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.planning import CameraPath
 from omniservo.servoing import Feature
-
-if TYPE_CHECKING:
-    from omniservo.planning import CameraPath
 
 
 @dataclass(frozen=True, eq=False)

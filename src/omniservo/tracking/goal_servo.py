@@ -1,4 +1,4 @@
-"""Classical image-based servoing in a closed loop: straight to the goal image, with distances from the image."""
+"""Classical image-based servoing in a closed loop: straight to the goal image, distances from the image."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
+from omniservo.planning import Plan
 from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
@@ -19,9 +19,6 @@ from omniservo.tracking.path_state import path_state
 from omniservo.tracking.stop_criterion import StopCriterion
 from omniservo.tracking.tracker_options import TrackerOptions
 from omniservo.tracking.tracker_report import Phase, TrackerReport
-
-if TYPE_CHECKING:
-    from omniservo.planning import Plan
 
 DEFAULT_DURATION = 4.0
 """of the rest-to-rest law that is taken where none is given [s]"""
