@@ -1,5 +1,6 @@
 """The figures: written, of the run they claim to show, and drawn with what the run has."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -9,10 +10,11 @@ from PIL import Image
 
 from omniservo.reporting import write_figures
 from omniservo.reporting.write_figures import drawings, image_bytes
+from omniservo.simulation.run_log import RunLog
 
 EVERY = {
     "views", "outside", "path-3d", "virtual-plane", "image", "translation", "rotation", "clearance",
-    "visibility", "image-error", "camera-twist", "joint-velocities",
+    "arm-gap", "visibility", "image-error", "camera-twist", "joint-velocities",
 }  # fmt: skip
 
 
@@ -51,7 +53,7 @@ def test_equal_runs_give_equal_files(made_up_run):
 def test_different_runs_give_different_figures(drawn, made_up_run):
     other = {d.name: d for d in drawings(made_up_run("paper-example-2"))}
     assert set(other) == EVERY
-    for name in EVERY - {"joint-velocities", "camera-twist", "outside"}:
+    for name in EVERY - {"joint-velocities", "camera-twist", "outside", "arm-gap"}:
         assert image_bytes(drawn[name], "png") != image_bytes(other[name], "png"), name
 
 
@@ -85,7 +87,14 @@ def test_a_run_without_a_plan_shows_what_was_executed(made_up_run):
 def test_a_run_stopped_before_its_first_step_still_has_its_plan_and_pictures(stopped_run):
     names = {d.name for d in drawings(stopped_run)}
     assert {"views", "outside", "path-3d", "virtual-plane", "image", "clearance", "visibility"} <= names
-    assert not names & {"image-error", "camera-twist", "joint-velocities", "translation", "rotation"}
+    assert not names & {
+        "arm-gap",
+        "image-error",
+        "camera-twist",
+        "joint-velocities",
+        "translation",
+        "rotation",
+    }
 
 
 def test_a_run_of_one_step_can_be_drawn(made_up_run):
@@ -111,6 +120,17 @@ def test_the_caption_says_how_many_dots_the_virtual_plane_cannot_show(made_up_ru
         row.pixels[0] = pixel
     captions = {d.name: d.caption for d in drawings(behind)}
     assert "3 of 45" in captions["virtual-plane"]
+
+
+def test_a_contact_is_drawn_on_tinted_ground(made_up_run):
+    def grounds(run):
+        drawing = next(d for d in drawings(run) if d.name == "arm-gap")
+        return len(drawing.figure.axes[0].patches)
+
+    touching = made_up_run(steps=8)
+    rows = [replace(row, arm_clearance=-0.002 if k == 5 else 0.01) for k, row in enumerate(touching.log.rows)]
+    assert grounds(touching) == 0
+    assert grounds(replace(touching, log=RunLog(rows))) == 1
 
 
 def test_the_certified_bound_is_drawn_only_for_a_certified_plan(run, drawn):

@@ -148,6 +148,12 @@ def test_contact_outweighs_convergence(run):
     assert "wrist and obstacle 0" in verdict_of(touched).sentence
 
 
+def test_the_moment_of_the_first_contact_is_named(run):
+    rows = [replace(row, arm_clearance=-1e-3 if k > 4 else 0.01) for k, row in enumerate(run.log.rows)]
+    touched = replace(run, log=RunLog(rows, {("wrist", "obstacle 0")}))
+    assert f"first at {rows[5].time:.2f} s" in verdict_of(touched).sentence
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [

@@ -84,6 +84,31 @@ def visibility(result: RunResult) -> Drawing:
     )
 
 
+def arm_gap(result: RunResult) -> Drawing | None:
+    """Draw the gap between the arm and the obstacles' bodies over time; None without a step or a body."""
+    if not result.log.rows or not result.truth.obstacle_corners:
+        return None
+    figure = new_figure(5.8, 3.8)
+    axes = figure.subplots()
+    gap = 1000.0 * result.log.column("arm_clearance")
+    axes.plot(result.log.column("time"), gap, ".-", ms=3, lw=1.5, color=EXECUTED, label="executed (truth)")
+    low = min(0.0, axes.get_ylim()[0])
+    axes.set_ylim(bottom=low)
+    axes.axhline(0.0, color=CERTIFIED, lw=1.2, label="contact")
+    if low < 0.0:
+        axes.axhspan(low, 0.0, color=FORBIDDEN, zorder=0)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("any link to any body [mm]")
+    legend_below(figure, axes, 2)
+    return Drawing(
+        "arm-gap",
+        "Gap between arm and obstacle",
+        "The smallest gap between any link, or the camera's body, and the obstacle's real body. The plan "
+        "speaks only of the camera's centre, so this is measured and not promised. Below zero: contact.",
+        figure,
+    )
+
+
 def certified_clearance(result: RunResult) -> float | None:
     """Return the guaranteed smallest distance [m] to the obstacles without a clearance of their own."""
     common = [i for i, o in enumerate(result.task.planning.obstacles) if o.clearance is None]

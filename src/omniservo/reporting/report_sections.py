@@ -47,12 +47,12 @@ def key_numbers(result: RunResult) -> Markup:
     planning = result.task.planning
     tiles = [
         (
-            "Smallest distance to the obstacle",
+            "Nearest to the obstacle",
             spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
             f"certified {spell(certified_clearance(result), 'm')}, asked {spell(planning.clearance, 'm')}",
         ),
         (
-            "Dots inside the image by",
+            "Dots in view by",
             spell_metric("visibility_executed_px", metrics.get("visibility_executed_px")),
             f"certified {spell(certified_visibility(result), 'px')}, more than 0 needed",
         ),

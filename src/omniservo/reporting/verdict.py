@@ -22,8 +22,10 @@ def verdict_of(result: RunResult) -> Verdict:
     """Return the verdict: contact first, then what stopped the arm, then how well it converged."""
     if result.log.contacts:
         pairs = spell_contacts(sorted(result.log.contacts))
+        row = next((row for row in result.log.rows if row.arm_clearance <= 0.0), None)
+        when = "" if row is None else f", first at {row.time:.2f} s"
         then = f" Then it stopped: {result.log.stop_message}." if result.log.stop_reason else ""
-        return Verdict(False, "Touched", f"The arm touched something: {pairs}.{then}")
+        return Verdict(False, "Touched", f"The arm touched something: {pairs}{when}.{then}")
     if result.log.stop_reason:
         reason = result.log.stop_reason.replace("_", " ")
         return Verdict(False, f"Stopped: {reason}", f"{_capital(result.log.stop_message)}.")

@@ -90,5 +90,6 @@ def _numbered(axes: Axes, dots: FloatArray, colour: str) -> None:
 
 
 def _last_dots(result: RunResult) -> FloatArray:
-    """Return the dots (n, 2) of the last step; none where no step was made."""
-    return result.log.rows[-1].pixels if result.log.rows else np.empty((0, 2))
+    """Return the dots (n, 2) of the last step; none where the arm was stopped: it moved on a little."""
+    ended = result.log.rows and not result.log.stop_reason
+    return result.log.rows[-1].pixels if ended else np.empty((0, 2))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from omniservo.files import write_whole
-from omniservo.reporting.margins import clearance, visibility
+from omniservo.reporting.margins import arm_gap, clearance, visibility
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.robot_motion import rotation, translation
 from omniservo.reporting.signals import camera_twist, image_error, joint_velocities
@@ -25,6 +25,7 @@ _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     translation,
     rotation,
     clearance,
+    arm_gap,
     visibility,
     image_error,
     camera_twist,
