@@ -1,0 +1,176 @@
+"""Polynomials on [0, 1] in the Bernstein basis, with a bound on every rounding error.
+
+p(w) = Σ bₖ C(n,k) wᵏ (1−w)ⁿ⁻ᵏ. The smallest bₖ bounds p from below on [0, 1] and halving the interval
+makes that bound converge. Errors are counted: a result with ``count`` c and magnitude S differs from the
+exact one by at most c · UNIT · S. The counts are derived in docs/certificate.md.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+
+MAX_DEGREE = 54
+"""Up to here every binomial coefficient, and every product C(m,i) C(n,k−i), is exact in a float."""
+
+UNIT = 1.12e-16
+"""The unit roundoff 2⁻⁵³ and 0.9% more, which swallows every second-order term."""
+
+TINY = 1e-290
+"""Added to every bound: what gradual underflow can lose."""
+
+BINOMIALS: FloatArray = np.array(
+    [[float(math.comb(n, k)) for k in range(MAX_DEGREE + 1)] for n in range(MAX_DEGREE + 1)]
+)
+"""C(n, k) at [n, k], 0 where k > n."""
+
+
+@kernel
+def bernstein_from_power(coefficients: FloatArray) -> FloatArray:
+    """Return the Bernstein coefficients (m, n+1) of polynomials given by powers, highest first (m, n+1).
+
+    bᵢ = Σₖ C(i,k)/C(n,k) aₖ, aₖ the factor of wᵏ. Count n + 2, magnitude Σₖ |aₖ|.
+    """
+    rows, n = coefficients.shape[0], coefficients.shape[1] - 1
+    controls = np.zeros((rows, n + 1))
+    for i in range(n + 1):
+        for k in range(i + 1):
+            weight = BINOMIALS[i, k] / BINOMIALS[n, k]
+            for r in range(rows):
+                controls[r, i] += weight * coefficients[r, n - k]
+    return controls
+
+
+@kernel
+def power_from_bernstein(controls: FloatArray) -> FloatArray:
+    """Return the power coefficients (m, n+1), highest first, of polynomials in the Bernstein basis.
+
+    aₖ = C(n,k) Σᵢ (−1)ᵏ⁻ⁱ C(k,i) bᵢ.
+    """
+    rows, n = controls.shape[0], controls.shape[1] - 1
+    coefficients = np.zeros((rows, n + 1))
+    for k in range(n + 1):
+        for i in range(k + 1):
+            weight = BINOMIALS[n, k] * BINOMIALS[k, i] * (1.0 if (k - i) % 2 == 0 else -1.0)
+            for r in range(rows):
+                coefficients[r, n - k] += weight * controls[r, i]
+    return coefficients
+
+
+@kernel
+def magnitude(coefficients: FloatArray) -> float:
+    """Return the largest Σₖ |aₖ| over the rows: no Bernstein coefficient of any row is larger."""
+    largest = 0.0
+    for r in range(coefficients.shape[0]):
+        total = 0.0
+        for k in range(coefficients.shape[1]):
+            total += abs(coefficients[r, k])
+        largest = max(largest, total)
+    return largest
+
+
+@kernel
+def scale(controls: FloatArray) -> FloatArray:
+    """Return the scaled coefficients C(n,k) bₖ of every row: in them a product is a convolution."""
+    n = controls.shape[1] - 1
+    scaled = np.empty_like(controls)
+    for r in range(controls.shape[0]):
+        for k in range(n + 1):
+            scaled[r, k] = BINOMIALS[n, k] * controls[r, k]
+    return scaled
+
+
+@kernel
+def add_product(factor: float, a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Add factor · a · b to ``out``, all in scaled coefficients: (m+1,), (n+1,), (m+n+1,)."""
+    for i in range(a.shape[0]):
+        value = factor * a[i]
+        for j in range(b.shape[0]):
+            out[i + j] += value * b[j]
+
+
+@kernel
+def halve(controls: FloatArray, left: FloatArray, right: FloatArray) -> None:
+    """Write the Bernstein coefficients of every row on [0, ½] and [½, 1] (de Casteljau); (m, n+1) each.
+
+    n averages in a chain: the count grows by n, the magnitude does not. ``controls`` may be ``right``.
+    """
+    n = controls.shape[1] - 1
+    for r in range(controls.shape[0]):
+        for k in range(n + 1):
+            right[r, k] = controls[r, k]
+        left[r, 0] = right[r, 0]
+        for level in range(n):
+            for k in range(n - level):
+                right[r, k] = 0.5 * (right[r, k] + right[r, k + 1])
+            left[r, level + 1] = right[r, 0]
+
+
+PROVEN, REFUTED, UNDECIDED = 1, -1, 0
+"""What a proof on [0, 1] can say."""
+
+MAX_LEVEL = 26
+"""An interval is halved at most so often: below 2⁻²⁶ a Bernstein bound gains less than it rounds."""
+
+MAX_PIECES = 20_000
+"""A proof that needs more pieces stops as UNDECIDED, so that its time is bounded."""
+
+
+@kernel
+def prove_nonnegative(controls: FloatArray, count: float, size: float) -> tuple[int, float]:
+    """Decide whether a polynomial is ≥ 0 on [0, 1]: PROVEN, REFUTED with a w that shows it, or UNDECIDED.
+
+    Args:
+        controls: Bernstein coefficients (1, n+1), each within count · UNIT · size of the exact one.
+        count: the count of those coefficients.
+        size: their magnitude.
+    """
+    n = controls.shape[1] - 1
+    if _smallest(controls) >= count * UNIT * size + TINY:
+        return PROVEN, 0.0
+    stack = np.empty((MAX_LEVEL + 2, 1, n + 1))
+    start = np.zeros(MAX_LEVEL + 2)
+    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
+    copy_into(controls, stack[0])
+    top, pieces = 0, 0
+    while top >= 0:
+        bound = (count + level[top] * n) * UNIT * size + TINY
+        piece = stack[top]
+        if _smallest(piece) >= bound:
+            top -= 1
+            continue
+        width = 0.5 ** level[top]
+        if piece[0, 0] < -bound:
+            return REFUTED, start[top]
+        if piece[0, n] < -bound:
+            return REFUTED, start[top] + width
+        pieces += 1
+        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
+            return UNDECIDED, start[top]
+        halve(piece, stack[top + 1], piece)
+        start[top + 1] = start[top]
+        start[top] += 0.5 * width
+        level[top] += 1
+        level[top + 1] = level[top]
+        top += 1
+    return PROVEN, 0.0
+
+
+@kernel
+def copy_into(source: FloatArray, out: FloatArray) -> None:
+    """Copy (m, n) into (m, n): NumPy's own assignment takes seconds to compile."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            out[i, j] = source[i, j]
+
+
+@kernel
+def _smallest(controls: FloatArray) -> float:
+    """Return the smallest coefficient; NaN where any is NaN."""
+    least = float(controls[0, 0])
+    for k in range(1, controls.shape[1]):
+        if not controls[0, k] >= least:
+            least = controls[0, k]
+    return least

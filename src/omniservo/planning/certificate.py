@@ -1,0 +1,70 @@
+"""What is proven of a path: one margin a constraint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+
+
+@dataclass(frozen=True)
+class ConstraintMargin:
+    """What is left of one constraint beyond what the problem asks for."""
+
+    name: str
+    """family, then what it is about: "visibility left edge (point 3)"; the point is where it is smallest"""
+    margin: float
+    """in ``unit``; of a certified plan a lower bound over all w in [0, 1] and all points; 0: just met"""
+    unit: str
+    """m, px, rad, or 1"""
+    w: float
+    """where the smallest value was found"""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """Every constraint of the problem with its margin along the path."""
+
+    constraints: tuple[ConstraintMargin, ...]
+    worst: ConstraintMargin
+    """the one with the least left, lengths taken relative to the mean distance of the target, pixels to the
+    focal length"""
+    polygon: FloatArray | None = None
+    """for a distorted camera: corners (k, 2) of the convex polygon on the plane m̄ that the visibility margin
+    was proven with"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the certificate of a plan file."""
+        fields: dict[str, Any] = {
+            "constraints": [_fields(c) for c in self.constraints],
+            "worst": _fields(self.worst),
+        }
+        if self.polygon is not None:
+            fields["polygon"] = self.polygon.tolist()
+        return fields
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Certificate:
+        """Return the certificate of a plan file.
+
+        Raises:
+            InputError: a number is not one.
+        """
+        polygon = fields.get("polygon")
+        return cls(
+            tuple(_margin(c) for c in fields["constraints"]),
+            _margin(fields["worst"]),
+            None if polygon is None else frozen(finite_array("polygon", polygon, (None, 2))),
+        )
+
+
+def _fields(c: ConstraintMargin) -> dict[str, Any]:
+    return {"name": c.name, "margin": c.margin, "unit": c.unit, "w": c.w}
+
+
+def _margin(fields: Mapping[str, Any]) -> ConstraintMargin:
+    margin = finite_number("certificate.margin", fields["margin"])
+    w = finite_number("certificate.w", fields["w"], minimum=0.0, maximum=1.0)
+    return ConstraintMargin(str(fields["name"]), margin, str(fields["unit"]), w)

@@ -1,0 +1,92 @@
+"""The planner's own certificate of a path."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.polynomial import PROVEN, REFUTED
+from omniservo.planning import margins
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.certificate import Certificate, ConstraintMargin
+from omniservo.planning.distorted_margins import distorted_margins
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_arrays import (
+    demands_of,
+    entries_of,
+    entry_table,
+    image_limits,
+    optics_of,
+)
+
+ENDS_MEET = 1e-9
+"""A path starts at the identity and ends at the goal within this, in m and in the unit quaternion."""
+
+Verdict = Literal["certified", "refuted", "undecided"]
+
+
+def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certificate]:
+    """Judge a path: "certified" (proven for all w), "refuted" (a w shows it) or "undecided".
+
+    Raises:
+        InputError: the path does not start at the identity or end at the goal, or its degrees exceed the
+            problem's: it is no path of this problem.
+    """
+    _check_path(problem, path)
+    asked = image_limits(problem, 0.0)
+    demands = demands_of(problem, asked)
+    entries = entries_of(problem, asked, float(demands.numbers[2]))
+    rotation, translation = np.array(path.rotation, order="C"), np.array(path.translation, order="C")
+    table = margins.path_margins(demands, optics_of(problem), entry_table(entries), rotation, translation)
+    found = [
+        ConstraintMargin(
+            f"{e.name} (point {int(row[2])})" if e.about_point else e.name,
+            float(row[0]),
+            e.unit,
+            float(row[1]),
+        )
+        for e, row in zip(entries, table, strict=True)
+    ]
+    statuses = [int(status) for status in table[:, 3]]
+    polygon: FloatArray | None = None
+    if problem.camera.is_distorted:
+        more, more_statuses, polygon = distorted_margins(problem, demands, rotation, translation)
+        found += more
+        statuses += more_statuses
+    refuted, proven = REFUTED in statuses, all(s == PROVEN for s in statuses)
+    verdict: Verdict = "refuted" if refuted else "certified" if proven else "undecided"
+    return verdict, Certificate(tuple(found), worst_of(problem, found, float(demands.numbers[2])), polygon)
+
+
+def worst_of(problem: PlanningProblem, found: list[ConstraintMargin], ell: float) -> ConstraintMargin:
+    """Return the smallest margin as an angle: m over the mean distance ℓ, px over the focal length."""
+    focal = min(abs(problem.camera.fx), abs(problem.camera.fy))
+    unit = {"m": ell, "px": focal, "rad": 1.0, "1": 1.0}
+    return min(found, key=lambda c: c.margin / unit[c.unit])
+
+
+def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
+    sigma, tau = path.degrees
+    highest = problem.degrees.rotation, problem.degrees.translation
+    if not (1 <= sigma <= highest[0] and 1 <= tau <= highest[1]):
+        raise InputError(
+            f"path: degrees {sigma} and {tau} given; legal: 1 to {highest[0]} and 1 to {highest[1]}"
+        )
+    start, end = path.rotation[:, -1], path.rotation.sum(axis=1)
+    lengths = float(np.linalg.norm(start)), float(np.linalg.norm(end))
+    if min(lengths) == 0.0:
+        raise InputError("path: the quaternion is 0 at an end")
+    errors = {
+        "start": max(np.abs(path.translation[:, -1]).max(), np.abs(start / lengths[0] - [0, 0, 0, 1]).max()),
+        "end": max(
+            np.abs(path.translation.sum(axis=1) - problem.goal_translation).max(),
+            np.abs(end / lengths[1] - problem.goal_quaternion).max(),
+        ),
+    }
+    for place, error in errors.items():
+        if error > ENDS_MEET:
+            pose = "the identity" if place == "start" else "the goal"
+            raise InputError(f"path: its {place} misses {pose} by {error:.3g}; legal: {ENDS_MEET:g}")

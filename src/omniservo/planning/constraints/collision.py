@@ -1,0 +1,65 @@
+"""Collision: the camera centre stays outside spheres, ‖t − o‖² − (r + d)² ≥ 0 (26)–(28), degree 2τ."""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.push import push_centre
+
+
+@kernel
+def prove_outside_ball(
+    square: FloatArray, raised: FloatArray, size: float, centre: FloatArray, reach: float
+) -> tuple[int, float]:
+    """Decide ‖t(w) − o‖ ≥ reach on [0, 1], with `squares` of t and its magnitude ``size``."""
+    x, y, z = centre[0], centre[1], centre[2]
+    m = square.shape[1]
+    constant = x * x + y * y + z * z - reach * reach
+    controls = np.empty((1, m))
+    for k in range(m):
+        inner = x * raised[0, k] + y * raised[1, k] + z * raised[2, k]
+        controls[0, k] = square[0, k] - 2.0 * inner + constant
+    total = size + max(abs(x), abs(y), abs(z))
+    return prove_nonnegative(controls, 3.0 * (m - 1) + 20.0, 3.0 * total * total + reach * reach)
+
+
+@kernel
+def prove_collision_free(
+    square: FloatArray, raised: FloatArray, size: float, obstacles: FloatArray
+) -> tuple[int, float]:
+    """Decide the clearance of every obstacle; an obstacle whose reach is 0 asks for nothing."""
+    for i in range(obstacles.shape[0]):
+        if obstacles[i, 4] > 0.0:
+            status, w = prove_outside_ball(square, raised, size, obstacles[i], obstacles[i, 4])
+            if status != PROVEN:
+                return status, w
+    return PROVEN, 0.0
+
+
+@kernel
+def push_from_obstacles(
+    obstacles: FloatArray,
+    pose: FloatArray,
+    ell: float,
+    targets: FloatArray,
+    least: FloatArray,
+    system: FloatArray,
+) -> float:
+    """Push the centre out of the spheres: g = (‖t − o‖ − reach)/max(reach, ℓ/20) (see `push`)."""
+    cost = 0.0
+    for i in range(obstacles.shape[0]):
+        reach = obstacles[i, 4]
+        if reach <= 0.0:
+            continue
+        x, y, z = pose[9] - obstacles[i, 0], pose[10] - obstacles[i, 1], pose[11] - obstacles[i, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        unit = max(reach, 0.05 * ell)
+        g = (distance - reach) / unit
+        least[i] = min(least[i], g)
+        if g < targets[i]:
+            f = 1.0 / (unit * max(distance, 1e-9 * unit))
+            cost += push_centre(system, pose, f * x, f * y, f * z, targets[i] - g)
+    return cost

@@ -1,0 +1,22 @@
+"""What a path must keep, as arrays for kernels."""
+
+from typing import NamedTuple
+
+from omniservo.geometry.arrays import FloatArray
+
+
+class Demands(NamedTuple):
+    """Everything that a proof, the search or a margin needs to know of a problem."""
+
+    points: FloatArray
+    """target points (n, 3) [m]"""
+    limits: FloatArray
+    """image limits (k, 4): unit n and κ of n·c ≤ κ‖c‖"""
+    disc: FloatArray
+    """dead zone (7,): fx, skew, fy, cu − u₀, cv − v₀, radius [px], ξ; (0,) where there is none"""
+    obstacles: FloatArray
+    """spheres (m, 5): centre, radius, radius + clearance [m]"""
+    box: FloatArray
+    """workspace (2, 3): least and greatest camera centre [m]; ±∞ where free"""
+    numbers: FloatArray
+    """(3,): least distance [m], 1 where occlusion counts, mean distance of the target points ℓ [m]"""

@@ -1,0 +1,226 @@
+"""Visibility: every image limit is a cone n·c ≤ κ‖c‖ about a fixed axis (method: image limits are cones).
+
+Proof on a piece of the path with control points C₀ … C_d of c(w), d = 2σ + τ:
+
+- κ < 0: the limit is a convex cone; the piece lies inside when every control point does.
+- κ ≥ 0: the limit is the outside of a convex cap. ‖c‖ ≥ e·c for every ‖e‖ ≤ 1, so (n − κe)·Cₖ ≤ 0 for all k
+  suffices; e is the mean bearing of the piece.
+
+Either way the bound gets exact quadratically as pieces are halved, so the proof ends for every path that
+keeps the limit strictly.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import (
+    MAX_LEVEL,
+    MAX_PIECES,
+    PROVEN,
+    REFUTED,
+    TINY,
+    UNDECIDED,
+    copy_into,
+    halve,
+)
+from omniservo.planning.constraints.dead_zone import disc_size, tangent_limit
+from omniservo.planning.constraints.push import push_camera_point
+
+TEST_COUNT = 14
+"""Roundings of one test of a control point against a limit, those of n, κ and e included."""
+
+
+@kernel
+def prove_visible(
+    controls: FloatArray, errors: FloatArray, count: float, limits: FloatArray, disc: FloatArray
+) -> tuple[int, float, int, int]:
+    """Decide every limit and the dead zone for every point on [0, 1].
+
+    Args:
+        controls: c(w) of every point (n, 3, d+1), from `camera_controls`.
+        errors: their error per count (n,).
+        count: their count.
+        limits: (k, 4).
+        disc: (7,), or (0,) where there is no dead zone; its proof takes D > 0 from the domain's limit.
+
+    Returns:
+        status, and where it is not PROVEN: w, the point, the limit (k means the dead zone).
+    """
+    degree = controls.shape[2] - 1
+    k = limits.shape[0]
+    sizes = np.empty(k + 1)
+    for i in range(k):
+        sizes[i] = abs(limits[i, 0]) + abs(limits[i, 1]) + abs(limits[i, 2]) + 3.0 * abs(limits[i, 3])
+    sizes[k] = disc_size(disc) if disc.shape[0] > 0 else 0.0
+    stack = np.empty((MAX_LEVEL + 2, 3, degree + 1))
+    for j in range(controls.shape[0]):
+        copy_into(controls[j], stack[0])
+        status, w, i = _prove_point(stack, errors[j], count, limits, disc, sizes)
+        if status != PROVEN:
+            return status, w, j, i
+    return PROVEN, 0.0, 0, 0
+
+
+@kernel
+def _prove_point(
+    stack: FloatArray, error: float, count: float, limits: FloatArray, disc: FloatArray, sizes: FloatArray
+) -> tuple[int, float, int]:
+    """Decide every limit for the point whose control points are ``stack[0]``."""
+    degree = stack.shape[2] - 1
+    start = np.zeros(MAX_LEVEL + 2)
+    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
+    first = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
+    top, pieces = 0, 0
+    while top >= 0:
+        piece = stack[top]
+        bound = (count + TEST_COUNT + level[top] * degree) * error
+        failing, side = _first_failing(piece, limits, disc, first[top], bound, sizes)
+        if failing < 0:
+            top -= 1
+            continue
+        width = 0.5 ** level[top]
+        if side != 0:
+            return REFUTED, start[top] + (width if side == 2 else 0.0), failing
+        pieces += 1
+        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
+            return UNDECIDED, start[top], failing
+        halve(piece, stack[top + 1], piece)
+        start[top + 1] = start[top]
+        start[top] += 0.5 * width
+        level[top] += 1
+        level[top + 1] = level[top]
+        first[top] = failing
+        first[top + 1] = failing
+        top += 1
+    return PROVEN, 0.0, 0
+
+
+@kernel
+def _first_failing(
+    piece: FloatArray, limits: FloatArray, disc: FloatArray, first: int, bound: float, sizes: FloatArray
+) -> tuple[int, int]:
+    """Return the first limit from ``first`` on that this piece does not show to hold, or −1.
+
+    And 1 or 2 where the piece's start or end shows that the limit is violated, else 0.
+    """
+    n = piece.shape[1] - 1
+    mx, my, mz = sum_of_controls(piece)
+    norm = math.sqrt(mx * mx + my * my + mz * mz)
+    shorter = (1.0 - 1e-15) / norm if norm > 0.0 else 0.0
+    ex, ey, ez = mx * shorter, my * shorter, mz * shorter
+    rows = limits.shape[0]
+    for i in range(first, rows):
+        allowed = bound * float(sizes[i]) + TINY
+        if not cone_holds(piece, limits[i], ex, ey, ez, allowed):
+            return i, _violated_end(piece, limits[i], allowed)
+    if disc.shape[0] > 0:
+        allowed = bound * float(sizes[rows]) + TINY
+        tangent = np.empty(4)
+        tangent_limit(disc, mx, my, mz, tangent)
+        if not cone_holds(piece, tangent, ex, ey, ez, allowed):
+            for end in range(2):
+                k = n * end
+                tangent_limit(disc, piece[0, k], piece[1, k], piece[2, k], tangent)
+                if _cone_value(piece, tangent, k) > allowed:
+                    return rows, 1 + end
+            return rows, 0
+    return -1, 0
+
+
+@kernel
+def sum_of_controls(piece: FloatArray) -> tuple[float, float, float]:
+    """Return the sum of the control points (3, n+1): it points where the piece is on average."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(piece.shape[1]):
+        x += piece[0, k]
+        y += piece[1, k]
+        z += piece[2, k]
+    return x, y, z
+
+
+@kernel
+def cone_holds(piece: FloatArray, limit: FloatArray, ex: float, ey: float, ez: float, bound: float) -> bool:
+    """Tell whether the control points show n·c ≤ κ‖c‖ on the whole piece; ‖(ex, ey, ez)‖ ≤ 1."""
+    kappa = limit[3]
+    x, y, z = limit[0] - kappa * ex, limit[1] - kappa * ey, limit[2] - kappa * ez
+    holds = True
+    for k in range(piece.shape[1]):
+        if kappa < 0.0:
+            value = _cone_value(piece, limit, k)
+        else:
+            value = x * piece[0, k] + y * piece[1, k] + z * piece[2, k]
+        holds = holds and value <= -bound
+    return holds
+
+
+@kernel
+def _violated_end(piece: FloatArray, limit: FloatArray, bound: float) -> int:
+    """Return 1 or 2 where n·c > κ‖c‖ beyond rounding at the start or end of the piece, else 0."""
+    if _cone_value(piece, limit, 0) > bound:
+        return 1
+    return 2 if _cone_value(piece, limit, piece.shape[1] - 1) > bound else 0
+
+
+@kernel
+def _cone_value(piece: FloatArray, limit: FloatArray, k: int) -> float:
+    """Return n·C − κ‖C‖ of control point k."""
+    x, y, z = piece[0, k], piece[1, k], piece[2, k]
+    return float(limit[0] * x + limit[1] * y + limit[2] * z - limit[3] * math.sqrt(x * x + y * y + z * z))
+
+
+@kernel
+def push_into_image(
+    limits: FloatArray,
+    disc: FloatArray,
+    camera_points: FloatArray,
+    targets: FloatArray,
+    least: FloatArray,
+    system: FloatArray,
+) -> float:
+    """Push every point into the image: g = κ − n·b, b = c/‖c‖ (see `push`).
+
+    Args:
+        limits: (k, 4), n of unit length.
+        disc: dead zone; its limit at a point is the tangent that faces the point, scaled to unit n.
+        camera_points: c and ‖c‖ (n, 4).
+        targets: μ (k+1,), the last for the dead zone.
+        least: smallest g so far (k+1,).
+        system: see `push`.
+    """
+    cost = 0.0
+    rows = limits.shape[0]
+    tangent = np.empty(4)
+    for j in range(camera_points.shape[0]):
+        c = camera_points[j]
+        inverse = 1.0 / max(c[3], 1e-12)
+        bx, by, bz = c[0] * inverse, c[1] * inverse, c[2] * inverse
+        for i in range(rows):
+            g = limits[i, 3] - (limits[i, 0] * bx + limits[i, 1] * by + limits[i, 2] * bz)
+            if g < least[i]:
+                least[i] = g
+            if g < targets[i]:
+                cost += _push_limit(system, c, limits[i], g, targets[i] - g)
+        if disc.shape[0] > 0:
+            tangent_limit(disc, c[0], c[1], c[2], tangent)
+            length = math.sqrt(tangent[0] ** 2 + tangent[1] ** 2 + tangent[2] ** 2)
+            for i in range(4):
+                tangent[i] /= length
+            g = tangent[3] - (tangent[0] * bx + tangent[1] * by + tangent[2] * bz)
+            least[rows] = min(least[rows], g)
+            if g < targets[rows]:
+                cost += _push_limit(system, c, tangent, g, targets[rows] - g)
+    return cost
+
+
+@kernel
+def _push_limit(system: FloatArray, c: FloatArray, limit: FloatArray, g: float, r: float) -> float:
+    """Push one point with g = κ − n·b: ∂g/∂c = −(n − (n·b) b)/‖c‖."""
+    inverse = 1.0 / max(c[3], 1e-12)
+    along = (limit[3] - g) * inverse
+    gx = (along * c[0] - limit[0]) * inverse
+    gy = (along * c[1] - limit[1]) * inverse
+    gz = (along * c[2] - limit[2]) * inverse
+    return push_camera_point(system, c, gx, gy, gz, r)

@@ -1,0 +1,388 @@
+"""Levenberg–Marquardt on squared hinges at samples: from a path to one that keeps its targets there.
+
+Unknowns x: the offsets of the inner control points of φ and of t/ℓ from the linearly interpolated
+quaternion and the straight line, φ's blocks of 4 first. Cost: Σ max(0, μ − g)²/2 over samples and
+constraints (`constraints.push`) + pull · (bending energy / ℓ²)/2.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import BINOMIALS
+from omniservo.planning.bending import bending_form
+from omniservo.planning.constraints.collision import push_from_obstacles
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.least_distance import push_from_points
+from omniservo.planning.constraints.occlusion import push_sight
+from omniservo.planning.constraints.visibility import push_into_image
+from omniservo.planning.constraints.workspace import push_into_box
+
+MAX_SAMPLES = 48
+"""Samples of w that a descent can hold; the search adds witnesses up to it."""
+
+
+class Family(NamedTuple):
+    """The paths among which a descent moves, and where it looks at them."""
+
+    quaternion: FloatArray
+    """φ(1) (4,)"""
+    translation: FloatArray
+    """t(1) (3,) [m]"""
+    rotation_form: FloatArray
+    """`bending_form` of σ"""
+    translation_form: FloatArray
+    """`bending_form` of τ"""
+    rotation_basis: FloatArray
+    """Bernstein polynomials at the samples (MAX_SAMPLES, σ+1)"""
+    translation_basis: FloatArray
+    """(MAX_SAMPLES, τ+1)"""
+    samples: IntArray
+    """how many samples there are (1,)"""
+
+
+@kernel
+def path_family(quaternion: FloatArray, translation: FloatArray, sigma: int, tau: int) -> Family:
+    """Return the family of degrees σ, τ from the identity to a goal, without samples."""
+    return Family(
+        quaternion,
+        translation,
+        bending_form(sigma),
+        bending_form(tau),
+        np.empty((MAX_SAMPLES, sigma + 1)),
+        np.empty((MAX_SAMPLES, tau + 1)),
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+@kernel
+def add_sample(family: Family, w: float) -> bool:
+    """Add a sample at w; False where there is no room."""
+    index = family.samples[0]
+    if index == MAX_SAMPLES:
+        return False
+    family.samples[0] = index + 1
+    set_basis(family.rotation_basis, index, w)
+    set_basis(family.translation_basis, index, w)
+    return True
+
+
+@kernel
+def set_basis(basis: FloatArray, index: int, w: float) -> None:
+    """Write the Bernstein polynomials at w into row ``index``."""
+    n = basis.shape[1] - 1
+    power = 1.0
+    for k in range(n + 1):
+        basis[index, k] = BINOMIALS[n, k] * power
+        power *= w
+    power = 1.0
+    for k in range(n, -1, -1):
+        basis[index, k] *= power
+        power *= 1.0 - w
+
+
+@kernel
+def set_uniform_samples(family: Family, count: int) -> None:
+    """Replace the samples by ``count`` ones evenly inside (0, 1)."""
+    family.samples[0] = 0
+    for i in range(count):
+        add_sample(family, (i + 1.0) / (count + 1.0))
+
+
+@kernel
+def unknowns(family: Family) -> int:
+    """Return 4(σ−1) + 3(τ−1)."""
+    return int(4 * family.rotation_form.shape[0] + 3 * family.translation_form.shape[0])
+
+
+@kernel
+def path_controls(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the control points of φ (4, σ+1) and t (3, τ+1) [m] for the offsets x."""
+    sigma, tau = family.rotation_basis.shape[1] - 1, family.translation_basis.shape[1] - 1
+    phi, t = np.empty((4, sigma + 1)), np.empty((3, tau + 1))
+    for k in range(sigma + 1):
+        part = k / sigma
+        for c in range(4):
+            phi[c, k] = part * family.quaternion[c] + ((1.0 - part) if c == 3 else 0.0)
+            if 0 < k < sigma:
+                phi[c, k] += x[4 * (k - 1) + c]
+    offset = 4 * (sigma - 1)
+    for k in range(tau + 1):
+        for c in range(3):
+            t[c, k] = k / tau * family.translation[c]
+            if 0 < k < tau:
+                t[c, k] += ell * x[offset + 3 * (k - 1) + c]
+    return phi, t
+
+
+@kernel
+def groups(demands: Demands) -> int:
+    """Return how many targets there are: limits, dead zone, least distance, clearances, sights, walls."""
+    return int(demands.limits.shape[0] + 2 * demands.obstacles.shape[0] + 8)
+
+
+@kernel
+def push_all(
+    demands: Demands,
+    pose: FloatArray,
+    camera_points: FloatArray,
+    targets: FloatArray,
+    least: FloatArray,
+    system: FloatArray,
+) -> float:
+    """Let every family push at one sample; ``targets``, ``least`` in the order of `groups`."""
+    k, m = demands.limits.shape[0], demands.obstacles.shape[0]
+    ell = demands.numbers[2]
+    i, j, b = k + 2, k + 2 + m, k + 2 + 2 * m
+    cost = push_into_image(
+        demands.limits, demands.disc, camera_points, targets[: k + 1], least[: k + 1], system
+    )
+    cost += push_from_points(
+        demands.points, demands.numbers[0], pose, ell, targets[k + 1 : i], least[k + 1 : i], system
+    )
+    cost += push_from_obstacles(demands.obstacles, pose, ell, targets[i:j], least[i:j], system)
+    if demands.numbers[1] > 0.0:
+        cost += push_sight(demands.points, demands.obstacles, pose, ell, targets[j:b], least[j:b], system)
+    return cost + push_into_box(demands.box, pose, ell, targets[b:], least[b:], system)
+
+
+@kernel
+def place(
+    phi: FloatArray,
+    t: FloatArray,
+    rotation_basis: FloatArray,
+    translation_basis: FloatArray,
+    points: FloatArray,
+    pose: FloatArray,
+    camera_points: FloatArray,
+    turn: FloatArray,
+) -> None:
+    """Write pose (13,), camera points (n, 4) and ∂angular/∂φ (3, 4) of the path at one sample."""
+    x, y, z, w = 0.0, 0.0, 0.0, 0.0
+    for k in range(rotation_basis.shape[0]):
+        b = rotation_basis[k]
+        x, y, z, w = x + b * phi[0, k], y + b * phi[1, k], z + b * phi[2, k], w + b * phi[3, k]
+    for c in range(3):
+        total = 0.0
+        for k in range(translation_basis.shape[0]):
+            total += translation_basis[k] * t[c, k]
+        pose[9 + c] = total
+    pose[12] = x * x + y * y + z * z + w * w
+    f = 2.0 / max(pose[12], 1e-12)
+    pose[0], pose[1], pose[2] = 1.0 - f * (y * y + z * z), f * (x * y - z * w), f * (x * z + y * w)
+    pose[3], pose[4], pose[5] = f * (x * y + z * w), 1.0 - f * (x * x + z * z), f * (y * z - x * w)
+    pose[6], pose[7], pose[8] = f * (x * z - y * w), f * (y * z + x * w), 1.0 - f * (x * x + y * y)
+    turn[0, 0], turn[0, 1], turn[0, 2], turn[0, 3] = f * w, f * z, -f * y, -f * x
+    turn[1, 0], turn[1, 1], turn[1, 2], turn[1, 3] = -f * z, f * w, f * x, -f * y
+    turn[2, 0], turn[2, 1], turn[2, 2], turn[2, 3] = f * y, -f * x, f * w, -f * z
+    for j in range(points.shape[0]):
+        a, b, c = points[j, 0] - pose[9], points[j, 1] - pose[10], points[j, 2] - pose[11]
+        camera_points[j, 0] = pose[0] * a + pose[3] * b + pose[6] * c
+        camera_points[j, 1] = pose[1] * a + pose[4] * b + pose[7] * c
+        camera_points[j, 2] = pose[2] * a + pose[5] * b + pose[8] * c
+        camera_points[j, 3] = math.sqrt(a * a + b * b + c * c)
+
+
+@kernel
+def spread(
+    family: Family,
+    ell: float,
+    index: int,
+    system: FloatArray,
+    pose: FloatArray,
+    turn: FloatArray,
+    normal: FloatArray,
+) -> None:
+    """Add one sample's system (6, 7) to the normal equations of the unknowns (nx, nx+1)."""
+    jacobian = np.zeros((6, 7))
+    for a in range(3):
+        for c in range(4):
+            jacobian[3 + a, c] = turn[a, c]
+        for c in range(3):
+            jacobian[a, 4 + c] = ell * pose[3 * c + a]
+    product = np.zeros((6, 8))
+    for a in range(6):
+        for c in range(7):
+            for b in range(6):
+                product[a, c] += (system[a, b] if b >= a else system[b, a]) * jacobian[b, c]
+        product[a, 7] = system[a, 6]
+    block = np.zeros((7, 8))
+    for r in range(7):
+        for c in range(8):
+            for a in range(6):
+                block[r, c] += jacobian[a, r] * product[a, c]
+    inner_r, inner_t = family.rotation_form.shape[0], family.translation_form.shape[0]
+    last = normal.shape[1] - 1
+    for i in range(inner_r + inner_t):
+        first, rows, bi, row = _block(family, index, i, inner_r)
+        for r in range(rows):
+            normal[row + r, last] += bi * block[first + r, 7]
+        for j in range(inner_r + inner_t):
+            second, columns, bj, column = _block(family, index, j, inner_r)
+            f = bi * bj
+            for r in range(rows):
+                for c in range(columns):
+                    normal[row + r, column + c] += f * block[first + r, second + c]
+
+
+@kernel
+def _block(family: Family, index: int, i: int, inner: int) -> tuple[int, int, float, int]:
+    """Return row in the 7-block, height, basis value, row among the unknowns of inner control i."""
+    if i < inner:
+        return 0, 4, family.rotation_basis[index, i + 1], 4 * i
+    k = i - inner
+    return 4, 3, family.translation_basis[index, k + 1], 4 * inner + 3 * k
+
+
+@kernel
+def fill(values: FloatArray, value: float) -> None:
+    """Set every item of (n,) to ``value``."""
+    for i in range(values.shape[0]):
+        values[i] = value
+
+
+@kernel
+def linearise(
+    demands: Demands,
+    family: Family,
+    x: FloatArray,
+    targets: FloatArray,
+    pull: float,
+    least: FloatArray,
+    normal: FloatArray,
+) -> float:
+    """Return the cost at x; write ``least`` over the samples and the normal equations (nx, nx+1)."""
+    ell = demands.numbers[2]
+    phi, t = path_controls(family, ell, x)
+    pose, turn = np.empty(13), np.empty((3, 4))
+    camera_points = np.empty((demands.points.shape[0], 4))
+    fill(least, math.inf)
+    for row in range(normal.shape[0]):
+        fill(normal[row], 0.0)
+    system = np.zeros((6, 7))
+    cost = 0.0
+    for index in range(family.samples[0]):
+        rb, tb = family.rotation_basis[index], family.translation_basis[index]
+        place(phi, t, rb, tb, demands.points, pose, camera_points, turn)
+        part = push_all(demands, pose, camera_points, targets, least, system)
+        if part > 0.0:
+            cost += part
+            spread(family, ell, index, system, pose, turn, normal)
+            for row in range(6):
+                fill(system[row], 0.0)
+    return cost + _add_bending(family, x, pull, normal)
+
+
+@kernel
+def _add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray) -> float:
+    """Add pull · W to the normal matrix and −pull · W x to its right side; return pull · xᵀWx/2."""
+    inner = family.rotation_form.shape[0]
+    last = normal.shape[1] - 1
+    cost = 0.0
+    for i in range(inner + family.translation_form.shape[0]):
+        rotation = i < inner
+        form = family.rotation_form if rotation else family.translation_form
+        size = 4 if rotation else 3
+        base = 0 if rotation else 4 * inner
+        a = i if rotation else i - inner
+        for b in range(form.shape[0]):
+            f = pull * form[a, b]
+            for c in range(size):
+                row, column = base + size * a + c, base + size * b + c
+                normal[row, column] += f
+                normal[row, last] -= f * x[column]
+                cost += 0.5 * f * x[row] * x[column]
+    return cost
+
+
+@kernel
+def solve_damped(normal: FloatArray, damping: float, step: FloatArray) -> bool:
+    """Solve (H + damping · (diag H + mean diag H)) step = b by Cholesky; False where H is not positive."""
+    n = normal.shape[0]
+    mean = 0.0
+    for i in range(n):
+        mean += normal[i, i] / n
+    factor = np.empty((n, n))
+    for j in range(n):
+        for i in range(j, n):
+            total = normal[i, j]
+            if i == j:
+                total += damping * (normal[i, i] + mean) + 1e-14 * mean
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if i == j:
+                if not total > 0.0:
+                    return False
+                factor[j, j] = math.sqrt(total)
+            else:
+                factor[i, j] = total / factor[j, j]
+    for i in range(n):
+        total = normal[i, n]
+        for k in range(i):
+            total -= factor[i, k] * step[k]
+        step[i] = total / factor[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            step[i] -= factor[k, i] * step[k]
+        step[i] /= factor[i, i]
+    return True
+
+
+@kernel
+def descend(
+    demands: Demands,
+    family: Family,
+    x: FloatArray,
+    targets: FloatArray,
+    pull: float,
+    enough: float,
+    settle: float,
+    least: FloatArray,
+) -> float:
+    """Lower the cost from x in place; stop when g ≥ enough · target everywhere, or when it stalls.
+
+    ``enough`` = ∞ never stops early; ``settle`` is the relative gain below which it counts as stalled.
+    Writes the smallest g of every group at x into ``least``; returns the cost.
+    """
+    size = x.shape[0]
+    normal, tried = np.empty((size, size + 1)), np.empty((size, size + 1))
+    tried_least = np.empty_like(least)
+    step, trial = np.empty(size), np.empty(size)
+    cost = linearise(demands, family, x, targets, pull, least, normal)
+    damping = 1e-4
+    for _ in range(30):
+        if reached(least, targets, enough) or size == 0:
+            break
+        if not solve_damped(normal, damping, step):
+            break
+        for i in range(size):
+            trial[i] = x[i] + step[i]
+        tried_cost = linearise(demands, family, trial, targets, pull, tried_least, tried)
+        if tried_cost < cost:
+            stalled = cost - tried_cost < settle * cost
+            for i in range(size):
+                x[i] = trial[i]
+            normal, tried = tried, normal
+            for i in range(least.shape[0]):
+                least[i] = tried_least[i]
+            cost = tried_cost
+            damping = max(0.1 * damping, 1e-9)
+            if stalled:
+                break
+        else:
+            damping = max(10.0 * damping, 1e-4)
+            if damping > 1e4:
+                break
+    return cost
+
+
+@kernel
+def reached(least: FloatArray, targets: FloatArray, enough: float) -> bool:
+    """Tell whether every group's smallest g is at least ``enough`` times its target."""
+    holds = True
+    for i in range(least.shape[0]):
+        holds = holds and least[i] >= enough * targets[i]
+    return holds

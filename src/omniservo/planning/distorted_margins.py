@@ -1,0 +1,103 @@
+"""Margins in px of a distorted camera: every margin has a polygon of its own, so it is bisected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from omniservo.cameras import ImageLimits
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED
+from omniservo.planning.bernstein_path import camera_controls, camera_count
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.certificate import ConstraintMargin
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.visibility import prove_visible
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_arrays import demands_of
+
+LOOKS = 256
+"""The path is looked at so many times, evenly."""
+
+FINE_PX = 0.2
+"""A margin is bisected until it is known so closely."""
+
+
+def distorted_margins(
+    problem: PlanningProblem, demands: Demands, rotation: FloatArray, translation: FloatArray
+) -> tuple[list[ConstraintMargin], list[int], FloatArray | None]:
+    """Return the margins "visibility polygon" and "dead_zone", their statuses, and the polygon of the first.
+
+    The polygon lies inside the region that the image shows, so a margin is not as large as the truth
+    allows where the path uses what the polygon leaves out; what only the polygon forbids is UNDECIDED.
+    """
+    controls = camera_controls(rotation, translation, demands.points)
+    count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
+    margin_px, found, statuses, polygon = problem.visibility_margin, [], [], None
+    for name, seen in _seen_margins(problem, CameraPath(rotation, translation)):
+
+        def proven(margin: float, name: str = name) -> ImageLimits | None:
+            try:
+                limits = problem.camera.image_limits(margin_px + margin)
+            except InputError:
+                return None
+            kept = demands_of(problem, limits)
+            only_zone = name == "dead_zone"
+            rows = kept.limits[:0] if only_zone else kept.limits
+            disc = kept.disc if only_zone else np.zeros(0)
+            return limits if prove_visible(*controls, count, rows, disc)[0] == PROVEN else None
+
+        least, w, point = seen
+        margin, limits = _largest(proven, least)
+        status = UNDECIDED if limits is None else PROVEN
+        if least < -1e-6:
+            status = REFUTED
+        found.append(ConstraintMargin(f"{name} (point {point})", margin if limits else least, "px", w))
+        statuses.append(status)
+        if name != "dead_zone":
+            polygon = limits.polygon if limits else problem.camera.image_limits(margin_px).polygon
+    return found, statuses, polygon
+
+
+def _largest(proven: Callable[[float], ImageLimits | None], seen: float) -> tuple[float, ImageLimits | None]:
+    """Return the largest margin that is proven, up to FINE_PX, and its limits; None where 0 is not."""
+    low, high = 0.0, max(0.0, seen)
+    limits = proven(low)
+    if limits is None:
+        return 0.0, None
+    width = 0.5 * FINE_PX
+    while high - low > FINE_PX:
+        middle = max(0.5 * (low + high), high - width)
+        width *= 4.0
+        better = proven(middle)
+        if better is None:
+            high = middle
+        else:
+            low, limits = middle, better
+    return low, limits
+
+
+def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str, tuple[float, float, int]]]:
+    """Return (name, (smallest margin seen, w, point)) of the image's border and of the dead zone [px]."""
+    camera = problem.camera
+    w = np.linspace(0.0, 1.0, LOOKS + 1)
+    poses = path(w)
+    offsets = problem.points[None] - poses.translation[:, None]
+    camera_points = np.einsum("kij,kni->knj", poses.rotation.as_matrix(), offsets)
+    pixels, valid = camera.project(camera_points)
+    size = np.array([camera.width, camera.height])
+    border = np.minimum(pixels + 0.5, size - 0.5 - pixels).min(axis=-1)
+    border = np.where(valid, border, -math.inf)
+    seen = [("visibility polygon", border)]
+    if camera.dead_zone is not None:
+        away = np.linalg.norm(pixels - np.array(camera.dead_zone.center), axis=-1) - camera.dead_zone.radius
+        seen.append(("dead_zone", np.where(valid, away, math.inf)))
+    result = []
+    for name, values in seen:
+        step, point = np.unravel_index(int(np.argmin(values)), values.shape)
+        smallest = max(-1e6, float(values[step, point]) - problem.visibility_margin)
+        result.append((name, (smallest, float(w[step]), int(point))))
+    return result

@@ -1,0 +1,84 @@
+"""No path exists where an end pose already violates a constraint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.planning.margins import pose_margins
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_arrays import (
+    Entry,
+    demands_of,
+    entries_of,
+    entry_table,
+    image_limits,
+    optics_of,
+)
+
+_NOISE = {"m": 1e-9, "px": 1e-7, "rad": 1e-9, "1": 1e-9}
+"""What rounding can make of a constraint that is just met."""
+
+
+def violation_at_end(problem: PlanningProblem) -> str:
+    """Return a sentence that names the worst violated constraint at the first end pose that has one; else "".
+
+    It names constraint, point or obstacle, w and amount. An image limit of a distorted camera is judged by
+    the pixel itself, not by the polygon that plans keep to.
+    """
+    limits = image_limits(problem, 0.0)
+    demands, optics = demands_of(problem, limits), optics_of(problem)
+    entries = entries_of(problem, limits, float(demands.numbers[2]))
+    table = entry_table(entries)
+    poses = (
+        (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
+        (problem.goal_quaternion, problem.goal_translation),
+    )
+    for w, (quaternion, translation) in enumerate(poses):
+        found = pose_margins(demands, optics, table, quaternion, translation)
+        violated = [
+            (float(margin), _named(entry, int(point)), entry.unit)
+            for entry, (margin, point) in zip(entries, found, strict=True)
+            if margin < -_NOISE[entry.unit]
+        ]
+        if problem.camera.is_distorted:
+            violated += _violated_pixels(problem, w)
+        if violated:
+            return _sentence(w, violated)
+    return ""
+
+
+def _named(entry: Entry, point: int) -> str:
+    return f"{entry.name} (point {point})" if entry.about_point else entry.name
+
+
+def _sentence(w: int, violated: list[tuple[float, str, str]]) -> str:
+    """Name the first violated constraint in the certificate's order, and how many more there are."""
+    pose = "start" if w == 0 else "goal"
+    margin, name, unit = violated[0]
+    by = "lies outside the model's domain" if margin <= -1e6 else f"falls short by {-margin:.6g} {unit}"
+    more = f" ({len(violated) - 1} more there)" if len(violated) > 1 else ""
+    return f"the {pose} pose (w = {w}) violates {name}: {by}{more}"
+
+
+def _violated_pixels(problem: PlanningProblem, w: int) -> list[tuple[float, str, str]]:
+    """Return the edges and the dead zone that a distorted camera's pixels violate at an end pose."""
+    camera, margin = problem.camera, problem.visibility_margin
+    points = problem.points if w == 0 else problem.initial_T_goal.inv().apply(problem.points)
+    pixels, valid = camera.project(points)
+    u, v = pixels[:, 0], pixels[:, 1]
+    left = {
+        "visibility left edge": u + 0.5,
+        "visibility right edge": camera.width - 0.5 - u,
+        "visibility top edge": v + 0.5,
+        "visibility bottom edge": camera.height - 0.5 - v,
+    }
+    if camera.dead_zone is not None:
+        away = np.hypot(u - camera.dead_zone.center[0], v - camera.dead_zone.center[1])
+        left["dead_zone"] = away - camera.dead_zone.radius
+    violated = []
+    for name, values in left.items():
+        beyond = np.where(valid, values - margin, np.inf)
+        j = int(np.argmin(beyond))
+        if beyond[j] < -_NOISE["px"]:
+            violated.append((float(beyond[j]), f"{name} (point {j})", "px"))
+    return violated

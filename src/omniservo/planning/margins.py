@@ -1,0 +1,340 @@
+"""How much of every constraint is left along a path: found by looking, then proven (docs/certificate.md).
+
+An entry is a row (kind, index, scale) of floats; a margin is in its unit, beyond what the problem asks for.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
+from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
+from omniservo.planning.constraints.collision import prove_outside_ball
+from omniservo.planning.constraints.dead_zone import disc_margin
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.least_distance import prove_least_distance
+from omniservo.planning.constraints.occlusion import prove_clear_sight, sight_offset
+from omniservo.planning.constraints.rotation import prove_rotation
+from omniservo.planning.constraints.visibility import prove_visible
+from omniservo.planning.constraints.workspace import prove_wall
+from omniservo.planning.descent import place, set_basis
+
+EDGE, CIRCLE, DOMAIN, DISC, LEAST, CLEARANCE, SIGHT, WALL, ROTATION = range(9)
+"""Kinds. Index: the limit, obstacle or wall. Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
+
+SLACK_PX = 1e-7
+"""Limits in px are proven with so much more than is claimed: it covers the limits' own rounding."""
+
+SLACK_RAD = 1e-12
+"""The same for the domain's angle."""
+
+OUTSIDE = -1e6
+"""What an image limit leaves to a point outside the model's domain [px]."""
+
+LOOKS = 64
+"""The path is looked at so many times, evenly, before every minimum is refined."""
+
+TRIES = 24
+"""A margin is proven at most so often, each time a little lower."""
+
+SECTIONS = 36
+"""Golden sections of a refinement: 2/64 · 0.618³⁶ = 1e-9 of the path."""
+
+
+@kernel
+def camera_margin(
+    entry: FloatArray, demands: Demands, optics: FloatArray, x: float, y: float, z: float, rho: float
+) -> float:
+    """Return what an EDGE, CIRCLE, DOMAIN, DISC or LEAST entry leaves to the camera point (x, y, z)."""
+    kind = int(entry[0])
+    if kind == LEAST:
+        return float(rho - demands.numbers[0])
+    if kind == DOMAIN:
+        return float(optics[4] - math.atan2(math.hypot(x, y), z))
+    d = z + optics[0] * rho
+    if not d > 0.0:
+        return OUTSIDE
+    if kind == DISC:
+        return disc_margin(demands.disc, x, y, z)
+    if kind == CIRCLE:
+        return float((optics[1] - math.hypot(x, y) / d) * optics[2] - optics[3])
+    limit = demands.limits[int(entry[1])]
+    return float((limit[3] * rho - limit[0] * x - limit[1] * y - limit[2] * z) / d * entry[2])
+
+
+@kernel
+def margin_at_pose(
+    entry: FloatArray,
+    demands: Demands,
+    optics: FloatArray,
+    pose: FloatArray,
+    c: FloatArray,
+    point: FloatArray,
+) -> float:
+    """Return what an entry leaves at a pose (13,); ``c`` (4,) and ``point`` (3,) are one target point's."""
+    kind = int(entry[0])
+    if kind <= LEAST:
+        return camera_margin(entry, demands, optics, c[0], c[1], c[2], c[3])
+    if kind == ROTATION:
+        return float(pose[12] - ROTATION_FLOOR)
+    index = int(entry[1])
+    if kind == WALL:
+        side, axis = index // 3, index % 3
+        gap = float(pose[9 + axis] - demands.box[side, axis])
+        return gap if side == 0 else -gap
+    o = demands.obstacles[index]
+    if kind == SIGHT:
+        return sight_offset(pose[9], pose[10], pose[11], point, o)[3] - float(o[3])
+    x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
+    return math.sqrt(x * x + y * y + z * z) - float(o[4])
+
+
+@kernel
+def margins_at(
+    demands: Demands,
+    optics: FloatArray,
+    entries: FloatArray,
+    pose: FloatArray,
+    camera_points: FloatArray,
+    margins: FloatArray,
+    about: IntArray,
+) -> None:
+    """Write every entry's smallest margin over the points at a pose, and the point it is found at."""
+    for e in range(entries.shape[0]):
+        kind = int(entries[e, 0])
+        count = demands.points.shape[0] if kind <= LEAST or kind == SIGHT else 1
+        margins[e] = math.inf
+        about[e] = 0
+        for j in range(count):
+            value = margin_at_pose(entries[e], demands, optics, pose, camera_points[j], demands.points[j])
+            if value < margins[e]:
+                margins[e] = value
+                about[e] = j
+
+
+@kernel
+def margin_on_path(
+    entry: FloatArray, demands: Demands, optics: FloatArray, phi: FloatArray, t: FloatArray, j: int, w: float
+) -> float:
+    """Return what an entry leaves to point j at w of the path with control points φ (4, σ+1), t (3, τ+1)."""
+    rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
+    set_basis(rotation_basis, 0, w)
+    set_basis(translation_basis, 0, w)
+    pose, c, turn = np.empty(13), np.empty((1, 4)), np.empty((3, 4))
+    point = demands.points[j : j + 1]
+    place(phi, t, rotation_basis[0], translation_basis[0], point, pose, c, turn)
+    return margin_at_pose(entry, demands, optics, pose, c[0], point[0])
+
+
+@kernel
+def refine(
+    entry: FloatArray, demands: Demands, optics: FloatArray, phi: FloatArray, t: FloatArray, j: int, w: float
+) -> tuple[float, float]:
+    """Return (margin, w) of the smallest margin of point j near w: golden sections of w ± 1/LOOKS."""
+    a, b = max(0.0, w - 1.0 / LOOKS), min(1.0, w + 1.0 / LOOKS)
+    best, at = margin_on_path(entry, demands, optics, phi, t, j, w), w
+    c, d = b - 0.6180339887498949 * (b - a), a + 0.6180339887498949 * (b - a)
+    at_c = margin_on_path(entry, demands, optics, phi, t, j, c)
+    at_d = margin_on_path(entry, demands, optics, phi, t, j, d)
+    for _ in range(SECTIONS):
+        if at_c < best:
+            best, at = at_c, c
+        if at_d < best:
+            best, at = at_d, d
+        if at_c < at_d:
+            b, d, at_d = d, c, at_c
+            c = b - 0.6180339887498949 * (b - a)
+            at_c = margin_on_path(entry, demands, optics, phi, t, j, c)
+        else:
+            a, c, at_c = c, d, at_d
+            d = a + 0.6180339887498949 * (b - a)
+            at_d = margin_on_path(entry, demands, optics, phi, t, j, d)
+    return best, at
+
+
+@kernel
+def look(
+    demands: Demands,
+    optics: FloatArray,
+    entries: FloatArray,
+    phi: FloatArray,
+    t: FloatArray,
+    table: FloatArray,
+) -> None:
+    """Write (margin, w, point) of every entry's smallest margin at LOOKS + 1 places into ``table`` (e, 4)."""
+    count = entries.shape[0]
+    margins, about = np.empty(count), np.empty(count, dtype=np.int64)
+    pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
+    for e in range(count):
+        table[e, 0] = math.inf
+    for step in range(LOOKS + 1):
+        w = step / LOOKS
+        set_basis(rotation_basis, 0, w)
+        set_basis(translation_basis, 0, w)
+        place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
+        margins_at(demands, optics, entries, pose, c, margins, about)
+        for e in range(count):
+            if not margins[e] >= table[e, 0]:
+                table[e, 0], table[e, 1], table[e, 2] = margins[e], w, about[e]
+
+
+@kernel
+def circle_cosine(xi: float, radius: float) -> float:
+    """Return Z/ρ of the bearings at the radius r = ‖m̄‖: (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
+    square = radius * radius
+    root = math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * square))
+    return (xi + root) / (1.0 + square) - xi
+
+
+@kernel
+def prove_view(
+    entry: FloatArray,
+    margin: float,
+    demands: Demands,
+    optics: FloatArray,
+    controls: FloatArray,
+    errors: FloatArray,
+    count: float,
+) -> tuple[int, float, int]:
+    """Decide an EDGE, CIRCLE, DOMAIN or DISC entry moved inward by ``margin``: status, w, point."""
+    kind = int(entry[0])
+    limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
+    if kind == DISC:
+        for i in range(7):
+            disc[i] = demands.disc[i]
+        disc[5] += margin + SLACK_PX
+        if disc[5] <= 0.0:
+            return PROVEN, 0.0, 0
+    elif kind == EDGE:
+        for i in range(4):
+            limits[0, i] = demands.limits[int(entry[1]), i]
+        inward = (margin + SLACK_PX) / entry[2]
+        limits[0, 2] += inward
+        limits[0, 3] -= inward * optics[0]
+    else:
+        limits[0, 2] = -1.0
+        if kind == CIRCLE:
+            radius = optics[1] - (optics[3] + margin + SLACK_PX) / optics[2]
+            if radius < 0.0:
+                return UNDECIDED, 0.0, 0
+            if math.isinf(radius):
+                return PROVEN, 0.0, 0
+            limits[0, 3] = -circle_cosine(optics[0], radius) - 1e-15
+        else:
+            angle = optics[4] - margin - SLACK_RAD
+            if angle < 0.0:
+                return UNDECIDED, 0.0, 0
+            limits[0, 3] = -math.cos(min(angle, math.pi)) - 1e-15
+    status, w, j, _ = prove_visible(controls, errors, count, limits, disc)
+    return status, w, j
+
+
+@kernel
+def prove_space(
+    entry: FloatArray,
+    margin: float,
+    demands: Demands,
+    rotation: FloatArray,
+    centre: FloatArray,
+    square: FloatArray,
+    raised: FloatArray,
+    size: float,
+) -> tuple[int, float, int]:
+    """Decide a LEAST, CLEARANCE, SIGHT, WALL or ROTATION entry with ``margin`` to spare: status, w, point."""
+    kind, index = int(entry[0]), int(entry[1])
+    if kind == LEAST:
+        return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
+    if kind == SIGHT:
+        o = demands.obstacles[index]
+        for j in range(demands.points.shape[0]):
+            status, w = prove_clear_sight(centre, size, demands.points[j], o, o[3] + margin)
+            if status != PROVEN:
+                return status, w, j
+        return PROVEN, 0.0, 0
+    status, w = PROVEN, 0.0
+    if kind == CLEARANCE:
+        o = demands.obstacles[index]
+        if o[4] + margin > 0.0:
+            status, w = prove_outside_ball(square, raised, size, o, o[4] + margin)
+    elif kind == WALL:
+        side, axis = index // 3, index % 3
+        bound = demands.box[side, axis] + (margin if side == 0 else -margin)
+        status, w = prove_wall(centre, size, side, axis, bound)
+    else:
+        status, w = prove_rotation(rotation, ROTATION_FLOOR + margin)
+    return status, w, 0
+
+
+@kernel
+def path_margins(
+    demands: Demands, optics: FloatArray, entries: FloatArray, rotation: FloatArray, translation: FloatArray
+) -> FloatArray:
+    """Return a row (margin, w, point, status) for every entry (e, 4) on the path given by powers.
+
+    PROVEN: the margin is ≥ 0 and holds for all w. REFUTED: the requirement itself fails at w. Otherwise
+    UNDECIDED. Where status is not PROVEN the margin is the smallest one seen.
+
+    Args:
+        demands: the problem.
+        optics: ξ, the circle's radius on the plane m̄ before any margin, the least singular value of K's 2×2
+            block [px], the visibility margin [px], the domain's angle [rad].
+        entries: (e, 4): kind, index, scale, first step below the smallest margin seen.
+        rotation: (4, σ+1), highest power first.
+        translation: (3, τ+1) [m], highest power first.
+    """
+    table = np.empty((entries.shape[0], 4))
+    phi, centre = bernstein_from_power(rotation), bernstein_from_power(translation)
+    look(demands, optics, entries, phi, centre, table)
+    square, raised = squares(translation)
+    size = magnitude(translation)
+    controls, errors = camera_controls(rotation, translation, demands.points)
+    count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
+    for e in range(entries.shape[0]):
+        entry, row = entries[e], table[e]
+        row[0], row[1] = refine(entry, demands, optics, phi, centre, int(row[2]), row[1])
+        row[3] = UNDECIDED
+        step, zero_tried = entry[3], False
+        for _ in range(TRIES):
+            target = row[0] - step
+            if target < 0.0 and not zero_tried:
+                target, zero_tried = 0.0, True
+            else:
+                step *= 4.0
+            if entry[0] <= DISC:
+                status, w, j = prove_view(entry, target, demands, optics, controls, errors, count)
+            else:
+                status, w, j = prove_space(entry, target, demands, rotation, centre, square, raised, size)
+            if status == PROVEN:
+                row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
+                break
+            if status == REFUTED:
+                seen, w = refine(entry, demands, optics, phi, centre, j, w)
+                if seen < row[0]:
+                    row[0], row[1], row[2] = seen, w, j
+                if target == 0.0 and row[0] < (-1e-9 if entry[0] <= DISC else 0.0):
+                    row[3] = REFUTED
+    return table
+
+
+@kernel
+def pose_margins(
+    demands: Demands, optics: FloatArray, entries: FloatArray, quaternion: FloatArray, translation: FloatArray
+) -> FloatArray:
+    """Return a row (margin, point) for every entry at a pose: unit quaternion (4,), t (3,) [m]."""
+    phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
+    for i in range(4):
+        phi[i, 0] = quaternion[i]
+    for i in range(3):
+        t[i, 0] = translation[i]
+    pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    place(phi, t, one, one, demands.points, pose, c, turn)
+    count = entries.shape[0]
+    values, about = np.empty(count), np.empty(count, dtype=np.int64)
+    margins_at(demands, optics, entries, pose, c, values, about)
+    table = np.empty((count, 2))
+    for e in range(count):
+        table[e, 0], table[e, 1] = values[e], about[e]
+    return table

@@ -1,0 +1,114 @@
+"""A plan: the answer to a planning problem, complete by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from omniservo.errors import InputError
+from omniservo.files import read_document, write_whole
+from omniservo.geometry.arrays import finite_number
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.certificate import Certificate
+from omniservo.planning.planning_problem import PlanningProblem
+
+FORMAT = "omniservo.plan/1"
+
+Status = Literal["certified", "refuted", "undecided", "infeasible", "not_found"]
+"""certified: proven for all w. refuted: a w shows that the path violates a constraint. undecided: neither.
+infeasible: no path exists, because an end pose violates a constraint. not_found: no path was found."""
+
+_FIELDS = ("format", "problem", "status", "path", "certificate", "seconds", "method", "reason")
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What planning found for a problem."""
+
+    problem: PlanningProblem
+    status: Status
+    path: CameraPath | None
+    """None only where infeasible; of a plan that was not found, the best attempt"""
+    certificate: Certificate | None
+    """None where there is no path"""
+    seconds: float
+    """time that planning took [s]"""
+    method: str
+    """"certified" or "paper\""""
+    reason: str = ""
+    """why the plan is not certified, or what to know of it, in one sentence; else empty"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields of a plan file; the problem is in it with its camera resolved."""
+        path = None
+        if self.path is not None:
+            path = {
+                "rotation": self.path.rotation.tolist(),
+                "translation": self.path.translation.tolist(),
+            }
+        return {
+            "format": FORMAT,
+            "problem": self.problem.to_dict(),
+            "status": self.status,
+            "path": path,
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
+            "seconds": self.seconds,
+            "method": self.method,
+            "reason": self.reason,
+        }
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the plan as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file exists and ``force`` is False, or cannot be written.
+        """
+        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n", force=force)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Plan:
+        """Return the plan of a file. Nothing is judged: that is what verifying is for.
+
+        Raises:
+            InputError: not readable, or not a plan.
+        """
+        try:
+            return cls.from_dict(read_document(path))
+        except InputError as error:
+            message = str(error)
+            raise InputError(message if message.startswith(str(path)) else f"{path}: {message}") from None
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> Plan:
+        """Return the plan of a plan file's fields.
+
+        Raises:
+            InputError: a field is missing, unknown or not legal.
+        """
+        if not isinstance(fields, Mapping) or fields.get("format") != FORMAT:
+            raise InputError(f"not a plan: format must be {FORMAT!r}")
+        unknown = [str(name) for name in fields if name not in _FIELDS]
+        if unknown:
+            raise InputError(f"{unknown[0]:.40}: no such field; legal: {', '.join(_FIELDS)}")
+        statuses: tuple[Status, ...] = get_args(Status)
+        status = next((s for s in statuses if s == fields.get("status")), None)
+        if status is None:
+            raise InputError(f"status: {fields.get('status')!r:.40} given; legal: {', '.join(statuses)}")
+        try:
+            path, certificate = fields.get("path"), fields.get("certificate")
+            return cls(
+                problem=PlanningProblem.from_dict(fields["problem"]),
+                status=status,
+                path=None if path is None else CameraPath(path["rotation"], path["translation"]),
+                certificate=None if certificate is None else Certificate.from_dict(certificate),
+                seconds=finite_number("seconds", fields.get("seconds", 0.0), minimum=0.0),
+                method=str(fields.get("method", "")),
+                reason=str(fields.get("reason", "")),
+            )
+        except KeyError as error:
+            raise InputError(f"{error.args[0]}: missing") from None
+        except TypeError:
+            raise InputError("path or certificate: not what a plan file holds") from None

@@ -1,0 +1,70 @@
+"""From a problem to a plan."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Literal
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import finite_number
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.certify import certify
+from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.least_effort import least_effort
+from omniservo.planning.paper_search import paper_path
+from omniservo.planning.plan import Plan, Status
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
+from omniservo.planning.search import GOLDEN_ANGLE, search
+
+STARTS = 100
+"""Starts at the highest degree before a plan counts as not found."""
+
+Method = Literal["certified", "paper"]
+
+
+def plan_path(problem: PlanningProblem, *, method: Method = "certified", seed: int = 0) -> Plan:
+    """Return a plan; the same problem, method and seed give the same path.
+
+    Args:
+        problem: what to plan.
+        method: "certified": a path that is proven for all w, of least bending energy among those near the
+            first that is found. "paper": (36)–(38) on samples, judged by the same certificate.
+        seed: turns the directions in which detours are tried.
+
+    Raises:
+        InputError: no such method, or the visibility margin leaves nothing of the image.
+    """
+    if method not in ("certified", "paper"):
+        raise InputError(f"method: {method!r} given; legal: 'certified', 'paper'")
+    finite_number("seed", seed, minimum=0)
+    begin = time.perf_counter()
+    reason = violation_at_end(problem)
+    if reason:
+        return Plan(problem, "infeasible", None, None, time.perf_counter() - begin, method, reason)
+    found, note = paper_path(problem) if method == "paper" else (_certified_path(problem, int(seed)), "")
+    verdict, certificate = certify(problem, found)
+    status: Status = verdict
+    if verdict != "certified":
+        worst = certificate.worst
+        where = f"{worst.name}: {worst.margin:.6g} {worst.unit} left at w = {worst.w:.4f}"
+        if method == "certified" and not (verdict == "undecided" and problem.camera.is_distorted):
+            status = "not_found"
+            note = f"no path was found in {STARTS} starts; the best attempt fails {where}"
+        else:
+            note = f"{note}{'; ' if note else ''}{verdict}: {where}"
+    return Plan(problem, status, found, certificate, time.perf_counter() - begin, method, note)
+
+
+def _certified_path(problem: PlanningProblem, seed: int) -> CameraPath:
+    demands = demands_of(problem, image_limits(problem, TIGHTER_PX))
+    degrees = np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64)
+    quaternion, translation = problem.goal_quaternion, problem.goal_translation
+    phase = (seed * GOLDEN_ANGLE) % (2.0 * math.pi)
+    status, rotation, centre, _, _ = search(demands, quaternion, translation, degrees, STARTS, phase)
+    if status == 1 and centre.shape[1] > 2:
+        rotation, centre, _ = least_effort(demands, quaternion, translation, rotation, centre)
+    return CameraPath(rotation, centre)

@@ -1,0 +1,173 @@
+"""A planning problem: camera, target, goal, and what the path must keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.checks import LARGEST, bounded_array
+from omniservo.planning.sphere import Sphere
+
+MOST_POINTS = 100_000
+"""Target points, and obstacles, that a problem may have."""
+
+HIGHEST_DEGREE = 16
+"""Highest degree of rotation and translation: every binomial coefficient that they need is an exact float."""
+
+
+@dataclass(frozen=True)
+class Degrees:
+    """Highest polynomial degrees that a path may have."""
+
+    rotation: int = 2
+    """σ, 1 to 16"""
+    translation: int = 2
+    """τ, 1 to 16"""
+
+    def __post_init__(self) -> None:
+        for name in ("rotation", "translation"):
+            value = getattr(self, name)
+            number = finite_number(f"degrees.{name}", value, minimum=1, maximum=HIGHEST_DEGREE)
+            if number != int(number):
+                raise InputError(f"degrees.{name}: {number:g} given; a whole number is needed")
+            object.__setattr__(self, name, int(number))
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """A box that the camera centre stays in, in the initial camera frame."""
+
+    min: FloatArray
+    """(3,) [m], read-only"""
+    max: FloatArray
+    """(3,) [m], read-only"""
+
+    def __post_init__(self) -> None:
+        for name in ("min", "max"):
+            object.__setattr__(self, name, bounded_array(f"workspace.{name}", getattr(self, name), (3,)))
+        for axis in range(3):
+            if not self.min[axis] < self.max[axis]:
+                raise InputError(
+                    f"workspace: min {self.min[axis]:g}, max {self.max[axis]:g} given on axis {'xyz'[axis]}; "
+                    "legal: min < max"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """Find a camera path from the initial frame to the goal that keeps every constraint for all w in [0, 1].
+
+    Everything stands in the initial camera frame, in m. The defaults are those of the file format.
+
+    Raises:
+        InputError: any field that is not legal, named with what was given.
+    """
+
+    camera: UnifiedCamera
+    points: FloatArray
+    """target points h_j (n, 3) [m], 1 ≤ n ≤ 1e5, read-only"""
+    initial_T_goal: RigidTransform
+    """goal camera frame in the initial camera frame"""
+    obstacles: tuple[Sphere, ...] = ()
+    clearance: float = 0.0
+    """camera centre to every obstacle's surface [m]; an obstacle may carry its own"""
+    least_distance: float = 1e-3
+    """camera centre to every target point [m]"""
+    visibility_margin: float = 0.0
+    """every target point to every image limit, and to the dead zone [px]"""
+    occlusion: bool = False
+    """no obstacle between camera and any target point"""
+    workspace: Workspace | None = None
+    degrees: Degrees = Degrees()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, UnifiedCamera):
+            raise InputError(f"camera: {type(self.camera).__name__} given; a UnifiedCamera is needed")
+        points = bounded_array("points", self.points, (None, 3))
+        if not 1 <= len(points) <= MOST_POINTS:
+            raise InputError(f"points: {len(points)} given; legal: 1 to {MOST_POINTS}")
+        object.__setattr__(self, "points", points)
+        self._check_goal()
+        self._check_obstacles()
+        for name in ("clearance", "least_distance", "visibility_margin"):
+            value = finite_number(name, getattr(self, name), minimum=0.0, maximum=LARGEST)
+            object.__setattr__(self, name, value)
+        if not isinstance(self.occlusion, bool | np.bool_):
+            raise InputError(f"occlusion: {self.occlusion!r} given; legal: true or false")
+        if self.workspace is not None and not isinstance(self.workspace, Workspace):
+            raise InputError(f"workspace: {self.workspace!r} given; a Workspace or None is needed")
+        if not isinstance(self.degrees, Degrees):
+            raise InputError(f"degrees: {self.degrees!r} given; Degrees(rotation, translation) is needed")
+
+    def _check_goal(self) -> None:
+        goal = self.initial_T_goal
+        if not isinstance(goal, RigidTransform) or not goal.single:
+            raise InputError(f"initial_T_goal: {goal!r:.60} given; one RigidTransform is needed")
+        bounded_array("goal.translation", goal.translation, (3,))
+
+    def _check_obstacles(self) -> None:
+        obstacles = tuple(self.obstacles)
+        if len(obstacles) > MOST_POINTS:
+            raise InputError(f"obstacles: {len(obstacles)} given; legal: at most {MOST_POINTS}")
+        for i, obstacle in enumerate(obstacles):
+            if not isinstance(obstacle, Sphere):
+                raise InputError(f"obstacles[{i}]: {type(obstacle).__name__} given; legal: Sphere")
+        object.__setattr__(self, "obstacles", obstacles)
+
+    @cached_property
+    def goal_quaternion(self) -> FloatArray:
+        """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: the sign that the path ends with."""
+        quaternion = self.initial_T_goal.rotation.as_quat()
+        return np.ascontiguousarray(-quaternion if quaternion[3] < 0.0 else quaternion)
+
+    @cached_property
+    def goal_translation(self) -> FloatArray:
+        """t(1) (3,) [m]."""
+        return np.ascontiguousarray(self.initial_T_goal.translation)
+
+    @classmethod
+    def load(cls, path: str | Path) -> PlanningProblem:
+        """Return the problem of a JSON or YAML file. A camera path in it is relative, inside its folder.
+
+        Raises:
+            InputError: not readable, or a field is missing, unknown or not legal.
+        """
+        from omniservo.planning.problem_file import load_problem
+
+        return load_problem(path)
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any], *, folder: str | Path | None = None) -> PlanningProblem:
+        """Return the problem of a file's fields; ``folder`` is where a camera path in it is looked up.
+
+        Raises:
+            InputError: a field is missing, unknown or not legal.
+        """
+        from omniservo.planning.problem_file import problem_from_fields
+
+        return problem_from_fields(fields, None if folder is None else Path(folder), "problem")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields of a problem file, with the camera in it: complete by itself."""
+        from omniservo.planning.problem_file import problem_fields
+
+        return problem_fields(self)
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write the problem as JSON.
+
+        Raises:
+            InputError: the file exists and ``force`` is False, or cannot be written.
+        """
+        from omniservo.planning.problem_file import save_problem
+
+        save_problem(self, path, force=force)

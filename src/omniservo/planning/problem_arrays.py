@@ -1,0 +1,133 @@
+"""A planning problem as arrays for kernels: what to keep, and the list of margins to report."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.cameras import ImageLimits, UnifiedCamera
+from omniservo.cameras.distorted_region import smallest_scale
+from omniservo.cameras.model_domain import model_domain, radius_of_angle
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import margins
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.planning_problem import PlanningProblem
+
+TIGHTER_PX = 3e-7
+"""Plans are searched with limits so much further inward: more than proving the margin 0 needs."""
+
+
+class Entry(NamedTuple):
+    """One constraint of the certificate."""
+
+    name: str
+    unit: str
+    about_point: bool
+    kind: int
+    about: int
+    scale: float
+    step: float
+
+
+def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
+    """Return what a path must keep; ``limits`` are the image limits to use."""
+    rows = np.column_stack([limits.normals, limits.kappas])
+    rows = rows / np.linalg.norm(limits.normals, axis=1, keepdims=True)
+    distances = np.sqrt(np.einsum("ij,ij->i", problem.points, problem.points))
+    box = np.array([[-math.inf] * 3, [math.inf] * 3])
+    if problem.workspace is not None:
+        box = np.array([problem.workspace.min, problem.workspace.max])
+    return Demands(
+        points=np.array(problem.points, order="C"),
+        limits=np.ascontiguousarray(rows),
+        disc=_disc(problem.camera, limits),
+        obstacles=_obstacles(problem),
+        box=box,
+        numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
+    )
+
+
+def image_limits(problem: PlanningProblem, extra: float) -> ImageLimits:
+    """Return the camera's limits moved inward by the visibility margin and ``extra`` px.
+
+    Raises:
+        InputError: the margin leaves nothing of the image.
+    """
+    try:
+        return problem.camera.image_limits(problem.visibility_margin + extra)
+    except InputError as error:
+        raise InputError(f"visibility_margin: {problem.visibility_margin:g} px given: {error}") from None
+
+
+def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
+    zone = limits.dead_zone
+    if zone is None:
+        return np.zeros(0)
+    u, v = zone.center
+    return np.array([camera.fx, camera.skew, camera.fy, camera.cx - u, camera.cy - v, zone.radius, camera.xi])
+
+
+def _obstacles(problem: PlanningProblem) -> FloatArray:
+    rows = [
+        (*o.center, o.radius, o.radius + (problem.clearance if o.clearance is None else o.clearance))
+        for o in problem.obstacles
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def optics_of(problem: PlanningProblem) -> FloatArray:
+    """Return the ``optics`` of `margins.path_margins`."""
+    camera = problem.camera
+    angle = camera.max_angle
+    radius = math.inf if angle is None else radius_of_angle(camera.xi, angle)
+    domain = math.acos(model_domain(camera.xi)[0])
+    return np.array([camera.xi, radius, smallest_scale(camera), problem.visibility_margin, domain])
+
+
+def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> list[Entry]:
+    """Return every constraint whose margin `margins.path_margins` can find, in the certificate's order.
+
+    The visibility polygon and the dead zone of a distorted camera are not among them.
+    """
+    metre, entries = 1e-9 * ell, []
+    for i in range(len(problem.obstacles)):
+        entries.append(Entry(f"clearance obstacle {i}", "m", False, margins.CLEARANCE, i, 1.0, metre))
+    if not problem.camera.is_distorted:
+        entries += _image_entries(problem.camera, limits)
+    entries.append(Entry("domain", "rad", True, margins.DOMAIN, 0, 1.0, 1e-9))
+    entries.append(Entry("least_distance", "m", True, margins.LEAST, 0, 1.0, metre))
+    if problem.occlusion:
+        for i, o in enumerate(problem.obstacles):
+            if o.radius > 0.0:
+                entries.append(Entry(f"occlusion obstacle {i}", "m", True, margins.SIGHT, i, 1.0, metre))
+    if problem.workspace is not None:
+        for wall, side in enumerate(("min", "max")):
+            for axis in range(3):
+                name = f"workspace {'xyz'[axis]} {side}"
+                entries.append(Entry(name, "m", False, margins.WALL, 3 * wall + axis, 1.0, metre))
+    entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
+    return entries
+
+
+def _image_entries(camera: UnifiedCamera, limits: ImageLimits) -> list[Entry]:
+    entries = []
+    lengths = np.linalg.norm(limits.normals, axis=1)
+    for i, name in enumerate(limits.names):
+        if name.endswith("edge"):
+            column, focal = (0, camera.fx) if name in ("left edge", "right edge") else (1, camera.fy)
+            scale = abs(focal) / (abs(limits.normals[i, column]) / lengths[i])
+            entries.append(Entry(f"visibility {name}", "px", True, margins.EDGE, i, float(scale), 1e-6))
+        elif name == "max_angle":
+            entries.append(Entry("visibility max_angle", "px", True, margins.CIRCLE, i, 1.0, 1e-6))
+    if limits.dead_zone is not None:
+        entries.append(Entry("dead_zone", "px", True, margins.DISC, 0, 1.0, 1e-6))
+    return entries
+
+
+def entry_table(entries: list[Entry]) -> FloatArray:
+    """Return the entries as rows (e, 4): kind, index, scale, step."""
+    rows = [(e.kind, e.about, e.scale, e.step) for e in entries]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)

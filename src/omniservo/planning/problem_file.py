@@ -1,0 +1,212 @@
+"""Planning problems as files, format omniservo.problem/1 (JSON or YAML)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.calibration import load_camera
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.files import read_document, write_whole
+from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.planning.planning_problem import (
+    MOST_POINTS,
+    Degrees,
+    PlanningProblem,
+    Workspace,
+)
+from omniservo.planning.sphere import Sphere
+
+FORMAT = "omniservo.problem/1"
+
+_REQUIRED = ("format", "camera", "points", "goal")
+_OPTIONAL = (
+    "obstacles",
+    "clearance",
+    "least_distance",
+    "visibility_margin",
+    "occlusion",
+    "workspace",
+    "degrees",
+)
+_NEAR_UNIT = 1e-6
+
+
+def load_problem(path: str | Path) -> PlanningProblem:
+    """Return the problem of a JSON or YAML file.
+
+    Raises:
+        InputError: not readable, or a field is missing, unknown or not legal.
+    """
+    return problem_from_fields(read_document(path), Path(path).parent, str(path))
+
+
+def save_problem(problem: PlanningProblem, path: str | Path, *, force: bool = False) -> None:
+    """Write a problem as JSON, whole or not at all.
+
+    Raises:
+        InputError: the file exists and ``force`` is False, or cannot be written.
+    """
+    write_whole(path, json.dumps(problem_fields(problem), indent=1) + "\n", force=force)
+
+
+def problem_from_fields(fields: Any, folder: Path | None, source: str) -> PlanningProblem:
+    """Return the problem of a file's fields; every message starts with ``source`` and the field.
+
+    Raises:
+        InputError: a field is missing, unknown or not legal.
+    """
+    try:
+        _names(fields, _REQUIRED, _OPTIONAL)
+        if fields["format"] != FORMAT:
+            raise InputError(f"format: {fields['format']!r} given; legal: {FORMAT!r}")
+        given: dict[str, Any] = {
+            name: fields[name] for name in ("clearance", "least_distance", "visibility_margin", "occlusion")
+            if name in fields
+        }  # fmt: skip
+        if fields.get("workspace") is not None:
+            given["workspace"] = _workspace(fields["workspace"])
+        if fields.get("degrees") is not None:
+            given["degrees"] = _within("degrees", lambda: Degrees(**_names(fields["degrees"], (), _DEGREES)))
+        return PlanningProblem(
+            camera=_camera(fields["camera"], folder),
+            points=_listed("points", fields["points"], MOST_POINTS),
+            initial_T_goal=_goal(fields["goal"]),
+            obstacles=_obstacles(fields.get("obstacles", ())),
+            **given,
+        )
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+
+
+_DEGREES = ("rotation", "translation")
+
+
+def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
+    """Return the fields of a problem file with every default written out and the camera embedded."""
+    fields: dict[str, Any] = {
+        "format": FORMAT,
+        "camera": problem.camera.to_dict(),
+        "points": problem.points.tolist(),
+        "goal": {
+            "translation": problem.goal_translation.tolist(),
+            "quaternion": problem.goal_quaternion.tolist(),
+        },
+        "obstacles": [_obstacle_fields(o) for o in problem.obstacles],
+        "clearance": problem.clearance,
+        "least_distance": problem.least_distance,
+        "visibility_margin": problem.visibility_margin,
+        "occlusion": bool(problem.occlusion),
+    }
+    if problem.workspace is not None:
+        fields["workspace"] = {
+            "min": problem.workspace.min.tolist(),
+            "max": problem.workspace.max.tolist(),
+        }
+    fields["degrees"] = {
+        "rotation": problem.degrees.rotation,
+        "translation": problem.degrees.translation,
+    }
+    return fields
+
+
+def _obstacle_fields(sphere: Sphere) -> dict[str, Any]:
+    fields = {"type": "sphere", "center": sphere.center.tolist(), "radius": sphere.radius}
+    return fields if sphere.clearance is None else {**fields, "clearance": sphere.clearance}
+
+
+def _names(fields: Any, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:
+    """Return ``fields`` if it is a mapping with all of the required names and no unknown one."""
+    if not isinstance(fields, Mapping):
+        raise InputError(f"{fields!r:.60} given; a mapping of fields is needed")
+    missing = [name for name in required if name not in fields]
+    if missing:
+        raise InputError(f"{missing[0]}: missing; needed: {', '.join(required)}")
+    unknown = [str(name) for name in fields if name not in (*required, *optional)]
+    if unknown:
+        legal = ", ".join((*required, *optional))
+        raise InputError(f"{unknown[0]:.40}: no such field; legal: {legal}")
+    return fields
+
+
+def _within(place: str, make: Any) -> Any:
+    """Return make(), with ``place`` before the message of its InputError."""
+    try:
+        return make()
+    except InputError as error:
+        message = str(error)
+        prefixed = message if message.startswith(place) else f"{place}.{message}"
+        raise InputError(prefixed) from None
+
+
+def _listed(name: str, value: Any, most: int) -> Any:
+    """Return ``value`` if it is a list of bounded length, before anything is made of its items."""
+    if not isinstance(value, list | tuple) and not hasattr(value, "shape"):
+        raise InputError(f"{name}: {value!r:.60} given; a list is needed")
+    if len(value) > most:
+        raise InputError(f"{name}: {len(value)} given; legal: at most {most}")
+    if name == "points" and len(value) == 0:
+        raise InputError("points: empty; at least one target point is needed")
+    return value
+
+
+def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
+    if isinstance(value, UnifiedCamera):
+        return value
+    if not isinstance(value, str):
+        return UnifiedCamera.from_dict(value, "camera")
+    if folder is None:
+        raise InputError(f"camera: the path {value!r:.80} given, but no folder that it is relative to")
+    root = folder.resolve()
+    file = (root / value).resolve()
+    if Path(value).is_absolute() or not file.is_relative_to(root):
+        raise InputError(f"camera: {value!r:.80} given; legal: a relative path inside the file's folder")
+    camera: UnifiedCamera = _within("camera: ", lambda: load_camera(file))
+    return camera
+
+
+def _goal(value: Any) -> RigidTransform:
+    fields = _within("goal", lambda: _names(value, ("translation", "quaternion"), ()))
+    translation = finite_array("goal.translation", fields["translation"], (3,))
+    quaternion = unit_vector("goal.quaternion", finite_array("goal.quaternion", fields["quaternion"], (4,)))
+    return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
+
+
+def unit_vector(name: str, vector: FloatArray) -> FloatArray:
+    """Return the vector with length 1.
+
+    Raises:
+        InputError: its length differs from 1 by more than 1e-6.
+    """
+    length = math.sqrt(float(vector @ vector))
+    if not abs(length - 1.0) <= _NEAR_UNIT:
+        raise InputError(f"{name}: length {length:.9g} given; legal: 1 within {_NEAR_UNIT:g}")
+    unit: FloatArray = vector / length
+    return unit
+
+
+def _obstacles(value: Any) -> tuple[Sphere, ...]:
+    return tuple(
+        _within(f"obstacles[{i}]", lambda item=item: _sphere(item))
+        for i, item in enumerate(_listed("obstacles", value, MOST_POINTS))
+    )
+
+
+def _sphere(value: Any) -> Sphere:
+    kind = value.get("type") if isinstance(value, Mapping) else None
+    if isinstance(value, Mapping) and kind != "sphere":
+        raise InputError(f"type: {kind!r:.40} given; legal: 'sphere' (a sphere of radius 0 is a point)")
+    fields = dict(_names(value, ("type", "center", "radius"), ("clearance",)))
+    del fields["type"]
+    return Sphere(**fields)
+
+
+def _workspace(value: Any) -> Workspace:
+    fields = _within("workspace", lambda: _names(value, ("min", "max"), ()))
+    return Workspace(fields["min"], fields["max"])

@@ -1,0 +1,31 @@
+"""A spherical obstacle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.checks import LARGEST, bounded_array
+
+
+@dataclass(frozen=True, eq=False)
+class Sphere:
+    """The ball ‖x − center‖ ≤ radius, in the initial camera frame.
+
+    Raises:
+        InputError: not finite, a negative radius or clearance, or a number beyond 1e6 m.
+    """
+
+    center: FloatArray
+    """(3,) [m], read-only"""
+    radius: float = 0.0
+    """[m], ≥ 0; a sphere of radius 0 is a point and hides nothing"""
+    clearance: float | None = None
+    """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
+        object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
+        if self.clearance is not None:
+            clearance = finite_number("clearance", self.clearance, minimum=0.0, maximum=LARGEST)
+            object.__setattr__(self, "clearance", clearance)
