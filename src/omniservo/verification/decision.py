@@ -13,7 +13,6 @@ from omniservo.verification.polynomials import (
     squares,
     sturm_chain,
     times,
-    value,
 )
 
 Verdict = Literal["holds", "violated", "undecided"]
@@ -29,7 +28,7 @@ class Finding(NamedTuple):
 
 
 HOLDS = Finding("holds")
-_TOUCHING_DEPTH, _DEEPEST, _MOST_PIECES, _MOST_ROOTS = 40, 100, 20_000, 120
+_TOUCHING_DEPTH, _DEEPEST, _MOST_PIECES, _MOST_STURM = 40, 100, 20_000, 8_000_000
 
 
 def decide(
@@ -41,7 +40,7 @@ def decide(
     exact, so a counterexample is one. Where a polynomial only touches 0, halving never ends; Sturm's
     theorem then tells.
     """
-    chain: list[Polynomial] | None = None
+    chains: dict[tuple[int, ...], list[Polynomial]] = {}
     unsettled: Fraction | None = None
     least = 1 if strict else 0
     stack = [(0, 0, [bernstein(p) for p in polynomials])]
@@ -55,10 +54,8 @@ def decide(
         for side, w in zip((0, -1), ends, strict=True):
             if not any(all(pieces[i][side] >= least for i in branch) for branch in branches):
                 return Finding("violated", w)
-        if depth >= _TOUCHING_DEPTH and not strict:
-            chain = _chain_of_all(polynomials) if chain is None else chain
-            if _one_root(chain, *ends):
-                continue
+        if depth >= _TOUCHING_DEPTH and not strict and _one_root(polynomials, pieces, ends, chains):
+            continue
         if depth == _DEEPEST:
             unsettled = ends[0]
             continue
@@ -93,21 +90,31 @@ def _settled(pieces: list[list[int]], branches: Sequence[Sequence[int]], strict:
     return False
 
 
-def _chain_of_all(polynomials: Sequence[Polynomial]) -> list[Polynomial]:
-    """Return the Sturm chain of the product; empty where the product is too large to be worth it."""
-    product, seen = [1], []
-    for p in polynomials:
-        if any(p[1:]) and p not in seen and [-a for a in p] not in seen:
-            seen.append(p)
-            product = times(product, p)
-    return sturm_chain(product) if len(product) - 1 <= _MOST_ROOTS else []
-
-
-def _one_root(chain: list[Polynomial], start: Fraction, end: Fraction) -> bool:
-    """True where at most one root of all polynomials together lies between the ends, and none at them.
+def _one_root(
+    polynomials: Sequence[Polynomial],
+    pieces: list[list[int]],
+    ends: tuple[Fraction, Fraction],
+    chains: dict[tuple[int, ...], list[Polynomial]],
+) -> bool:
+    """True where all polynomials together have at most one root on the piece, inside it.
 
     The signs at an end then reach up to that root, and what holds (≥ 0) on both of its sides holds on it.
     """
-    if not chain or 0 in (value(chain[0], start), value(chain[0], end)):
+    if any(any(b) and (b[0] == 0 or b[-1] == 0) for b in pieces):
         return False
-    return sign_changes(chain, start) - sign_changes(chain, end) <= 1
+    mixed = tuple(i for i, b in enumerate(pieces) if min(b) < 0 < max(b))
+    if mixed not in chains:
+        chains[mixed] = _chain_of_product([polynomials[i] for i in mixed])
+    chain = chains[mixed]
+    return bool(chain) and sign_changes(chain, ends[0]) - sign_changes(chain, ends[1]) <= 1
+
+
+def _chain_of_product(polynomials: list[Polynomial]) -> list[Polynomial]:
+    """Return the Sturm chain of the product, of p and −p only one; empty where it would take too long."""
+    product, seen = [1], []
+    for p in polynomials:
+        if [-a for a in p] not in seen:
+            seen.append(p)
+            product = times(product, p)
+    size = max(a.bit_length() for a in product)
+    return sturm_chain(product) if len(product) ** 3 * size <= _MOST_STURM else []

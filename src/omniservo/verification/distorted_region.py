@@ -5,20 +5,23 @@
    polygon, so it is positive definite there, and the distortion is one-to-one.
 3. Such a map takes inner points to inner points, so u and v take their extremes on the outline: it is enough
    that the outline stays inside the image's edges.
-4. The circles are convex: it is enough that they contain the vertices.
+4. The circles are convex: it is enough that they contain the vertices. Moving by dr along the plane
+   moves the pixel by at least σ_min λ(r) dr, with λ(r) ≤ the Jacobian's eigenvalues at radius r.
 """
 
 from fractions import Fraction
 from itertools import combinations
 
 from omniservo.verification.decision import HOLDS, Finding, nonnegative
+from omniservo.verification.enclosures import root_above
 from omniservo.verification.fields import Vector
-from omniservo.verification.image_limits import circle_radius, edges
+from omniservo.verification.image_limits import circle_radius, edges, least_stretch
 from omniservo.verification.pixels import combine_sums, distort
 from omniservo.verification.plan_file import Camera
 from omniservo.verification.polynomials import integers
 
 _MOST_TRIANGLES = 20_000
+_RINGS = 64
 Corner = tuple[int, int]
 Triangle = tuple[Corner, Corner, Corner]
 Form = dict[int, int]
@@ -47,17 +50,55 @@ def region(camera: Camera, polygon: tuple[Vector, ...], inset: Fraction) -> Find
         return Finding("violated", None, "the polygon is not convex")
     if any(_cross(vertices[i - 1], vertices[i]) < 0 for i in range(len(vertices))):
         return Finding("undecided", None, "the polygon does not contain the principal axis; not judged")
-    radius = circle_radius(camera, inset)
-    for x, y in vertices:
-        outside_domain = camera.xi > 1 and (camera.xi**2 - 1) * (x * x + y * y) >= 1
-        if outside_domain or (radius is not None and (radius < 0 or x * x + y * y > radius**2)):
-            at = f"({float(x):.6g}, {float(y):.6g})"
-            return Finding(
-                "violated", None, f"polygon vertex {at} lies outside the largest angle or the domain"
-            )
+    found = _inside_circles(camera, vertices, inset)
+    if found is not None:
+        return found
     scaled = integers(Fraction(1), *(x for vertex in vertices for x in vertex))
     one, corners = scaled[0], list(zip(scaled[1::2], scaled[2::2], strict=True))
     return _one_to_one(camera, one, corners) or _outline_inside(camera, one, corners, inset) or HOLDS
+
+
+def _inside_circles(camera: Camera, vertices: tuple[Vector, ...], inset: Fraction) -> Finding | None:
+    """Return what is wrong with the vertices' largest radius: the domain, and the circle of max_angle."""
+    squared = max(x * x + y * y for x, y in vertices)
+    if camera.xi > 1 and (camera.xi**2 - 1) * squared >= 1:
+        return Finding("violated", None, "the polygon leaves the model's domain")
+    outer, inner = circle_radius(camera, Fraction(0)), root_above(squared)
+    if outer is None:
+        return None
+    if inner > outer:
+        return Finding("violated", None, "the polygon leaves the circle of max_angle")
+    if _pixels_between(camera, inner, outer) >= inset or _folded(camera, outer):
+        return None
+    return Finding("violated", None, "the polygon comes too close to the circle of max_angle")
+
+
+def _eigenvalues(camera: Camera, radius: Fraction, reach: Fraction) -> tuple[Fraction, Fraction]:
+    """Return bounds of the Jacobian's eigenvalues on the ring from ``radius`` to ``reach``, the least one's.
+
+    Radially 1 + 3k₁r² + 5k₂r⁴, across 1 + k₁r² + k₂r⁴; the tangential terms move both by at most 6‖p‖r.
+    """
+    k1, k2, p1, p2 = camera.distortion
+    below, above = [], []
+    for f1, f2 in ((k1, k2), (3 * k1, 5 * k2)):
+        terms = ((f1 * radius**2, f1 * reach**2), (f2 * radius**4, f2 * reach**4))
+        below.append(1 + sum(map(min, terms)))
+        above.append(1 + sum(map(max, terms)))
+    tangential = 6 * root_above(p1 * p1 + p2 * p2) * reach
+    return min(below) - tangential, min(above) + tangential
+
+
+def _pixels_between(camera: Camera, inner: Fraction, outer: Fraction) -> Fraction:
+    """Return a number ≤ σ_min ∫ λ dr from inner to outer [px]."""
+    step = (outer - inner) / _RINGS
+    radii = [inner + i * step for i in range(_RINGS)]
+    total = sum((max(Fraction(0), _eigenvalues(camera, r, r + step)[0]) for r in radii), Fraction(0))
+    return least_stretch(camera)[0] * step * total
+
+
+def _folded(camera: Camera, radius: Fraction) -> bool:
+    """True where the distortion is surely folded at this radius: the image then ends before the circle."""
+    return _eigenvalues(camera, radius, radius)[1] <= 0
 
 
 def _cross(a: Vector, b: Vector) -> Fraction:

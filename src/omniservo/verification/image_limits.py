@@ -30,7 +30,7 @@ def circle_radius(camera: Camera, inset: Fraction) -> Fraction | None:
         return None
     cosine, sine = cosine_and_sine(angle)
     if xi > 1 and cosine * xi < -1:
-        radius = 1 / root_above(xi * xi - 1)
+        radius = 1 / root_above(xi * xi - 1) - ERROR
     elif cosine + xi <= 2 * ERROR:
         return None
     else:

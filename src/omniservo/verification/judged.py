@@ -19,8 +19,8 @@ from omniservo.verification.rotation import rotation
 from omniservo.verification.visibility import visibility
 from omniservo.verification.workspace import workspace
 
-MOST_WORK = 2_000_000
-"""Target points times limits on each: more is not judged."""
+MOST_WORK = 300_000_000
+"""Target points times limits on each times the degree squared: more is not judged."""
 _SAMPLES = 128
 
 
@@ -74,7 +74,8 @@ def judged(
         for family in (domain, lambda p: visibility(p, polygon), dead_zone, least_distance, occlusion)
         for c in family(problem)
     ]
-    if len(problem.points) * (len(on_points) + len(polygon or ())) > MOST_WORK:
+    work = len(problem.points) * _effort(problem, path, len(on_points) + len(polygon or ()))
+    if work > MOST_WORK:
         raise NotJudged(f"{len(problem.points)} points under {len(on_points)} limits: more than is judged")
     for case, judges in on_path:
         case.judge(judges, path, None)
@@ -82,6 +83,13 @@ def judged(
         for case, judges in on_points:
             case.judge(judges, point, j)
     return [case for case, _ in on_path + on_points]
+
+
+def _effort(problem: Problem, path: CameraPath, limits: int) -> int:
+    """Return how much one point costs: degrees squared; a distorted dead zone has ten times the degree."""
+    degree = 4 * (len(path.rotation[0]) - 1) + 2 * (len(path.translation[0]) - 1)
+    slow = 3000 if problem.camera.dead_zone is not None and any(problem.camera.distortion) else 0
+    return (limits + slow) * max(1, degree**2)
 
 
 def _prepared(constraint: Constraint[Any], margins: Mapping[str, Fraction]) -> tuple[Case, list[Any]]:

@@ -11,6 +11,7 @@ from omniservo.verification.fields import Malformed, NotJudged, Vector
 from omniservo.verification.judged import Case, judged
 from omniservo.verification.plan_file import PlanFile, Stated, read_plan
 
+_MOST_REASONS = 50
 _ABOUT_A_POINT = re.compile(r"(.*) \(point (\d{1,9})\)")
 
 
@@ -43,8 +44,8 @@ def _judged_path(file: PlanFile) -> Certificate:
     cases = judged(problem, path, file.polygon, {name: line.margin for name, line in stated.items()})
     if file.stated is not None:
         false += _faults_of_list(file.stated, cases, len(problem.points))
-    false += [case.reason() for case in cases if case.finding.verdict == "violated"]
-    doubtful = [case.reason() for case in cases if case.finding.verdict == "undecided"]
+    false += _reasons(cases, "violated")
+    doubtful = _reasons(cases, "undecided")
     if any(problem.camera.distortion) and file.polygon is None:
         doubtful.append("visibility: a distorted camera's view is proven through certificate.polygon only")
     if file.status == "refuted" and not false and not doubtful:
@@ -80,6 +81,15 @@ def _faults_of_list(stated: Sequence[Stated], cases: Sequence[Case], points: int
             )
     present = {_without_point(line.name)[0] for line in stated}
     return faults + [f"certificate: {name} is missing" for name in units if name not in present]
+
+
+def _reasons(cases: Sequence[Case], verdict: str) -> list[str]:
+    """One line for each of the first cases; an untrusted file may hold very many."""
+    lost = [case for case in cases if case.finding.verdict == verdict]
+    more = (
+        [f"{len(lost) - _MOST_REASONS} more constraints are {verdict}"] if len(lost) > _MOST_REASONS else []
+    )
+    return [case.reason() for case in lost[:_MOST_REASONS]] + more
 
 
 def _judgement(case: Case) -> Judgement:

@@ -1,0 +1,194 @@
+"""The polygon of a distorted camera is proven again; a dead zone under distortion is judged exactly."""
+
+import copy
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from sampled_plans import FE185, path, plan, problem, slack, true_margins
+from scipy.spatial import ConvexHull
+
+from omniservo.verification import verify_plan
+from omniservo.verification.distorted_region import region
+from omniservo.verification.fields import Fields
+from omniservo.verification.plan_file import _camera
+
+DISTORTIONS = [(-0.08, 0.02, 1e-3, -5e-4), (0.05, 0.4, -8e-4, 2e-3), (-0.3, 0.06, 0.0, 0.0)]
+INSET = 1.0
+
+
+def lens(distortion, **changes):
+    return {**copy.deepcopy(FE185), "max_angle": None, "distortion": list(distortion), **changes}
+
+
+def distort(camera, m):
+    """Pixels of points of the normalised plane."""
+    k1, k2, p1, p2 = camera["distortion"]
+    x, y = m[..., 0], m[..., 1]
+    s = x * x + y * y
+    radial = 1 + k1 * s + k2 * s * s
+    x, y = (
+        x * radial + 2 * p1 * x * y + p2 * (s + 2 * x * x),
+        y * radial + p1 * (s + 2 * y * y) + 2 * p2 * x * y,
+    )
+    return np.stack(
+        [camera["fx"] * x + camera["skew"] * y + camera["cx"], camera["fy"] * y + camera["cy"]], -1
+    )
+
+
+def largest_radius(camera, angle, inset):
+    """How far the image reaches along one direction of the plane, by dense samples."""
+    r = np.linspace(0, 3, 30_001)
+    k1, k2, _, _ = camera["distortion"]
+    s = r * r
+    u, v = distort(camera, r[:, None] * np.array([np.cos(angle), np.sin(angle)])).T
+    inside = (u >= inset - 0.5) & (u <= camera["width"] - 0.5 - inset)
+    inside &= (v >= inset - 0.5) & (v <= camera["height"] - 0.5 - inset)
+    inside &= np.minimum(1 + k1 * s + k2 * s * s, 1 + 3 * k1 * s + 5 * k2 * s * s) > 0.02
+    inside &= s * (camera["xi"] ** 2 - 1) < 0.98
+    return r[np.argmin(inside) - 1]
+
+
+def inner_polygon(camera, share, inset=INSET, corners=40):
+    """A convex polygon at a share of the way to the image's limits."""
+    angles = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    reach = np.array([largest_radius(camera, a, inset) for a in angles])
+    rays = np.column_stack([np.cos(angles), np.sin(angles)])
+    out = share * reach[:, None] * rays
+    return out[ConvexHull(out).vertices]
+
+
+def judged(camera, polygon, inset=INSET):
+    exact = tuple(tuple(Fraction(float(x)) for x in vertex) for vertex in polygon)
+    return region(_camera(Fields({"camera": camera}, "problem")), exact, Fraction(inset))
+
+
+def distorted_plan(camera, polygon, **changes):
+    asked = problem(camera=camera, obstacles=[], **changes)
+    way = path(asked, (0.03, 0.0, 0.0), (0.01, 0.02, 0.0, 0.01))
+    margins = {name: m - slack(m) for name, (m, _, _) in true_margins(asked, way).items()}
+    document = plan(asked, way, {**margins, "visibility polygon": INSET})
+    document["certificate"]["polygon"] = polygon.tolist()
+    return document
+
+
+@pytest.mark.parametrize("distortion", DISTORTIONS)
+def test_polygon_inside_the_image_is_proven_in_either_orientation(distortion):
+    camera = lens(distortion)
+    polygon = inner_polygon(camera, 0.7)
+    assert judged(camera, polygon).verdict == "holds"
+    assert judged(camera, polygon[::-1]).verdict == "holds"
+    assert verify_plan(distorted_plan(camera, polygon)).status == "certified"
+
+
+@pytest.mark.parametrize("distortion", DISTORTIONS)
+def test_one_vertex_outside_the_image_is_refuted(distortion):
+    camera = lens(distortion)
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    reach = np.array([largest_radius(camera, a, INSET) for a in angles])
+    for k in (0, 7, 18, 31):
+        factor = np.full(40, 0.65)
+        factor[k] = 1.02
+        out = (factor * reach)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        polygon = out[ConvexHull(out).vertices]
+        assert judged(camera, polygon).verdict == "violated"
+        answer = verify_plan(distorted_plan(camera, polygon))
+        assert answer.status == "refuted"
+        assert any("polygon" in reason for reason in answer.reasons)
+
+
+def test_side_that_bulges_out_between_two_inner_vertices_is_refuted():
+    # Pincushion: the image's preimage curves inward between its corners.
+    camera = lens((0.6, 0.0, 0.0, 0.0), width=601, height=601, cx=300.0, cy=300.0, fx=300.0, fy=300.0, xi=0.5)
+    corner = 0.995 * largest_radius(camera, np.pi / 4, INSET) / np.sqrt(2)
+    square = corner * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    assert all(0 < x < 600 for x in distort(camera, square).ravel())
+    middle = distort(camera, np.array([[corner, 0.0]]))[0, 0]
+    assert (middle > 600) == (judged(camera, square).verdict == "violated")
+
+
+def test_polygon_that_is_not_convex_is_refuted():
+    camera = lens(DISTORTIONS[0])
+    polygon = inner_polygon(camera, 0.8)
+    dented = polygon.copy()
+    dented[3] *= 0.7
+    star = polygon[[(7 * k) % len(polygon) for k in range(len(polygon))]]
+    for bad in (dented, star, polygon[[0, 1, 0, 1]], polygon[[2, 2, 2]]):
+        assert judged(camera, bad).note == "the polygon is not convex"
+        assert judged(camera, bad).verdict == "violated"
+
+
+def test_polygon_beyond_the_fold_of_the_distortion_is_refuted():
+    # 1 + 3k₁r² = 0 at r = 0.577: the pixels of a larger circle lie inside the image again.
+    camera = lens((-1.0, 0.0, 0.0, 0.0), xi=1.0)
+    for radius, verdict in ((0.57, "holds"), (0.6, "violated")):
+        angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+        polygon = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+        inside = distort(camera, polygon)
+        assert (inside > 0).all()
+        assert judged(camera, polygon).verdict == verdict
+
+
+def test_polygon_beyond_the_domain_or_the_largest_angle_is_refuted():
+    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / np.sqrt(2)
+    wide = lens((-0.01, 0.0, 0.0, 0.0), width=5000, height=5000, cx=2500.0, cy=2500.0)
+    rim = 1 / np.sqrt(wide["xi"] ** 2 - 1)
+    assert judged(wide, square * rim * 0.999).verdict == "holds"
+    assert "domain" in judged(wide, square * rim * 1.001).note
+    narrow = {**wide, "max_angle": 1.0}
+    circle = np.sin(1.0) / (np.cos(1.0) + wide["xi"])
+    assert judged(narrow, square * circle * 0.9999, 0.0).verdict == "holds"
+    assert "max_angle" in judged(narrow, square * circle * 1.0001, 0.0).note
+    # On the axis of least stretch the true distance in pixels is what is proven.
+    for inset in (2.0, 10.0):
+        radii = np.linspace(0, circle, 20_001)
+        pixels = wide["fx"] * (radii - 0.01 * radii**3)
+        fits = radii[np.searchsorted(pixels, pixels[-1] - inset)]
+        assert judged(narrow, square * fits * 0.9999, inset).verdict == "holds"
+        assert judged(narrow, square * fits * 1.0005, inset).verdict == "violated"
+
+
+def test_point_outside_the_polygon_is_refuted():
+    camera = lens(DISTORTIONS[0])
+    answer = verify_plan(distorted_plan(camera, inner_polygon(camera, 0.25)))
+    assert answer.status == "refuted"
+    assert any(reason.startswith("visibility polygon (point") for reason in answer.reasons)
+
+
+def test_overstated_margin_of_the_polygon_is_refuted():
+    camera = lens(DISTORTIONS[0])
+    document = distorted_plan(camera, inner_polygon(camera, 0.7))
+    line = next(x for x in document["certificate"]["constraints"] if x["name"] == "visibility polygon")
+    line["margin"] = 120.0
+    assert verify_plan(document).status == "refuted"
+
+
+def test_missing_polygon_is_refuted_and_never_certified():
+    camera = lens(DISTORTIONS[0])
+    document = distorted_plan(camera, inner_polygon(camera, 0.7))
+    del document["certificate"]["polygon"]
+    assert verify_plan(document).status == "refuted"
+    document.update(certificate=None, status="undecided")
+    assert verify_plan(document).status == "undecided"
+
+
+def test_dead_zone_under_distortion_is_judged_in_true_pixels():
+    camera = lens(DISTORTIONS[0], dead_zone={"center": [330.0, 390.0], "radius": 20.0})
+    document = distorted_plan(
+        camera, inner_polygon(camera, 0.7), points=[[0.02, -0.01, 0.4], [-0.03, 0.05, 0.5]]
+    )
+    assert verify_plan(document).status == "certified"
+    line = next(x for x in document["certificate"]["constraints"] if x["name"] == "dead_zone")
+    truth = true_margins(document["problem"], document["path"])["dead_zone"][0]
+    line["margin"] = truth + 1e-9 * truth
+    assert verify_plan(document).status == "refuted"
+
+
+def test_infeasible_distorted_view_is_confirmed_by_exact_edges():
+    camera = lens(DISTORTIONS[0])
+    asked = problem(camera=camera, obstacles=[], points=[[0.0, 0.0, 0.5], [0.0, 1.2, 0.5]])
+    document = {"format": "omniservo.plan/1", "problem": asked, "status": "infeasible", "path": None}
+    answer = verify_plan(document)
+    assert "visibility bottom edge (point 1)" in answer.reasons[0]
+    asked["points"] = [[0.0, 0.0, 0.5]]
+    assert verify_plan(document).status == "undecided"
