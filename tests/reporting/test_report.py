@@ -88,16 +88,20 @@ def test_verdict_comes_before_every_figure_and_table(report):
     assert page.index("Converged") < page.index("<table")
 
 
-def test_words_from_files_are_escaped(run, tmp_path):
+def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, tmp_path):
+    """Words from files are escaped; the reason leads; without the paper's task there is no paper's table."""
     evil = '<script>alert("x")</script>'
-    task = run.task.model_copy(update={"summary": evil})
-    log = RunLog(run.log.rows, {("<b>forearm", "obstacle 0")}, "divergence", f"points {evil}")
-    metrics = {**run.metrics, "reason": evil, "<i>odd": evil}
-    write_report(tmp_path, [replace(run, task=task, log=log, metrics=metrics)])
+    task = stopped_run.task.model_copy(update={"summary": evil, "name": "my-own"})
+    log = RunLog([], {("<b>forearm", "obstacle 0")}, "feature_loss", f"3 of 9 points are usable {evil}")
+    metrics = {**stopped_run.metrics, "reason": evil, "<i>odd": evil}
+    write_report(tmp_path, [replace(stopped_run, task=task, log=log, metrics=metrics)])
     page, structure = read(tmp_path)
+    assert not structure.wrong
     assert not set(structure.tags) & {"script", "b", "i"}
     assert "<script" not in page
     assert evil in structure.words
+    assert "The paper's numbers and ours" not in structure.words
+    assert "omniservo run my-own.yaml --method certified" in structure.words
 
 
 def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
@@ -108,33 +112,19 @@ def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
     page, structure = read(tmp_path)
     assert not structure.wrong
     assert "Touched" in structure.words
+    assert "Nothing was planned" in page
     assert "forearm and obstacle 0" in structure.words
     assert page.count("data:image/gif") == 2
+    assert page.count("Distance to the obstacles Certified plan") == 1
+    assert page.count("Distance to the obstacles Classical servo, no plan") == 1
+    assert structure.words.count("Certificate") == 1
     assert '<span class="no">21.00 mm</span>' in page
     assert "omniservo run paper-example-1 --method compare" in structure.words
 
 
-def test_a_run_without_a_plan_says_so(made_up_run, tmp_path):
-    write_report(tmp_path, [made_up_run(method="ibvs", steps=3)])
-    page, structure = read(tmp_path)
-    assert not structure.wrong
-    assert "Nothing was planned" in page
-    assert "Certificate" not in structure.words
-
-
-def test_a_stopped_run_leads_with_the_named_reason(stopped_run, tmp_path):
-    write_report(tmp_path, [stopped_run])
-    page, structure = read(tmp_path)
-    assert not structure.wrong
-    assert page.index("Stopped: feature loss") < page.index("3 of 9 points are usable")
-
-
-def test_a_task_that_is_not_the_papers_has_no_table_of_the_papers_numbers(run, tmp_path):
-    write_report(tmp_path, [replace(run, task=run.task.model_copy(update={"name": "my-own"}))])
-    page, _ = read(tmp_path)
-    assert "The paper's numbers" not in page
-    assert "The paper&#x27;s numbers" not in page
-    assert "omniservo run my-own.yaml" in page
+def test_a_stopped_run_is_named_after_its_reason(stopped_run):
+    assert verdict_of(stopped_run).word == "Stopped: feature loss"
+    assert "3 of 9 points are usable" in verdict_of(stopped_run).sentence
 
 
 def test_no_results_are_refused(tmp_path):

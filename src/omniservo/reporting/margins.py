@@ -61,7 +61,15 @@ def visibility(result: RunResult) -> Drawing:
     if planned is not None:
         axes.plot(planned.w, planned.visibility, color=PLANNED, label="planned")
     x = _abscissa(executed, planned)
-    axes.plot(x, executed.visibility, ".", ms=5, color=EXECUTED, label="executed (truth)")
+    axes.plot(
+        x,
+        executed.visibility,
+        "." if planned is not None else ".-",
+        lw=0.8,
+        ms=5,
+        color=EXECUTED,
+        label="executed (truth)",
+    )
     axes.axhline(
         result.task.planning.visibility_margin, color=ASKED, ls=":", lw=1.6, label="asked when planning"
     )
@@ -144,7 +152,7 @@ def _group(
     note: str,
 ) -> None:
     """Draw the distances to some of the obstacles."""
-    x = _abscissa(executed, planned)
+    x, style = _abscissa(executed, planned), "." if planned is not None else ".-"
     for number, i in enumerate(chosen):
         label = note or None if number == 0 else None
         if planned is not None:
@@ -154,7 +162,7 @@ def _group(
             )  # fmt: skip
         if not note or planned is None:
             axes.plot(
-                x, 1000.0 * executed.clearances[:, i], ".", ms=4, color=colours[1],
+                x, 1000.0 * executed.clearances[:, i], style, lw=0.8, ms=4, color=colours[1],
                 label=(label or "executed (truth)") if number == 0 else None,
             )  # fmt: skip
 

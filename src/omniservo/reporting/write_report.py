@@ -92,33 +92,39 @@ def _figures(results: Sequence[RunResult]) -> list[Markup]:
     """Return every figure: of one run in reading order, of several beside each other figure by figure."""
     per_run = [list(drawings(r)) for r in results]
     if len(results) == 1:
-        return [tag("div", *(_figure(d, "", caption=True) for d in per_run[0]), class_="figures")]
-    blocks = []
+        return [tag("div", *(_figure(d) for d in per_run[0]), class_="figures")]
     names = list(dict.fromkeys(d.name for run in per_run for d in run))
-    for name in names:
-        found = [
-            (result, drawing)
-            for result, run in zip(results, per_run, strict=True)
-            for drawing in run
-            if drawing.name == name
-        ]
-        first = found[0][1]
-        alone = _is_wide(first) and name not in _PICTURES
-        columns = "columns" if alone else f"columns of{len(results)}"
-        blocks += [
-            tag("h3", first.title),
-            tag("p", first.caption, class_="caption"),
-            tag("div", *(_figure(d, _method(r), caption=False) for r, d in found), class_=columns),
-        ]
-    return blocks
+    found = [
+        [(r, d) for r, run in zip(results, per_run, strict=True) for d in run if d.name == name]
+        for name in names
+    ]
+    return [block for same in found for block in _beside_each_other(same, len(results))]
 
 
-def _figure(drawing: Drawing, method: str, *, caption: bool) -> Markup:
-    image = inlined(image_bytes(drawing, "png"), "png", f"{drawing.title} {method}".strip())
-    if not caption:
-        return tag("figure", tag("figcaption", tag("strong", method)), image)
+def _beside_each_other(same: Sequence[tuple[RunResult, Drawing]], columns: int) -> list[Markup]:
+    """Return one kind of figure of several runs; what all captions say is said once."""
+    first = same[0][1]
+    agreed = all(drawing.caption == first.caption for _, drawing in same)
+    alone = _is_wide(first) and first.name not in _PICTURES
+    figures = []
+    for result, drawing in same:
+        words = [] if agreed else [tag("p", drawing.caption, class_="caption")]
+        named = tag("figcaption", tag("strong", _method(result)))
+        figures.append(tag("figure", named, _image(drawing, _method(result)), *words))
+    return [
+        tag("h3", first.title),
+        *([tag("p", first.caption, class_="caption")] if agreed else []),
+        tag("div", *figures, class_="columns" if alone else f"columns of{columns}"),
+    ]
+
+
+def _figure(drawing: Drawing) -> Markup:
     words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", image, words, class_="wide" if _is_wide(drawing) else "half")
+    return tag("figure", _image(drawing, ""), words, class_="wide" if _is_wide(drawing) else "half")
+
+
+def _image(drawing: Drawing, method: str) -> Markup:
+    return inlined(image_bytes(drawing, "png"), "png", f"{drawing.title} {method}".strip())
 
 
 def _is_wide(drawing: Drawing) -> bool:
