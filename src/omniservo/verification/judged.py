@@ -55,7 +55,7 @@ class Case:
         candidates = [self.finding.w, *(Fraction(k, _SAMPLES) for k in range(_SAMPLES + 1))]
         left, w = min((self.constraint.left(self.subject, w), w) for w in candidates)
         unit = self.constraint.unit
-        needed = f"{float(self.margin):.9g} {unit} needed"
+        needed = f"{max(0.0, float(self.margin)):.9g} {unit} needed"
         return f"{self.name}: {left:.9g} {unit} left at w = {float(w):.6g}, {needed}"
 
 

@@ -1,0 +1,68 @@
+"""The planner and the verifier share no code; they agree on every plan."""
+
+import json
+
+import numpy as np
+import pytest
+from sampled_plans import FE185, camera, problem, random_case
+
+from omniservo.planning import PlanningProblem, plan_path
+from omniservo.verification import verify_plan
+
+DISTORTED = {**FE185, "max_angle": None, "distortion": [-0.08, 0.02, 1e-3, -5e-4]}
+LENSES = {
+    "fisheye": FE185,
+    "any angle": camera("fisheye, any angle"),
+    "strong fisheye": camera("strong fisheye"),
+    "distorted": DISTORTED,
+    "distorted, largest angle": {**DISTORTED, "max_angle": 1.2},
+    "distorted, dead zone": {**DISTORTED, "dead_zone": {"center": [330.0, 390.0], "radius": 20.0}},
+}
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_planned_path_is_certified_from_its_saved_file(name, tmp_path):
+    planned = plan_path(PlanningProblem.from_dict(problem(camera=LENSES[name], visibility_margin=2.0)))
+    assert planned.status == "certified"
+    planned.save(tmp_path / "plan.json")
+    answer = verify_plan(tmp_path / "plan.json")
+    assert answer.status == "certified", answer.reasons
+    assert verify_plan(planned) == answer
+
+
+def test_random_problems_are_answered_alike():
+    rng = np.random.default_rng(3)
+    agreed = {"certified": 0, "infeasible": 0}
+    for _ in range(40):
+        asked, _ = random_case(rng)
+        planned = plan_path(PlanningProblem.from_dict(asked))
+        answer = verify_plan(planned)
+        if planned.status == "certified":
+            assert answer.status == "certified", answer.reasons
+            agreed["certified"] += 1
+        elif planned.status == "infeasible":
+            assert answer.reasons[0].startswith("infeasible confirmed"), answer.reasons
+            agreed["infeasible"] += 1
+        else:
+            assert answer.status != "certified"
+    assert min(agreed.values()) > 5
+
+
+def test_sampled_search_of_the_paper_is_judged_like_any_other():
+    planned = plan_path(PlanningProblem.from_dict(problem()), method="paper")
+    assert (verify_plan(planned).status == "certified") == (planned.status == "certified")
+
+
+def test_changed_planner_plans_are_refuted():
+    rng = np.random.default_rng(8)
+    document = json.loads(json.dumps(plan_path(PlanningProblem.from_dict(problem())).to_dict()))
+    assert verify_plan(document).status == "certified"
+    for _ in range(60):
+        changed = json.loads(json.dumps(document))
+        row = changed["path"][str(rng.choice(["rotation", "translation"]))]
+        i, k = rng.integers(len(row)), rng.integers(len(row[0]))
+        row[i][k] += float(rng.choice([-1, 1]) * 10 ** rng.uniform(-8, 0))
+        if i == 3 and len(row) == 4:
+            continue  # the identity's own component only stretches the quaternion
+        answer = verify_plan(changed)
+        assert answer.status == "refuted"
