@@ -109,9 +109,9 @@ def paper_and_ours(result: RunResult) -> Markup | None:
             ),
             tag(
                 "p",
-                "The paper's times are those of its MATLAB program on a Pentium D; ours are those of this run, "
-                "compilation included where it is a machine's first. The paper's target and obstacle body "
-                "are not published; those here are our reading of its figures.",
+                "The paper's times are those of its MATLAB program on a Pentium D; ours are those of this "
+                "run, compilation included where it is a machine's first. The paper's target and obstacle "
+                "body are not published; those here are our reading of its figures.",
                 class_="quiet",
             ),
         ]
