@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import (
     BINOMIALS,
@@ -15,6 +15,20 @@ from omniservo.geometry.polynomial import (
 
 ROTATION_FLOOR = 0.01
 """‖φ‖² stays above it: R(w) is well defined."""
+
+_TERMS: IntArray = np.array(
+    [(i, i, k, k, 1 if k in (i, 3) else -1) for i in range(3) for k in range(4)]
+    + [(i, j, i, j, 2) for i in range(3) for j in range(3) if i != j]
+    + [
+        (0, 1, 2, 3, -2),
+        (1, 0, 2, 3, 2),
+        (0, 2, 1, 3, 2),
+        (2, 0, 1, 3, -2),
+        (1, 2, 0, 3, -2),
+        (2, 1, 0, 3, 2),
+    ]
+)
+"""Λ(φ) (20): at [i, j] stands the sum of factor · φ_a · φ_b over the rows (i, j, a, b, factor)."""
 
 
 @kernel
@@ -67,24 +81,10 @@ def camera_count(sigma: int, tau: int) -> int:
 @kernel
 def _rotation_controls(phi: FloatArray) -> FloatArray:
     """Return Λ(φ) (20) as scaled coefficients (3, 3, 2σ+1) from those of φ (4, σ+1)."""
-    x, y, z, w = phi[0], phi[1], phi[2], phi[3]
     out = np.zeros((3, 3, 2 * phi.shape[1] - 1))
-    for i in range(3):
-        for k in range(4):
-            sign = 1.0 if k in (i, 3) else -1.0
-            add_product(sign, phi[k], phi[k], out[i, i])
-    add_product(2.0, x, y, out[0, 1])
-    add_product(-2.0, z, w, out[0, 1])
-    add_product(2.0, x, z, out[0, 2])
-    add_product(2.0, y, w, out[0, 2])
-    add_product(2.0, x, y, out[1, 0])
-    add_product(2.0, z, w, out[1, 0])
-    add_product(2.0, y, z, out[1, 2])
-    add_product(-2.0, x, w, out[1, 2])
-    add_product(2.0, x, z, out[2, 0])
-    add_product(-2.0, y, w, out[2, 0])
-    add_product(2.0, y, z, out[2, 1])
-    add_product(2.0, x, w, out[2, 1])
+    for term in range(_TERMS.shape[0]):
+        i, j, a, b = _TERMS[term, 0], _TERMS[term, 1], _TERMS[term, 2], _TERMS[term, 3]
+        add_product(float(_TERMS[term, 4]), phi[a], phi[b], out[i, j])
     return out
 
 

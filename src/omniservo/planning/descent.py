@@ -352,7 +352,7 @@ def descend(
     tried_least = np.empty_like(least)
     step, trial = np.empty(size), np.empty(size)
     cost = linearise(demands, family, x, targets, pull, least, normal)
-    damping = 1e-4
+    damping = 1e-6
     for _ in range(30):
         if reached(least, targets, enough) or size == 0:
             break

@@ -13,7 +13,6 @@ from omniservo.geometry.arrays import finite_number
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certify import certify
 from omniservo.planning.end_poses import violation_at_end
-from omniservo.planning.least_effort import least_effort
 from omniservo.planning.paper_search import paper_path
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
@@ -64,7 +63,5 @@ def _certified_path(problem: PlanningProblem, seed: int) -> CameraPath:
     degrees = np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64)
     quaternion, translation = problem.goal_quaternion, problem.goal_translation
     phase = (seed * GOLDEN_ANGLE) % (2.0 * math.pi)
-    status, rotation, centre, _, _ = search(demands, quaternion, translation, degrees, STARTS, phase)
-    if status == 1 and centre.shape[1] > 2:
-        rotation, centre, _ = least_effort(demands, quaternion, translation, rotation, centre)
+    _, rotation, centre, _ = search(demands, quaternion, translation, degrees, STARTS, phase, True)
     return CameraPath(rotation, centre)

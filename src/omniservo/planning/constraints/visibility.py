@@ -4,7 +4,7 @@ Proof on a piece of the path with control points C₀ … C_d of c(w), d = 2σ +
 
 - κ < 0: the limit is a convex cone; the piece lies inside when every control point does.
 - κ ≥ 0: the limit is the outside of a convex cap. ‖c‖ ≥ e·c for every ‖e‖ ≤ 1, so (n − κe)·Cₖ ≤ 0 for all k
-  suffices; e is the mean bearing of the piece.
+  suffices; e is the mean bearing of the piece, or that of the control point with the least left.
 
 Either way the bound gets exact quadratically as pieces are halved, so the proof ends for every path that
 keeps the limit strictly.
@@ -114,7 +114,9 @@ def _first_failing(
     rows = limits.shape[0]
     for i in range(first, rows):
         allowed = bound * float(sizes[i]) + TINY
-        if not cone_holds(piece, limits[i], ex, ey, ez, allowed):
+        if cone_holds(piece, limits[i], ex, ey, ez, allowed):
+            continue
+        if not _holds_by_tightest(piece, limits[i], allowed):
             return i, _violated_end(piece, limits[i], allowed)
     if disc.shape[0] > 0:
         allowed = bound * float(sizes[rows]) + TINY
@@ -154,6 +156,22 @@ def cone_holds(piece: FloatArray, limit: FloatArray, ex: float, ey: float, ez: f
             value = x * piece[0, k] + y * piece[1, k] + z * piece[2, k]
         holds = holds and value <= -bound
     return holds
+
+
+@kernel
+def _holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> bool:
+    """Try the bearing of the control point with the least left: exact where an end of the piece is it."""
+    tightest, most = 0, -math.inf
+    for k in range(piece.shape[1]):
+        value = _cone_value(piece, limit, k)
+        if value > most:
+            tightest, most = k, value
+    if most > -bound:
+        return False
+    x, y, z = piece[0, tightest], piece[1, tightest], piece[2, tightest]
+    norm = math.sqrt(x * x + y * y + z * z)
+    shorter = (1.0 - 1e-15) / norm if norm > 0.0 else 0.0
+    return cone_holds(piece, limit, x * shorter, y * shorter, z * shorter, bound)
 
 
 @kernel
