@@ -1,6 +1,7 @@
 """Figures, animation and the HTML report of a run."""
 
 from omniservo.reporting.animation import write_animation
+from omniservo.reporting.image_distance import image_distance
 from omniservo.reporting.paper_table import ComparisonRow, comparison_table, paper_table_markdown
 from omniservo.reporting.write_figures import write_figures
 from omniservo.reporting.write_report import write_report
@@ -8,6 +9,7 @@ from omniservo.reporting.write_report import write_report
 __all__ = [
     "ComparisonRow",
     "comparison_table",
+    "image_distance",
     "paper_table_markdown",
     "write_animation",
     "write_figures",

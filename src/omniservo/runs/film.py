@@ -15,7 +15,7 @@ from omniservo.simulation.run_result import Film
 FRAMES = 40
 """enough for a fluent animation of a few seconds, small enough for a README"""
 
-_WIDTH, _HEIGHT = 360, 270
+_WIDTH, _HEIGHT = 480, 360
 
 
 def film_of(log: RunLog, images: Sequence[ByteArray], world: World) -> Film:

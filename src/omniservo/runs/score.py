@@ -2,44 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
+from omniservo.reporting import image_distance
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import Truth
 from omniservo.tasks import Task
-
-
-def visibility_px(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
-    """Return each pixel's distance to the nearest image limit [px], negative outside.
-
-    Edges at −½, W−½ (H likewise); the largest-angle circle, whose distance is (r(θ_max) − r)·σ_min with
-    r = sin θ/(cos θ + ξ) and σ_min the smallest singular value of K's 2×2 block; the dead zone.
-
-    Args:
-        camera: the camera.
-        pixels: (…, 2) [px]; NaN gives NaN.
-
-    Returns:
-        (…,) [px].
-    """
-    u, v = pixels[..., 0], pixels[..., 1]
-    distances = [u + 0.5, camera.width - 0.5 - u, v + 0.5, camera.height - 0.5 - v]
-    if camera.max_angle is not None:
-        bearings, _ = camera.unproject(pixels)
-        radius = np.hypot(bearings[..., 0], bearings[..., 1]) / (bearings[..., 2] + camera.xi)
-        largest = math.sin(camera.max_angle) / (math.cos(camera.max_angle) + camera.xi)
-        smallest_scale = np.linalg.svd(camera.matrix[:2, :2], compute_uv=False)[-1]
-        distances.append((largest - radius) * smallest_scale)
-    if camera.dead_zone is not None:
-        cu, cv = camera.dead_zone.center
-        distances.append(np.hypot(u - cu, v - cv) - camera.dead_zone.radius)
-    return np.asarray(np.min(np.stack(np.broadcast_arrays(*distances)), axis=0), dtype=np.float64)
 
 
 def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str, object]:
@@ -48,7 +19,6 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
     Lengths in m, angles in rad, pixels in px; None where a quantity does not exist.
     """
     positions = log.column("true_position").reshape(-1, 3)
-    visible = visibility_px(task.camera, log.column("true_pixels"))
     return {
         "status": _status(log),
         "reason": log.stop_message,
@@ -57,7 +27,7 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
         "clearance_executed_m": _least_clearance(task, positions),
         "arm_clearance_executed_m": float(np.min(log.column("arm_clearance"))) if log.rows else None,
         "visibility_planned_px": _planned(plan, "visibility", task),
-        "visibility_executed_px": float(np.min(visible)) if log.rows else None,
+        "visibility_executed_px": _least_visibility(task, log),
         **_final_errors(log, truth),
         "path_deviation_m": _deviation(plan, log),
         "servo_seconds": float(log.rows[-1].time) if log.rows else 0.0,
@@ -80,6 +50,14 @@ def _least_clearance(task: Task, positions: FloatArray) -> float | None:
         return None
     distances = [np.linalg.norm(positions - np.asarray(o.center), axis=1) - o.radius for o in asked]
     return float(np.min(distances))
+
+
+def _least_visibility(task: Task, log: RunLog) -> float | None:
+    """Smallest distance of any true dot to the image's limits [px]; None where one left the camera's domain."""
+    if not log.rows:
+        return None
+    least = float(np.min(image_distance(task.camera, log.column("true_pixels"))))
+    return None if np.isnan(least) else least
 
 
 def _planned(plan: Plan | None, family: str, task: Task) -> float | None:
