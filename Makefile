@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench lock clean clean-cache wheel
+.PHONY: demo test check bench readme lock clean clean-cache wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -24,6 +24,10 @@ check: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.table
+
+# The README's table and animation, from runs made now.
+readme: $(STAMP)
+	$(BIN)/python -m benchmarks.readme
 
 wheel: $(STAMP)
 	$(BIN)/python -m build --wheel --no-isolation

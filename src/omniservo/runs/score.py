@@ -53,7 +53,7 @@ def _least_clearance(task: Task, positions: FloatArray) -> float | None:
 
 
 def _least_visibility(task: Task, log: RunLog) -> float | None:
-    """Smallest distance of any true dot to the image's limits [px]; None where one left the camera's domain."""
+    """Smallest distance of a true dot to the image limits [px]; None where one left the camera's domain."""
     if not log.rows:
         return None
     least = float(np.min(image_distance(task.camera, log.column("true_pixels"))))

@@ -1,0 +1,29 @@
+"""Write the README's table *paper / ours* and its animation from runs made now: ``make readme``."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from benchmarks.whole_job import whole_run
+
+from omniservo.reporting import paper_table_markdown, write_animation
+
+ROOT = Path(__file__).resolve().parents[1]
+TASKS = ("paper-example-1", "paper-example-2")
+
+
+def main() -> None:
+    """Run both experiments of the paper and put what came out into README.md and docs/images."""
+    results = [whole_run(name) for name in TASKS]
+    for name, result in zip(TASKS, results, strict=True):
+        write_animation(result, ROOT / "docs" / "images" / f"{name}.gif")
+    readme = ROOT / "README.md"
+    table = paper_table_markdown(results).strip()
+    begin, end = "<!-- paper-table -->", "<!-- end of paper-table -->"
+    text = re.sub(f"{begin}.*?{end}", f"{begin}\n{table}\n{end}", readme.read_text(), flags=re.DOTALL)
+    readme.write_text(text)
+
+
+if __name__ == "__main__":
+    main()
