@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
@@ -21,7 +21,7 @@ from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place, set_basis
 
-EDGE, CIRCLE, DOMAIN, DISC, LEAST, CLEARANCE, SIGHT, WALL, ROTATION = range(9)
+EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, CLEARANCE, WALL, ROTATION = range(9)
 """Kinds. Index: the limit, obstacle or wall. Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
 
 SLACK_PX = 1e-7
@@ -45,73 +45,68 @@ PARABOLAS = 5
 
 @kernel
 def camera_margin(
-    entry: FloatArray, demands: Demands, optics: FloatArray, x: float, y: float, z: float, rho: float
+    kind: int, limit: FloatArray, scale: float, demands: Demands, optics: FloatArray, c: FloatArray, j: int
 ) -> float:
-    """Return what an EDGE, CIRCLE, DOMAIN, DISC or LEAST entry leaves to the camera point (x, y, z)."""
-    kind = int(entry[0])
+    """Return what an EDGE, CIRCLE, DOMAIN, DISC or LEAST entry leaves to camera point j of c (n, 4)."""
+    x, y, z, rho = c[j, 0], c[j, 1], c[j, 2], c[j, 3]
     if kind == LEAST:
         return float(rho - demands.numbers[0])
     if kind == DOMAIN:
-        return float(optics[4] - math.atan2(math.hypot(x, y), z))
+        return float(optics[4] - math.atan2(math.sqrt(x * x + y * y), z))
     d = z + optics[0] * rho
     if not d > 0.0:
         return OUTSIDE
+    if kind == EDGE:
+        return float((limit[3] * rho - limit[0] * x - limit[1] * y - limit[2] * z) / d * scale)
     if kind == DISC:
         return disc_margin(demands.disc, x, y, z)
-    if kind == CIRCLE:
-        return float((optics[1] - math.hypot(x, y) / d) * optics[2] - optics[3])
-    limit = demands.limits[int(entry[1])]
-    return float((limit[3] * rho - limit[0] * x - limit[1] * y - limit[2] * z) / d * entry[2])
+    return float((optics[1] - math.sqrt(x * x + y * y) / d) * optics[2] - optics[3])
 
 
 @kernel
-def margin_at_pose(
-    entry: FloatArray,
-    demands: Demands,
-    optics: FloatArray,
-    pose: FloatArray,
-    c: FloatArray,
-    point: FloatArray,
-) -> float:
-    """Return what an entry leaves at a pose (13,); ``c`` (4,) and ``point`` (3,) are one target point's."""
-    kind = int(entry[0])
-    if kind <= LEAST:
-        return camera_margin(entry, demands, optics, c[0], c[1], c[2], c[3])
+def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> float:
+    """Return what a CLEARANCE, WALL or ROTATION entry leaves at a pose (13,)."""
     if kind == ROTATION:
         return float(pose[12] - ROTATION_FLOOR)
-    index = int(entry[1])
     if kind == WALL:
         side, axis = index // 3, index % 3
         gap = float(pose[9 + axis] - demands.box[side, axis])
         return gap if side == 0 else -gap
     o = demands.obstacles[index]
-    if kind == SIGHT:
-        return sight_offset(pose[9], pose[10], pose[11], point, o)[3] - float(o[3])
     x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
     return math.sqrt(x * x + y * y + z * z) - float(o[4])
 
 
 @kernel
-def margins_at(
+def smallest_at(
+    entry: FloatArray,
     demands: Demands,
     optics: FloatArray,
-    entries: FloatArray,
     pose: FloatArray,
-    camera_points: FloatArray,
-    margins: FloatArray,
-    about: IntArray,
-) -> None:
-    """Write every entry's smallest margin over the points at a pose, and the point it is found at."""
-    for e in range(entries.shape[0]):
-        kind = int(entries[e, 0])
-        count = demands.points.shape[0] if kind <= LEAST or kind == SIGHT else 1
-        margins[e] = math.inf
-        about[e] = 0
-        for j in range(count):
-            value = margin_at_pose(entries[e], demands, optics, pose, camera_points[j], demands.points[j])
-            if value < margins[e]:
-                margins[e] = value
-                about[e] = j
+    c: FloatArray,
+    points: FloatArray,
+) -> tuple[float, int]:
+    """Return an entry's smallest margin over ``points`` (n, 3) at a pose (13,), and which point has it.
+
+    ``c`` (n, 4) are these points in the camera frame and their distances.
+    """
+    kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
+    if kind > SIGHT:
+        return centre_margin(kind, index, demands, pose), 0
+    least, about = math.inf, 0
+    if kind == SIGHT:
+        o = demands.obstacles[index]
+        for j in range(points.shape[0]):
+            value = sight_offset(pose[9], pose[10], pose[11], points[j], o)[3]
+            if value < least:
+                least, about = value, j
+        return least - float(o[3]), about
+    limit = demands.limits[index]
+    for j in range(points.shape[0]):
+        value = camera_margin(kind, limit, scale, demands, optics, c, j)
+        if value < least:
+            least, about = value, j
+    return least, about
 
 
 @kernel
@@ -139,7 +134,7 @@ def refine(
             set_basis(scratch[0], 0, places[k])
             set_basis(scratch[1], 0, places[k])
             place(phi, t, scratch[0][0], scratch[1][0], point, scratch[2], scratch[3], turn)
-            values[k] = margin_at_pose(entry, demands, optics, scratch[2], scratch[3][0], point[0])
+            values[k] = smallest_at(entry, demands, optics, scratch[2], scratch[3], point)[0]
             if values[k] < best:
                 best, at = values[k], places[k]
         width *= 0.2
@@ -157,7 +152,6 @@ def look(
 ) -> None:
     """Write (margin, w, point) of every entry's smallest margin at LOOKS + 1 places into ``table`` (e, 4)."""
     count = entries.shape[0]
-    margins, about = np.empty(count), np.empty(count, dtype=np.int64)
     pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
     rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
     for e in range(count):
@@ -167,10 +161,10 @@ def look(
         set_basis(rotation_basis, 0, w)
         set_basis(translation_basis, 0, w)
         place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
-        margins_at(demands, optics, entries, pose, c, margins, about)
         for e in range(count):
-            if not margins[e] >= table[e, 0]:
-                table[e, 0], table[e, 1], table[e, 2] = margins[e], w, about[e]
+            margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+            if not margin >= table[e, 0]:
+                table[e, 0], table[e, 1], table[e, 2] = margin, w, about
 
 
 @kernel
@@ -324,10 +318,8 @@ def pose_margins(
         t[i, 0] = translation[i]
     pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
     place(phi, t, one, one, demands.points, pose, c, turn)
-    count = entries.shape[0]
-    values, about = np.empty(count), np.empty(count, dtype=np.int64)
-    margins_at(demands, optics, entries, pose, c, values, about)
-    table = np.empty((count, 2))
-    for e in range(count):
-        table[e, 0], table[e, 1] = values[e], about[e]
+    table = np.empty((entries.shape[0], 2))
+    for e in range(entries.shape[0]):
+        margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+        table[e, 0], table[e, 1] = margin, about
     return table

@@ -2,9 +2,8 @@
 
 The line of sight from t to h misses the ball (o, r) exactly when a plane at distance ≥ r from o has both of
 its ends beyond it: e·(t − o) ≥ r and e·(h − o) ≥ r for one unit vector e. On a piece of the path e points
-from o to the nearest point of the line of sight from the piece's middle; the control points of t prove the
-rest, degree τ. This equals A ≥ 0, C ≥ 0 and (B ≥ 0 or AC − B² ≥ 0) with A = ‖t−o‖²−r², B = (t−o)·(h−o)−r²,
-C = ‖h−o‖²−r².
+from o to the nearest point of the hull of h and the control points of t, which prove the rest, degree τ.
+This equals A ≥ 0, C ≥ 0 and (B ≥ 0 or AC − B² ≥ 0) with A = ‖t−o‖²−r², B = (t−o)·(h−o)−r², C = ‖h−o‖²−r².
 """
 
 import math
@@ -26,6 +25,9 @@ from omniservo.geometry.polynomial import (
 )
 from omniservo.planning.constraints.push import push_centre
 from omniservo.planning.constraints.visibility import sum_of_controls
+
+_STEPS = 6
+"""of Gilbert's algorithm; a plane that it does not find is found on half the piece"""
 
 
 @kernel
@@ -90,22 +92,35 @@ def prove_clear_sight(
 
 @kernel
 def sight_holds(piece: FloatArray, h: FloatArray, o: FloatArray, radius: float, bound: float) -> bool:
-    """Tell whether one plane separates the ball from h and from all control points."""
-    n = piece.shape[1] - 1
+    """Tell whether one plane separates the ball from h and from all control points (3, n+1).
+
+    Its normal points to the hull's point nearest to o, approached by Gilbert's algorithm: step to the nearest
+    point of the segment to the vertex that lies least far along.
+    """
+    n = piece.shape[1]
+    part = 1.0 / n
     mx, my, mz = sum_of_controls(piece)
-    part = 1.0 / (n + 1)
     x, y, z, distance, _ = sight_offset(mx * part, my * part, mz * part, h, o)
-    if not distance > 0.0:
-        return False
-    f = (1.0 - 1e-15) / distance
-    x, y, z = f * x, f * y, f * z
-    if not x * (h[0] - o[0]) + y * (h[1] - o[1]) + z * (h[2] - o[2]) - radius >= bound:
-        return False
-    for k in range(n + 1):
-        gap = x * (piece[0, k] - o[0]) + y * (piece[1, k] - o[1]) + z * (piece[2, k] - o[2]) - radius
-        if not gap >= bound:
+    for _ in range(_STEPS):
+        if not distance > radius + bound:
             return False
-    return True
+        f = (1.0 - 1e-15) / distance
+        least, vx, vy, vz = math.inf, 0.0, 0.0, 0.0
+        for k in range(n + 1):
+            px = (h[0] if k == n else piece[0, k]) - o[0]
+            py = (h[1] if k == n else piece[1, k]) - o[1]
+            pz = (h[2] if k == n else piece[2, k]) - o[2]
+            along = f * x * px + f * y * py + f * z * pz
+            if not along >= least:
+                least, vx, vy, vz = along, px, py, pz
+        if least - radius >= bound:
+            return True
+        vx, vy, vz = vx - x, vy - y, vz - z
+        square = vx * vx + vy * vy + vz * vz
+        s = min(max(-(x * vx + y * vy + z * vz) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        x, y, z = x + s * vx, y + s * vy, z + s * vz
+        distance = math.sqrt(x * x + y * y + z * z)
+    return False
 
 
 @kernel
@@ -137,13 +152,20 @@ def push_sight(
     With the nearest point q = t + s(h − t): ∂‖q − o‖/∂t = (1 − s)(q − o)/‖q − o‖.
     """
     cost = 0.0
-    for i in range(obstacles.shape[0]):
-        radius = obstacles[i, 3]
-        if radius <= 0.0:
-            continue
-        unit = max(radius, 0.05 * ell)
-        for j in range(points.shape[0]):
-            x, y, z, distance, s = sight_offset(pose[9], pose[10], pose[11], points[j], obstacles[i])
+    for j in range(points.shape[0]):
+        lx, ly, lz = points[j, 0] - pose[9], points[j, 1] - pose[10], points[j, 2] - pose[11]
+        inverse = 1.0 / max(lx * lx + ly * ly + lz * lz, 1e-300)
+        for i in range(obstacles.shape[0]):
+            radius = obstacles[i, 3]
+            x, y, z = pose[9] - obstacles[i, 0], pose[10] - obstacles[i, 1], pose[11] - obstacles[i, 2]
+            s = min(max(-(x * lx + y * ly + z * lz) * inverse, 0.0), 1.0)
+            x, y, z = x + s * lx, y + s * ly, z + s * lz
+            square = x * x + y * y + z * z
+            unit = max(radius, 0.05 * ell)
+            far = radius + unit * max(targets[i], least[i])
+            if radius <= 0.0 or square >= far * far:
+                continue
+            distance = math.sqrt(square)
             g = (distance - radius) / unit
             least[i] = min(least[i], g)
             if g < targets[i]:
