@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.estimation import epipolar_refinement, joint_refinement
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
 from omniservo.estimation.matches import Matches
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import numpy as np
 
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
 from omniservo.estimation.essential_matrix import epipolar_gram, motions_from_essential
-from omniservo.estimation.linear_systems import symmetric_eigen
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import symmetric_eigen
 
 SAMPLE = 8
 MOST_SAMPLES = 3000

@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 IDENTITY = 0
 ROTATION = 1

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8

@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
-from omniservo.estimation.linear_systems import symmetric_eigen
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import symmetric_eigen
 
 FAR = 50.0
 """Distance, in lengths of t, given to a point whose rays do not meet in front of both cameras."""

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.estimation.pose_refinement import pose_rows
 from omniservo.estimation.rotation_parameters import (
     QUATERNION,
@@ -21,6 +20,7 @@ from omniservo.estimation.rotation_parameters import (
 )
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8

@@ -10,10 +10,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
 from omniservo.errors import InputError
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 LEAST_POINTS = 4
 """Three points leave up to four poses and nothing to check them by."""

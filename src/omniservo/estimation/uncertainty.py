@@ -11,9 +11,9 @@ from omniservo.estimation.joint_refinement import (
     linearise,
     linearise_point,
 )
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 FAR_POINT_DAMPING = 1e-10
 """Relative weight that keeps the block of a point without parallax regular; its variance stays huge."""

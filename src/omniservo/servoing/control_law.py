@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, SingularInteraction
-from omniservo.estimation.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 LEAST_CONDITIONING = 1e-4
 """Below this conditioning (see :func:`solve_twist`) the features do not determine a twist.
