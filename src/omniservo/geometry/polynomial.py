@@ -128,7 +128,7 @@ def prove_nonnegative(controls: FloatArray, count: float, size: float) -> tuple[
         size: their magnitude.
     """
     n = controls.shape[1] - 1
-    if _smallest(controls) >= count * UNIT * size + TINY:
+    if _all_at_least(controls, count * UNIT * size + TINY):
         return PROVEN, 0.0
     stack = np.empty((MAX_LEVEL + 2, 1, n + 1))
     start = np.zeros(MAX_LEVEL + 2)
@@ -138,7 +138,7 @@ def prove_nonnegative(controls: FloatArray, count: float, size: float) -> tuple[
     while top >= 0:
         bound = (count + level[top] * n) * UNIT * size + TINY
         piece = stack[top]
-        if _smallest(piece) >= bound:
+        if _all_at_least(piece, bound):
             top -= 1
             continue
         width = 0.5 ** level[top]
@@ -167,10 +167,9 @@ def copy_into(source: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def _smallest(controls: FloatArray) -> float:
-    """Return the smallest coefficient; NaN where any is NaN."""
-    least = float(controls[0, 0])
-    for k in range(1, controls.shape[1]):
-        if not controls[0, k] >= least:
-            least = controls[0, k]
-    return least
+def _all_at_least(controls: FloatArray, bound: float) -> bool:
+    """Tell whether every coefficient (1, n+1) is ≥ bound; NaN is not."""
+    holds = True
+    for k in range(controls.shape[1]):
+        holds = holds and controls[0, k] >= bound
+    return holds
