@@ -42,7 +42,7 @@ def test_functions_are_short_and_files_fit_a_reader(path):
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef):
             length = (node.end_lineno or 0) - node.lineno + 1
-            assert length <= 75, f"{node.name}: {length} lines"
+            assert length <= 60, f"{node.name}: {length} lines"
 
 
 def test_every_rooms_public_names_exist():

@@ -64,9 +64,7 @@ def run_task(
     """
     started = perf_counter()
     progress("teaching the goal")
-    goal = goal or teach_goal(task, seed=seed + 1)
-    if goal.camera != task.camera:
-        raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
+    goal = _goal(task, goal, seed)
     scene = scene_of_task(task)
     robot = SimulatedRobot(scene, seed=seed)
     seconds: dict[str, float] = {}
@@ -103,6 +101,14 @@ def run_task(
     )
     result.metrics.update(_metrics(result, seed))
     return result
+
+
+def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
+    if goal is None:
+        return teach_goal(task, seed=seed + 1)
+    if goal.camera != task.camera:
+        raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
+    return goal
 
 
 def _controller(
