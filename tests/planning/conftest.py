@@ -167,6 +167,12 @@ def seen_margins(problem: PlanningProblem, path: CameraPath, w: np.ndarray) -> d
     camera, margin = problem.camera, problem.visibility_margin
     size = np.array([camera.width, camera.height])
     border = np.minimum(pixels + 0.5, size - 0.5 - pixels).min(axis=-1) - margin
+    if camera.max_angle is not None:
+        rho = np.linalg.norm(c, axis=-1)
+        radius = np.hypot(c[..., 0], c[..., 1]) / (c[..., 2] + camera.xi * rho)
+        rim = np.sin(camera.max_angle) / (np.cos(camera.max_angle) + camera.xi)
+        stretch = np.linalg.svd(camera.matrix[:2, :2], compute_uv=False).min()
+        border = np.minimum(border, (rim - radius) * stretch - margin)
     found = {
         "visibility": float(np.where(valid, border, -1e6).min()),
         "least_distance": float(np.linalg.norm(c, axis=-1).min() - problem.least_distance),

@@ -1,0 +1,268 @@
+"""Certificates: guaranteed, not loose, complete, and right about what they do not prove."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras import UnifiedCamera, preset
+from omniservo.errors import InputError
+from omniservo.planning import (
+    CameraPath,
+    Degrees,
+    Plan,
+    PlanningProblem,
+    Sphere,
+    Workspace,
+    certify,
+    plan_path,
+)
+from omniservo.verification import verify_plan
+
+FINE = np.linspace(0.0, 1.0, 5001)
+LOOSE = {"visibility": 0.5, "dead_zone": 0.5, "clearance": 1e-3, "least_distance": 1e-3, "occlusion": 1e-3}
+
+
+def straight(problem: PlanningProblem) -> CameraPath:
+    start = np.array([0.0, 0.0, 0.0, 1.0])
+    rotation = np.column_stack([problem.goal_quaternion - start, start])
+    return CameraPath(rotation, np.column_stack([problem.goal_translation, np.zeros(3)]))
+
+
+def bent(problem: PlanningProblem, rng: np.random.Generator, size: float) -> CameraPath:
+    """A random path of degrees (2, 2) between the problem's ends."""
+    line = straight(problem)
+    u, v = rng.normal(size=4) * size, rng.normal(size=3) * size * 0.3
+    start = np.array([0.0, 0.0, 0.0, 1.0])
+    rotation = np.column_stack([-u, line.rotation[:, 0] + u, start])
+    return CameraPath(rotation, np.column_stack([-v, line.translation[:, 0] + v, np.zeros(3)]))
+
+
+def smallest(certificate, family: str) -> float:
+    return min(c.margin for c in certificate.constraints if c.name.startswith(family))
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "pinhole", "catadioptric", "occlusion"])
+def test_margins_are_lower_bounds_and_not_loose(random_problems, look, kind):
+    rng = np.random.default_rng(1)
+    proven = 0
+    for problem in random_problems(kind, 12):
+        for size in (0.02, 0.2):
+            path = bent(problem, rng, size)
+            verdict, certificate = certify(problem, path)
+            seen = look(problem, path, FINE)
+            lowest = {name: smallest(certificate, name) for name in seen}
+            assert verdict != "certified" or min(lowest.values()) >= 0.0
+            for name, value in seen.items():
+                if name in ("visibility", "dead_zone") and smallest(certificate, "domain") < 0.0:
+                    continue
+                proven += lowest[name] >= 0.0
+                assert lowest[name] <= value + 1e-9
+                assert lowest[name] >= value - LOOSE[name]
+            assert (verdict == "refuted") == (min(seen.values()) < -1e-9)
+    assert proven > 20
+
+
+def test_every_constraint_of_the_problem_is_in_the_certificate_once(paper):
+    problem = paper(3, workspace=Workspace([-1, -1, -1], [1, 1, 1]))
+    _, certificate = certify(problem, straight(problem))
+    names = [c.name.split(" (point")[0] for c in certificate.constraints]
+    assert names == [
+        *(f"clearance obstacle {i}" for i in range(6)),
+        "visibility left edge",
+        "visibility right edge",
+        "visibility top edge",
+        "visibility bottom edge",
+        "visibility max_angle",
+        "domain",
+        "least_distance",
+        *(f"occlusion obstacle {i}" for i in range(1, 6)),
+        *(f"workspace {axis} {side}" for side in ("min", "max") for axis in "xyz"),
+        "rotation",
+    ]
+    units = {c.name.split()[0]: c.unit for c in certificate.constraints}
+    assert units == {
+        "clearance": "m",
+        "visibility": "px",
+        "domain": "rad",
+        "least_distance": "m",
+        "occlusion": "m",
+        "workspace": "m",
+        "rotation": "1",
+    }
+
+
+def test_a_violation_is_refuted_with_the_place_where_it_is_worst(paper):
+    problem = paper(1)
+    verdict, certificate = certify(problem, straight(problem))
+    assert verdict == "refuted"
+    first = certificate.constraints[0]
+    path = straight(problem)
+    apart = np.linalg.norm(path.positions(FINE) - problem.obstacles[0].center, axis=1) - 0.055
+    assert first.margin == pytest.approx(apart.min(), abs=1e-6)
+    assert first.w == pytest.approx(FINE[apart.argmin()], abs=1e-3)
+
+
+@pytest.mark.parametrize("relative", [1e-6, 1e-9])
+def test_a_violation_planted_between_samples_is_never_certified(paper, relative):
+    """The radius grows past the true smallest distance by a relative 1e-9."""
+    for example in (1, 2, 3):
+        problem = paper(example)
+        plan = plan_path(problem)
+        assert plan.status == "certified"
+        for i, c in enumerate(c for c in plan.certificate.constraints if c.name.startswith("clearance")):
+            obstacle = problem.obstacles[i]
+            own = problem.clearance if obstacle.clearance is None else obstacle.clearance
+            reach = _exact_distance(plan.path, obstacle.center) - obstacle.radius
+            grown = Sphere(obstacle.center, obstacle.radius, reach * (1.0 + relative))
+            kept = Sphere(obstacle.center, obstacle.radius, reach * (1.0 - 1e-6))
+            assert reach - own >= c.margin
+            assert certify(_with(problem, i, grown), plan.path)[0] != "certified"
+            if grown.clearance - own > 1e-6:
+                assert certify(_with(problem, i, kept), plan.path)[0] == "certified"
+
+
+def _with(problem: PlanningProblem, index: int, obstacle: Sphere) -> PlanningProblem:
+    fields = problem.to_dict()
+    fields["obstacles"][index]["clearance"] = obstacle.clearance
+    return PlanningProblem.from_dict(fields)
+
+
+def _exact_distance(path: CameraPath, center: np.ndarray) -> float:
+    """Smallest ‖t − o‖, from the roots of the derivative."""
+    offset = path.translation.copy()
+    offset[:, -1] -= center
+    square = sum(np.polymul(row, row) for row in offset)
+    roots = np.roots(np.polyder(square))
+    inside = [r.real for r in roots if abs(r.imag) < 1e-9 and 0 < r.real < 1]
+    return float(np.sqrt(min(np.polyval(square, w) for w in [0.0, 1.0, *inside])))
+
+
+def test_an_image_margin_that_is_grown_past_the_truth_is_never_certified(paper):
+    """The visibility margin asked for is raised to just over and just under what the path leaves."""
+    for example in (1, 2):
+        plan = plan_path(paper(example))
+        least = smallest(plan.certificate, "visibility")
+        over = paper(example, visibility_margin=2.0 + least + 1e-4)
+        under = paper(example, visibility_margin=2.0 + least - 1e-4)
+        assert certify(over, plan.path)[0] == "refuted"
+        assert certify(under, plan.path)[0] == "certified"
+
+
+def test_a_point_behind_the_camera_that_folds_into_the_image_is_refuted():
+    """172° from the axis, ξ = 1.291: its formula gives pixel (439, 206)."""
+    lens = preset("fe185")
+    camera = UnifiedCamera(lens.fx, lens.fy, lens.cx, lens.cy, lens.xi, lens.width, lens.height)
+    angle = np.radians(172.0)
+    behind = np.array([[np.sin(angle) * 0.8, -np.sin(angle) * 0.6, np.cos(angle)]])
+    goal = RigidTransform.from_components([0.0, 0.0, 0.01], Rotation.identity())
+    problem = PlanningProblem(camera, behind, goal)
+    verdict, certificate = certify(problem, straight(problem))
+    assert verdict == "refuted"
+    assert smallest(certificate, "domain") < 0.0
+    assert plan_path(problem).status == "infeasible"
+
+
+def test_targets_beyond_ninety_degrees_are_certified():
+    camera = preset("para-catadioptric")
+    angle = np.radians(100.0)
+    around = np.linspace(-0.3, 0.3, 4)
+    points = np.array([[np.sin(angle) * np.cos(a), np.sin(angle) * np.sin(a), np.cos(angle)] for a in around])
+    assert camera.project(points)[1].all()
+    if not camera.in_image(camera.project(points)[0]).all():
+        points = points[:, [1, 0, 2]]
+    goal = RigidTransform.from_components([0.02, -0.03, 0.01], Rotation.from_rotvec([0.02, 0.0, 0.3]))
+    problem = PlanningProblem(camera, points, goal)
+    plan = plan_path(problem)
+    assert plan.status == "certified"
+    assert verify_plan(plan).status == "certified"
+
+
+def test_a_constraint_that_is_just_met_is_undecided_and_not_certified():
+    """Standing exactly at the clearance: neither proven nor refuted."""
+    goal = RigidTransform.from_components([0.0, 0.25, 0.0], Rotation.identity())
+    problem = PlanningProblem(
+        preset("fe185"), [[0.0, 0.1, 1.0]], goal, (Sphere([0.5, 0.125, 0.0]),), clearance=0.5
+    )
+    verdict, certificate = certify(problem, straight(problem))
+    assert verdict == "undecided"
+    assert abs(certificate.constraints[0].margin) < 1e-6
+
+
+@pytest.mark.parametrize("margin", [0.0, 3.0])
+def test_margins_agree_with_the_cameras_own_limits(random_problems, margin):
+    """A path is certified with margin m exactly where its margins are at least m."""
+    for kind in ("fisheye", "pinhole", "catadioptric"):
+        for problem in random_problems(kind, 4):
+            fields = problem.to_dict() | {"visibility_margin": margin, "clearance": 0.0, "obstacles": []}
+            asked = PlanningProblem.from_dict(fields)
+            verdict, certificate = certify(asked, straight(asked))
+            left = min(smallest(certificate, "visibility"), smallest(certificate, "domain") * 1e3)
+            if asked.camera.dead_zone is not None:
+                left = min(left, smallest(certificate, "dead_zone"))
+            assert verdict == ("certified" if left >= 0.0 else "refuted")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda u, v: (u, v + np.array([[0, 0, 1e-6]] * 3)), "its start misses the identity by"),
+        (lambda u, v: (u, v + np.array([[0, 1e-6, 0]] * 3)), "its end misses the goal by"),
+        (lambda u, v: (u + np.array([[0, 1e-6, 0]] * 4), v), "its end misses the goal by"),
+        (lambda u, v: (np.hstack([np.zeros((4, 2)), u]), v), "degrees 4 and 2 given; legal: 1 to 2"),
+        (lambda u, v: (u, v[:, -1:]), "degrees 2 and 0 given"),
+        (lambda u, v: (u * 0.0, v), "the quaternion is 0"),
+    ],
+)
+def test_a_path_of_another_problem_is_refused(paper, change, message):
+    plan = plan_path(paper(1))
+    with pytest.raises(InputError, match=message):
+        certify(plan.problem, CameraPath(*change(plan.path.rotation, plan.path.translation)))
+
+
+def test_a_plan_survives_its_file_exactly(paper, tmp_path):
+    plan = plan_path(paper(3))
+    plan.save(tmp_path / "plan.json")
+    again = Plan.load(tmp_path / "plan.json")
+    assert again.to_dict() == plan.to_dict()
+    assert np.array_equal(again.path.rotation, plan.path.rotation)
+    assert certify(again.problem, again.path)[0] == "certified"
+    with pytest.raises(InputError, match="exists"):
+        plan.save(tmp_path / "plan.json")
+    assert verify_plan(tmp_path / "plan.json").status == "certified"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": "omniservo.plan/9"}, "not a plan"),
+        ({"status": "maybe"}, "status: 'maybe' given; legal: certified"),
+        ({"extra": 1}, "extra: no such field"),
+        ({"seconds": "soon"}, "seconds: 'soon' given"),
+        ({"path": {"rotation": [[1]]}}, "translation: missing"),
+        ({"path": {"rotation": [[1]], "translation": [[1]]}}, "path.rotation: shape"),
+        ({"path": [1, 2]}, "path or certificate"),
+        ({"certificate": {"constraints": [{}]}}, "missing"),
+        ({"problem": {}}, "problem: format: missing"),
+    ],
+)
+def test_a_broken_plan_file_is_named(paper, tmp_path, change, message):
+    file = tmp_path / "plan.json"
+    file.write_text(json.dumps(plan_path(paper(1)).to_dict() | change))
+    with pytest.raises(InputError, match=message) as caught:
+        Plan.load(file)
+    assert str(caught.value).startswith(str(file))
+
+
+def test_degrees_may_be_any(paper):
+    for sigma, tau in ((1, 1), (1, 4), (5, 2), (16, 16)):
+        problem = paper(1, degrees=Degrees(sigma, tau))
+        line = straight(problem)
+        raised = CameraPath(
+            np.hstack([np.zeros((4, sigma - 1)), line.rotation]),
+            np.hstack([np.zeros((3, tau - 1)), line.translation]),
+        )
+        margins = [c.margin for c in certify(problem, raised)[1].constraints]
+        plain = [c.margin for c in certify(problem, line)[1].constraints]
+        assert np.allclose(margins, plain, atol=1e-3, rtol=1e-4)
