@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import ByteArray
 from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.in_view import require_in_view
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.simulation import SimulatedRobot
@@ -55,6 +57,7 @@ def estimate_simulated(
         InputError, AnswerIsNo: as `run_task`.
     """
     loaded = load_task(task, camera=camera, camera_name=camera_name)
+    require_in_view(loaded, RigidTransform.identity(), "the initial image")
     goal = teach_goal(loaded, seed=seed + 1)
     scene = scene_of_task(loaded)
     robot = SimulatedRobot(scene, seed=seed)

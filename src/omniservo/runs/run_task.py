@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Literal, TypeVar
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
@@ -15,6 +16,7 @@ from omniservo.perception import DotTracker
 from omniservo.planning import Plan
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.film import film_of
+from omniservo.runs.in_view import require_in_view
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
@@ -63,6 +65,7 @@ def run_task(
         AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
+    require_in_view(task, RigidTransform.identity(), "the initial image")
     progress("teaching the goal")
     goal = _goal(task, goal, seed)
     scene = scene_of_task(task)
@@ -173,6 +176,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **score(result.task, result.plan, result.log, result.truth),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
+        "planning_seconds": None,  # unless planned
         **seconds,
     }
 

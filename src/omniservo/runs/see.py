@@ -8,7 +8,8 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo
 from omniservo.geometry.arrays import ByteArray
 from omniservo.perception import find_dots, match_dots
-from omniservo.runs.teach_goal import LEAST_DOTS, require_dots
+from omniservo.runs.in_view import LEAST_DOTS
+from omniservo.runs.teach_goal import require_dots
 from omniservo.simulation.run_result import Seen
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception import find_dots
+from omniservo.runs.in_view import LEAST_DOTS, require_in_view
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
 from omniservo.simulation.take_picture import take_picture
 from omniservo.tasks import Task, TaughtGoal
-
-LEAST_DOTS = 8
-"""The eight-point algorithm needs eight."""
 
 
 def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
@@ -20,6 +18,7 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
     Raises:
         InputError: the arm does not reach the goal, or fewer than eight dots are seen there.
     """
+    require_in_view(task, task.teach.initial_T_goal.transform, "the goal image")
     scene = scene_of_task(task)
     joints = goal_joints(task, scene)
     robot = SimulatedRobot(scene, seed=seed)
