@@ -1,0 +1,134 @@
+"""Distorted cameras: limits are a convex polygon that the plan carries."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.calibration import load_camera
+from omniservo.cameras import UnifiedCamera
+from omniservo.planning import CameraPath, Plan, PlanningProblem, Sphere, certify, plan_path
+from omniservo.verification import verify_plan
+
+FINE = np.linspace(0.0, 1.0, 2001)
+POINTS = np.array([[0.0, 0.0, 0.6], [0.1, 0.05, 0.55], [-0.1, 0.05, 0.65], [0.05, -0.1, 0.6]])
+
+
+def camera(**changes: object) -> UnifiedCamera:
+    return UnifiedCamera(
+        500.0, 505.0, 320.0, 240.0, 0.9, 640, 480, distortion=(-0.1, 0.02, 1e-3, -5e-4), **changes
+    )
+
+
+def problem(**changes: object) -> PlanningProblem:
+    goal = RigidTransform.from_components([0.2, 0.0, 0.1], Rotation.from_rotvec([0.0, -0.3, 0.1]))
+    given = {
+        "camera": camera(),
+        "points": POINTS,
+        "obstacles": (Sphere([0.1, 0.01, 0.05]),),
+        "clearance": 0.05,
+        "visibility_margin": 2.0,
+    } | changes
+    return PlanningProblem(initial_T_goal=goal, **given)
+
+
+def pixels(asked: PlanningProblem, path: CameraPath) -> np.ndarray:
+    poses = path(FINE)
+    offsets = asked.points[None] - poses.translation[:, None]
+    found, valid = asked.camera.project(np.einsum("kij,kni->knj", poses.rotation.as_matrix(), offsets))
+    assert valid.all()
+    return found
+
+
+def test_a_distorted_camera_is_certified_with_its_polygon():
+    asked = problem()
+    plan = plan_path(asked)
+    assert plan.status == "certified"
+    names = [c.name for c in plan.certificate.constraints]
+    assert any(name.startswith("visibility polygon (point") for name in names)
+    assert not any("edge" in name or "max_angle" in name for name in names)
+    polygon = plan.certificate.polygon
+    assert plan.to_dict()["certificate"]["polygon"] == polygon.tolist()
+    verdict = verify_plan(plan)
+    assert (verdict.status, verdict.reasons) == ("certified", ())
+
+
+def test_the_margin_of_the_polygon_is_a_lower_bound_and_not_loose():
+    asked = problem()
+    plan = plan_path(asked)
+    seen = pixels(asked, plan.path)
+    truth = np.minimum(seen + 0.5, np.array([639.5, 479.5]) - seen).min() - 2.0
+    stated = next(c.margin for c in plan.certificate.constraints if c.name.startswith("visibility"))
+    assert truth - 3.0 <= stated <= truth
+
+
+def test_a_dead_zone_under_distortion_is_certified():
+    ring = POINTS + np.array([0.0, 0.28, 0.0])
+    asked = problem(camera=camera(dead_zone=((325.0, 245.0), 40.0)), points=ring)
+    plan = plan_path(asked)
+    assert plan.status == "certified", plan.reason
+    stated = next(c.margin for c in plan.certificate.constraints if c.name.startswith("dead_zone"))
+    away = np.linalg.norm(pixels(asked, plan.path) - [325.0, 245.0], axis=-1).min() - 40.0 - 2.0
+    assert 0.0 <= stated <= away
+    assert verify_plan(plan).status == "certified"
+
+
+def test_a_point_outside_a_distorted_image_is_infeasible_by_its_pixel():
+    plan = plan_path(problem(points=[[0.0, 0.0, 0.6], [0.5, 0.0, 0.3]]))
+    assert plan.status == "infeasible"
+    assert "visibility right edge (point 1)" in plan.reason
+    assert verify_plan(plan).reasons[0].startswith("infeasible confirmed")
+
+
+def test_a_point_lost_only_to_the_polygon_is_undecided_and_never_infeasible():
+    """Just inside the image's corner, where a convex polygon cannot follow a pincushion's border."""
+    lens = UnifiedCamera(400.0, 400.0, 320.0, 240.0, 0.0, 640, 480, distortion=(-0.15, 0.0, 0.0, 0.0))
+    polygon = lens.image_limits(0.0).polygon
+    lost = None
+    for u, v in ((638.5, 240.0), (320.0, 478.5), (638.5, 478.5), (638.8, 478.8), (639.3, 479.3)):
+        (x, y, z), valid = lens.unproject([u, v])
+        corners = np.roll(polygon, -1, axis=0) - polygon
+        to_point = np.array([x / z, y / z]) - polygon
+        inside = (corners[:, 0] * to_point[:, 1] - corners[:, 1] * to_point[:, 0] > 0).all()
+        if valid and not inside:
+            lost = np.array([[x, y, z]])
+    assert lost is not None
+    goal = RigidTransform.from_components([0.0, 0.0, -0.05], Rotation.identity())
+    asked = PlanningProblem(lens, lost, goal)
+    plan = plan_path(asked)
+    assert plan.status == "undecided"
+    assert "visibility polygon (point 0)" in plan.reason
+
+
+def test_a_path_that_leaves_a_distorted_image_is_refuted():
+    asked = problem(obstacles=(), visibility_margin=0.0)
+    plan = plan_path(asked)
+    swing = np.array([0.0, 4.0, 0.0, 0.0])
+    total = asked.goal_quaternion - [0, 0, 0, 1]
+    rotation = np.column_stack([-swing, total + swing, [0.0, 0.0, 0.0, 1.0]])
+    path = CameraPath(rotation, plan.path.translation)
+    verdict, certificate = certify(asked, path)
+    assert verdict == "refuted"
+    stated = Plan(asked, "refuted", path, certificate, 0.0, "certified")
+    assert verify_plan(stated).status == "refuted"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "KITTI-360__image_02",
+        "KITTI-360__image_03",
+        "VINS-Fusion__mynteye_left_mei",
+        "TixiaoShan_LVI-SAM__params_camera",
+        "VINS-Fusion__simulation_cam0_mei",
+    ],
+)
+def test_plans_with_real_calibrations_are_certified_and_verified(shared_data, name):
+    file = shared_data / "calibrations" / "mei_yaml" / f"{name}.yaml"
+    if not file.is_file():
+        pytest.skip(f"not present: {file.name}")
+    ahead = np.array([[0.0, 0.0, 0.8], [0.1, 0.1, 0.9], [-0.1, 0.05, 0.85], [0.05, -0.1, 0.8]])
+    goal = RigidTransform.from_components([0.1, 0.0, 0.1], Rotation.from_rotvec([0.0, -0.1, 0.1]))
+    asked = PlanningProblem(load_camera(file), ahead, goal, (Sphere([0.05, 0.005, 0.05]),), clearance=0.03)
+    plan = plan_path(asked)
+    assert plan.status == "certified", plan.reason
+    assert verify_plan(plan).status == "certified"
