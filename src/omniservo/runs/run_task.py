@@ -28,7 +28,7 @@ from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.closed_loop import Controller, servo
 from omniservo.simulation.outside_view import OutsideView
 from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import RunResult, Seen, Truth
+from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
 from omniservo.simulation.scene import Scene
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
@@ -49,6 +49,7 @@ def run_task(
     method: Method = "certified",
     goal: TaughtGoal | None = None,
     seed: int = 0,
+    filmed: bool = True,
     progress: Callable[[str], object] = lambda words: None,
 ) -> RunResult:
     """Do a whole job in the simulator and return everything that it produced.
@@ -58,6 +59,7 @@ def run_task(
         method: "certified" plans with proof, "paper" with the 2012 paper's own search, "ibvs" not at all.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
+        filmed: whether to render the animation's pictures, which takes nearly half of the time.
         progress: told what is being done.
 
     Raises:
@@ -97,7 +99,7 @@ def run_task(
         final_image=take_picture(robot).pixels,
         outside_initial=outside.render(scene.start_joints),
         outside_final=outside.render(robot.read().joint_positions),
-        film=film_of(log, images, robot.world),
+        film=film_of(log, images, robot.world) if filmed else Film((), (), ()),
         truth=truth,
         seconds=seconds | {"whole": perf_counter() - started},
         metrics={},

@@ -1,0 +1,57 @@
+"""The paper's first example from pixels to the goal, against the simulator's truth."""
+
+import numpy as np
+import pytest
+
+from omniservo.runs import estimate_simulated, run_task
+from omniservo.tasks import load_task
+
+TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
+
+
+@pytest.fixture(scope="module")
+def certified():
+    return run_task(load_task("paper-example-1"), method="certified", filmed=False)
+
+
+def test_the_certified_run_reaches_the_goal_without_touching_anything(certified):
+    metrics = certified.metrics
+    assert (metrics["status"], metrics["contacts"]) == ("converged", [])
+    assert metrics["final_translation_error_m"] <= 0.3e-3
+    assert metrics["final_rotation_error_rad"] <= np.deg2rad(0.05)
+    assert metrics["final_error_px"] <= 0.1
+
+
+def test_the_certified_run_keeps_its_promises(certified):
+    metrics = certified.metrics
+    assert metrics["clearance_planned_m"] >= 0.065 - 1e-9
+    assert metrics["clearance_executed_m"] >= 0.055
+    assert metrics["arm_clearance_executed_m"] >= 0.005
+    assert metrics["visibility_planned_px"] > 0
+    assert metrics["visibility_executed_px"] > 0
+    assert metrics["lost_dots"] == 0
+    assert metrics["path_deviation_m"] <= 0.001
+
+
+def test_the_log_agrees_with_the_metrics(certified):
+    rows = certified.log.rows
+    obstacles = np.array([[-10, -65, 85], [-5, -80, 90]]) * 1e-3
+    positions = np.array([row.true_position for row in rows])
+    nearest = np.linalg.norm(positions[:, None] - obstacles, axis=2).min()
+    assert certified.metrics["clearance_executed_m"] == pytest.approx(nearest, abs=1e-12)
+    assert np.linalg.norm(positions[-1] - TRUE_TRANSLATION) <= 0.3e-3
+    assert certified.metrics["frames"] == len(rows)
+
+
+def test_classical_servoing_touches_the_box():
+    metrics = run_task(load_task("paper-example-1"), method="ibvs", filmed=False).metrics
+    assert metrics["status"] == "contact"
+    assert any("obstacle 0" in pair for pair in metrics["contacts"])
+    assert metrics["planning_seconds"] is None
+
+
+def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared_data):
+    camera = shared_data / "calibrations" / "mei_yaml" / "KITTI-360__image_02.yaml"
+    estimate = estimate_simulated("paper-example-1", camera=str(camera))
+    assert estimate.status == "ok"
+    assert estimate.initial_T_goal.translation == pytest.approx(TRUE_TRANSLATION, abs=0.5e-3)
