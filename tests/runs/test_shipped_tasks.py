@@ -1,0 +1,60 @@
+"""Every shipped task can be done: seen, estimated, planned, and followed by the arm past its obstacles."""
+
+import numpy as np
+import pytest
+
+from omniservo.runs import estimate_simulated
+from omniservo.runs.pace import joint_path
+from omniservo.runs.plan_task import plan_task
+from omniservo.simulation import World
+from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.tasks import load_task, shipped_tasks
+from omniservo.verification import verify_plan
+
+NAMES = shipped_tasks()
+ROOM = 0.005
+"""[m] that the arm keeps from the obstacles on its planned way"""
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def prepared(request):
+    task = load_task(request.param)
+    estimate = estimate_simulated(request.param)
+    return task, estimate, plan_task(task, estimate, "certified", 0)
+
+
+def test_the_two_pictures_give_the_taught_motion(prepared):
+    task, estimate, _ = prepared
+    true = task.teach.initial_T_goal.transform
+    error = true.inv() * estimate.initial_T_goal
+    assert estimate.inliers.all()
+    assert np.linalg.norm(error.translation) < 1e-3
+    assert error.rotation.magnitude() < np.deg2rad(0.2)
+
+
+def test_the_plan_is_certified_and_independently_verified(prepared):
+    assert prepared[2].status == "certified"
+    assert verify_plan(prepared[2]).status == "certified"
+
+
+def test_the_arm_follows_the_plan_with_room_to_every_obstacle(prepared):
+    task, _, plan = prepared
+    scene = scene_of_task(task)
+    world = World(scene)
+    for joints in joint_path(task, scene, plan.path, np.linspace(0, 1, 41)):
+        data = world.data_at(joints)
+        assert world.arm_obstacle_distance(data) > ROOM
+        assert not world.touching(data)
+
+
+def test_an_obstacle_stands_in_the_straight_way(prepared):
+    task, _, plan = prepared
+    goal = task.teach.initial_T_goal.transform.translation
+    straight = np.linspace(0, 1, 201)[:, None] * goal
+    gaps = [
+        np.linalg.norm(straight - np.asarray(o.center), axis=1).min() - o.radius
+        for o in task.planning.obstacles
+        if o.clearance is None
+    ]
+    assert min(gaps) < task.planning.clearance
+    assert len(plan.path.translation[0]) > 2
