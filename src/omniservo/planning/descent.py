@@ -18,11 +18,15 @@ from omniservo.planning.constraints.collision import push_from_obstacles
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
+from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.constraints.visibility import push_into_image
 from omniservo.planning.constraints.workspace import push_into_box
 
 MAX_SAMPLES = 48
 """Samples of w that a descent can hold; the search adds witnesses up to it."""
+
+PLENTY = 0.4
+"""A group with more left at the start of a descent sleeps through it; the proof looks at it again."""
 
 
 class Family(NamedTuple):
@@ -127,26 +131,22 @@ def groups(demands: Demands) -> int:
 @kernel
 def push_all(
     demands: Demands,
-    pose: FloatArray,
+    poses: FloatArray,
     camera_points: FloatArray,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
-    """Let every family push at one sample; ``targets``, ``least`` in the order of `groups`."""
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Let every family push at all samples; ``targets``, ``least`` in the order of `groups`."""
     k, m = demands.limits.shape[0], demands.obstacles.shape[0]
-    ell = demands.numbers[2]
-    i, j, b = k + 2, k + 2 + m, k + 2 + 2 * m
-    cost = push_into_image(
-        demands.limits, demands.disc, camera_points, targets[: k + 1], least[: k + 1], system
-    )
-    cost += push_from_points(
-        demands.points, demands.numbers[0], pose, ell, targets[k + 1 : i], least[k + 1 : i], system
-    )
-    cost += push_from_obstacles(demands.obstacles, pose, ell, targets[i:j], least[i:j], system)
+    points, obstacles, ell = demands.points, demands.obstacles, demands.numbers[2]
+    push_into_image(demands.limits, demands.disc, camera_points, targets, least, systems, costs)
+    push_from_points(points, demands.numbers[0], poses, ell, k + 1, targets, least, systems, costs)
+    push_from_obstacles(obstacles, poses, ell, k + 2, targets, least, systems, costs)
     if demands.numbers[1] > 0.0:
-        cost += push_sight(demands.points, demands.obstacles, pose, ell, targets[j:b], least[j:b], system)
-    return cost + push_into_box(demands.box, pose, ell, targets[b:], least[b:], system)
+        push_sight(points, obstacles, poses, ell, k + 2 + m, targets, least, systems, costs)
+    push_into_box(demands.box, poses, ell, k + 2 + 2 * m, targets, least, systems, costs)
 
 
 @kernel
@@ -183,7 +183,7 @@ def place(
         camera_points[j, 0] = pose[0] * a + pose[3] * b + pose[6] * c
         camera_points[j, 1] = pose[1] * a + pose[4] * b + pose[7] * c
         camera_points[j, 2] = pose[2] * a + pose[5] * b + pose[8] * c
-        camera_points[j, 3] = math.sqrt(a * a + b * b + c * c)
+        camera_points[j, 3] = 1.0 / max(math.sqrt(a * a + b * b + c * c), 1e-12)
 
 
 @kernel
@@ -206,13 +206,13 @@ def spread(
     product = np.zeros((6, 8))
     for a in range(6):
         for c in range(7):
-            for b in range(6):
+            for b in range(3, 6) if c < 4 else range(3):
                 product[a, c] += (system[a, b] if b >= a else system[b, a]) * jacobian[b, c]
         product[a, 7] = system[a, 6]
     block = np.zeros((7, 8))
     for r in range(7):
         for c in range(8):
-            for a in range(6):
+            for a in range(3, 6) if r < 4 else range(3):
                 block[r, c] += jacobian[a, r] * product[a, c]
     inner_r, inner_t = family.rotation_form.shape[0], family.translation_form.shape[0]
     last = normal.shape[1] - 1
@@ -255,25 +255,23 @@ def linearise(
     normal: FloatArray,
 ) -> float:
     """Return the cost at x; write ``least`` over the samples and the normal equations (nx, nx+1)."""
-    ell = demands.numbers[2]
+    ell, count, n = demands.numbers[2], family.samples[0], demands.points.shape[0]
     phi, t = path_controls(family, ell, x)
-    pose, turn = np.empty(13), np.empty((3, 4))
-    camera_points = np.empty((demands.points.shape[0], 4))
+    poses, turns = np.empty((count, 13)), np.empty((count, 3, 4))
+    camera_points, systems, costs = np.empty((count, n, 4)), np.zeros((count, 6, 7)), np.zeros(count)
     fill(least, math.inf)
     for row in range(normal.shape[0]):
         fill(normal[row], 0.0)
-    system = np.zeros((6, 7))
-    cost = 0.0
-    for index in range(family.samples[0]):
-        rb, tb = family.rotation_basis[index], family.translation_basis[index]
-        place(phi, t, rb, tb, demands.points, pose, camera_points, turn)
-        part = push_all(demands, pose, camera_points, targets, least, system)
-        if part > 0.0:
-            cost += part
-            spread(family, ell, index, system, pose, turn, normal)
-            for row in range(6):
-                fill(system[row], 0.0)
-    return cost + _add_bending(family, x, pull, normal)
+    for s in range(count):
+        rb, tb = family.rotation_basis[s], family.translation_basis[s]
+        place(phi, t, rb, tb, demands.points, poses[s], camera_points[s], turns[s])
+    push_all(demands, poses, camera_points, targets, least, systems, costs)
+    cost = _add_bending(family, x, pull, normal)
+    for s in range(count):
+        if costs[s] > 0.0:
+            cost += costs[s]
+            spread(family, ell, s, systems[s], poses[s], turns[s], normal)
+    return cost
 
 
 @kernel
@@ -352,6 +350,9 @@ def descend(
     tried_least = np.empty_like(least)
     step, trial = np.empty(size), np.empty(size)
     cost = linearise(demands, family, x, targets, pull, least, normal)
+    awake = np.empty_like(targets)
+    for i in range(targets.shape[0]):
+        awake[i] = ASLEEP if least[i] > PLENTY else targets[i]
     damping = 1e-6
     for _ in range(30):
         if reached(least, targets, enough) or size == 0:
@@ -360,14 +361,15 @@ def descend(
             break
         for i in range(size):
             trial[i] = x[i] + step[i]
-        tried_cost = linearise(demands, family, trial, targets, pull, tried_least, tried)
+        tried_cost = linearise(demands, family, trial, awake, pull, tried_least, tried)
         if tried_cost < cost:
             stalled = cost - tried_cost < settle * cost
             for i in range(size):
                 x[i] = trial[i]
             normal, tried = tried, normal
             for i in range(least.shape[0]):
-                least[i] = tried_least[i]
+                if awake[i] != ASLEEP:
+                    least[i] = tried_least[i]
             cost = tried_cost
             damping = max(0.1 * damping, 1e-9)
             if stalled:

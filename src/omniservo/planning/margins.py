@@ -48,7 +48,7 @@ def camera_margin(
     kind: int, limit: FloatArray, scale: float, demands: Demands, optics: FloatArray, c: FloatArray, j: int
 ) -> float:
     """Return what an EDGE, CIRCLE, DOMAIN, DISC or LEAST entry leaves to camera point j of c (n, 4)."""
-    x, y, z, rho = c[j, 0], c[j, 1], c[j, 2], c[j, 3]
+    x, y, z, rho = c[j, 0], c[j, 1], c[j, 2], 1.0 / c[j, 3]
     if kind == LEAST:
         return float(rho - demands.numbers[0])
     if kind == DOMAIN:
@@ -88,7 +88,7 @@ def smallest_at(
 ) -> tuple[float, int]:
     """Return an entry's smallest margin over ``points`` (n, 3) at a pose (13,), and which point has it.
 
-    ``c`` (n, 4) are these points in the camera frame and their distances.
+    ``c`` (n, 4) are these points in the camera frame and 1/distance.
     """
     kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
     if kind > SIGHT:

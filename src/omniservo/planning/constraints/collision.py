@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
-from omniservo.planning.constraints.push import push_centre
+from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
 @kernel
@@ -42,24 +42,29 @@ def prove_collision_free(
 @kernel
 def push_from_obstacles(
     obstacles: FloatArray,
-    pose: FloatArray,
+    poses: FloatArray,
     ell: float,
+    first: int,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
     """Push the centre out of the spheres: g = (‖t − o‖ − reach)/max(reach, ℓ/20) (see `push`)."""
-    cost = 0.0
     for i in range(obstacles.shape[0]):
-        reach = obstacles[i, 4]
-        if reach <= 0.0:
+        group, reach = first + i, obstacles[i, 4]
+        if reach <= 0.0 or targets[group] == ASLEEP:
             continue
-        x, y, z = pose[9] - obstacles[i, 0], pose[10] - obstacles[i, 1], pose[11] - obstacles[i, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
         unit = max(reach, 0.05 * ell)
-        g = (distance - reach) / unit
-        least[i] = min(least[i], g)
-        if g < targets[i]:
-            f = 1.0 / (unit * max(distance, 1e-9 * unit))
-            cost += push_centre(system, pose, f * x, f * y, f * z, targets[i] - g)
-    return cost
+        for s in range(poses.shape[0]):
+            x, y, z = (
+                poses[s, 9] - obstacles[i, 0],
+                poses[s, 10] - obstacles[i, 1],
+                poses[s, 11] - obstacles[i, 2],
+            )
+            distance = math.sqrt(x * x + y * y + z * z)
+            g = (distance - reach) / unit
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                f = 1.0 / (unit * max(distance, 1e-9 * unit))
+                push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)

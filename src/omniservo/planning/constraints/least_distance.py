@@ -6,7 +6,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning.constraints.collision import prove_outside_ball
-from omniservo.planning.constraints.push import push_centre
+from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
 @kernel
@@ -26,20 +26,23 @@ def prove_least_distance(
 def push_from_points(
     points: FloatArray,
     distance: float,
-    pose: FloatArray,
+    poses: FloatArray,
     ell: float,
+    group: int,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
     """Push the centre away from the target: g = (‖h − t‖ − distance)/ℓ (see `push`)."""
-    cost = 0.0
-    for j in range(points.shape[0]):
-        x, y, z = pose[9] - points[j, 0], pose[10] - points[j, 1], pose[11] - points[j, 2]
-        norm = math.sqrt(x * x + y * y + z * z)
-        g = (norm - distance) / ell
-        least[0] = min(least[0], g)
-        if g < targets[0]:
-            f = 1.0 / (ell * max(norm, 1e-9 * ell))
-            cost += push_centre(system, pose, f * x, f * y, f * z, targets[0] - g)
-    return cost
+    if targets[group] == ASLEEP:
+        return
+    for s in range(poses.shape[0]):
+        for j in range(points.shape[0]):
+            x, y, z = poses[s, 9] - points[j, 0], poses[s, 10] - points[j, 1], poses[s, 11] - points[j, 2]
+            norm = math.sqrt(x * x + y * y + z * z)
+            g = (norm - distance) / ell
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                f = 1.0 / (ell * max(norm, 1e-9 * ell))
+                push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)

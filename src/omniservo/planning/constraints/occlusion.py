@@ -23,7 +23,7 @@ from omniservo.geometry.polynomial import (
     copy_into,
     halve,
 )
-from omniservo.planning.constraints.push import push_centre
+from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.constraints.visibility import sum_of_controls
 
 _STEPS = 6
@@ -141,34 +141,38 @@ def prove_unoccluded(
 def push_sight(
     points: FloatArray,
     obstacles: FloatArray,
-    pose: FloatArray,
+    poses: FloatArray,
     ell: float,
+    first: int,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
     """Push the lines of sight off the spheres: g = (distance − r)/max(r, ℓ/20) (see `push`).
 
-    With the nearest point q = t + s(h − t): ∂‖q − o‖/∂t = (1 − s)(q − o)/‖q − o‖.
+    With the nearest point q = t + k(h − t): ∂‖q − o‖/∂t = (1 − k)(q − o)/‖q − o‖.
     """
-    cost = 0.0
-    for j in range(points.shape[0]):
-        lx, ly, lz = points[j, 0] - pose[9], points[j, 1] - pose[10], points[j, 2] - pose[11]
-        inverse = 1.0 / max(lx * lx + ly * ly + lz * lz, 1e-300)
-        for i in range(obstacles.shape[0]):
-            radius = obstacles[i, 3]
-            x, y, z = pose[9] - obstacles[i, 0], pose[10] - obstacles[i, 1], pose[11] - obstacles[i, 2]
-            s = min(max(-(x * lx + y * ly + z * lz) * inverse, 0.0), 1.0)
-            x, y, z = x + s * lx, y + s * ly, z + s * lz
-            square = x * x + y * y + z * z
-            unit = max(radius, 0.05 * ell)
-            far = radius + unit * max(targets[i], least[i])
-            if radius <= 0.0 or square >= far * far:
-                continue
-            distance = math.sqrt(square)
-            g = (distance - radius) / unit
-            least[i] = min(least[i], g)
-            if g < targets[i]:
-                f = (1.0 - s) / (unit * max(distance, 1e-9 * unit))
-                cost += push_centre(system, pose, f * x, f * y, f * z, targets[i] - g)
-    return cost
+    for i in range(obstacles.shape[0]):
+        group, radius = first + i, obstacles[i, 3]
+        if radius <= 0.0 or targets[group] == ASLEEP:
+            continue
+        ox, oy, oz, unit = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2], max(radius, 0.05 * ell)
+        for s in range(poses.shape[0]):
+            tx, ty, tz = poses[s, 9], poses[s, 10], poses[s, 11]
+            for j in range(points.shape[0]):
+                lx, ly, lz = points[j, 0] - tx, points[j, 1] - ty, points[j, 2] - tz
+                x, y, z = tx - ox, ty - oy, tz - oz
+                k = -(x * lx + y * ly + z * lz) / max(lx * lx + ly * ly + lz * lz, 1e-300)
+                k = min(max(k, 0.0), 1.0)
+                x, y, z = x + k * lx, y + k * ly, z + k * lz
+                square = x * x + y * y + z * z
+                far = radius + unit * max(targets[group], least[group])
+                if square >= far * far:
+                    continue
+                distance = math.sqrt(square)
+                g = (distance - radius) / unit
+                least[group] = min(least[group], g)
+                if g < targets[group]:
+                    f = (1.0 - k) / (unit * max(distance, 1e-9 * unit))
+                    push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
@@ -27,7 +27,7 @@ from omniservo.geometry.polynomial import (
     halve,
 )
 from omniservo.planning.constraints.dead_zone import disc_size, tangent_limit
-from omniservo.planning.constraints.push import push_camera_point
+from omniservo.planning.constraints.push import ASLEEP, push_camera_point
 
 TEST_COUNT = 14
 """Roundings of one test of a control point against a limit, those of n, κ and e included."""
@@ -55,10 +55,12 @@ def prove_visible(
     for i in range(k):
         sizes[i] = abs(limits[i, 0]) + abs(limits[i, 1]) + abs(limits[i, 2]) + 3.0 * abs(limits[i, 3])
     sizes[k] = disc_size(disc) if disc.shape[0] > 0 else 0.0
-    stack = np.empty((MAX_LEVEL + 2, 3, degree + 1))
+    stack, start = np.empty((MAX_LEVEL + 2, 3, degree + 1)), np.empty(MAX_LEVEL + 2)
+    level, first = np.empty(MAX_LEVEL + 2, dtype=np.int64), np.empty(MAX_LEVEL + 2, dtype=np.int64)
     for j in range(controls.shape[0]):
         copy_into(controls[j], stack[0])
-        status, w, i = _prove_point(stack, errors[j], count, limits, disc, sizes)
+        start[0], level[0], first[0] = 0.0, 0, 0
+        status, w, i = _prove_point(stack, start, level, first, errors[j], count, limits, disc, sizes)
         if status != PROVEN:
             return status, w, j, i
     return PROVEN, 0.0, 0, 0
@@ -66,13 +68,21 @@ def prove_visible(
 
 @kernel
 def _prove_point(
-    stack: FloatArray, error: float, count: float, limits: FloatArray, disc: FloatArray, sizes: FloatArray
+    stack: FloatArray,
+    start: FloatArray,
+    level: IntArray,
+    first: IntArray,
+    error: float,
+    count: float,
+    limits: FloatArray,
+    disc: FloatArray,
+    sizes: FloatArray,
 ) -> tuple[int, float, int]:
-    """Decide every limit for the point whose control points are ``stack[0]``."""
+    """Decide every limit for the point whose control points are ``stack[0]``.
+
+    A piece of the stack has its start, its level (how often halved) and the first limit not yet proven on it.
+    """
     degree = stack.shape[2] - 1
-    start = np.zeros(MAX_LEVEL + 2)
-    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    first = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
     top, pieces = 0, 0
     while top >= 0:
         piece = stack[top]
@@ -196,49 +206,63 @@ def push_into_image(
     camera_points: FloatArray,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
-    """Push every point into the image: g = κ − n·b, b = c/‖c‖ (see `push`).
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Push every point into the image: g = κ − n·b, b = c/‖c‖, ∂g/∂c = −(n − (n·b) b)/‖c‖ (see `push`).
 
     Args:
         limits: (k, 4), n of unit length.
         disc: dead zone; its limit at a point is the tangent that faces the point, scaled to unit n.
-        camera_points: c and ‖c‖ (n, 4).
-        targets: μ (k+1,), the last for the dead zone.
-        least: smallest g so far (k+1,).
-        system: see `push`.
+        camera_points: c and 1/‖c‖ (s, n, 4).
+        targets: μ; the first k are the limits', the next the dead zone's.
+        least: smallest g so far.
+        systems: see `push`.
+        costs: see `push`.
     """
-    cost = 0.0
     rows = limits.shape[0]
-    tangent = np.empty(4)
-    for j in range(camera_points.shape[0]):
-        c = camera_points[j]
-        inverse = 1.0 / max(c[3], 1e-12)
-        bx, by, bz = c[0] * inverse, c[1] * inverse, c[2] * inverse
-        for i in range(rows):
-            g = limits[i, 3] - (limits[i, 0] * bx + limits[i, 1] * by + limits[i, 2] * bz)
-            if g < least[i]:
-                least[i] = g
-            if g < targets[i]:
-                cost += _push_limit(system, c, limits[i], g, targets[i] - g)
-        if disc.shape[0] > 0:
-            tangent_limit(disc, c[0], c[1], c[2], tangent)
-            length = math.sqrt(tangent[0] ** 2 + tangent[1] ** 2 + tangent[2] ** 2)
-            for i in range(4):
-                tangent[i] /= length
-            g = tangent[3] - (tangent[0] * bx + tangent[1] * by + tangent[2] * bz)
-            least[rows] = min(least[rows], g)
-            if g < targets[rows]:
-                cost += _push_limit(system, c, tangent, g, targets[rows] - g)
-    return cost
+    for i in range(rows):
+        if targets[i] == ASLEEP:
+            continue
+        nx, ny, nz, kappa = limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3]
+        for s in range(camera_points.shape[0]):
+            for j in range(camera_points.shape[1]):
+                x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
+                inverse = camera_points[s, j, 3]
+                along = (nx * x + ny * y + nz * z) * inverse
+                g = kappa - along
+                least[i] = min(least[i], g)
+                if g < targets[i]:
+                    f = along * inverse
+                    gx, gy, gz = inverse * (f * x - nx), inverse * (f * y - ny), inverse * (f * z - nz)
+                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[i] - g)
+    if disc.shape[0] > 0 and targets[rows] != ASLEEP:
+        _push_off_disc(disc, camera_points, rows, targets, least, systems, costs)
 
 
 @kernel
-def _push_limit(system: FloatArray, c: FloatArray, limit: FloatArray, g: float, r: float) -> float:
-    """Push one point with g = κ − n·b: ∂g/∂c = −(n − (n·b) b)/‖c‖."""
-    inverse = 1.0 / max(c[3], 1e-12)
-    along = (limit[3] - g) * inverse
-    gx = (along * c[0] - limit[0]) * inverse
-    gy = (along * c[1] - limit[1]) * inverse
-    gz = (along * c[2] - limit[2]) * inverse
-    return push_camera_point(system, c, gx, gy, gz, r)
+def _push_off_disc(
+    disc: FloatArray,
+    camera_points: FloatArray,
+    group: int,
+    targets: FloatArray,
+    least: FloatArray,
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Push every point off the dead zone, by the tangent that faces it."""
+    tangent = np.empty(4)
+    for s in range(camera_points.shape[0]):
+        for j in range(camera_points.shape[1]):
+            x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
+            inverse = camera_points[s, j, 3]
+            tangent_limit(disc, x, y, z, tangent)
+            unit = 1.0 / math.sqrt(tangent[0] ** 2 + tangent[1] ** 2 + tangent[2] ** 2)
+            nx, ny, nz = unit * tangent[0], unit * tangent[1], unit * tangent[2]
+            along = (nx * x + ny * y + nz * z) * inverse
+            g = unit * tangent[3] - along
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                f = along * inverse
+                gx, gy, gz = inverse * (f * x - nx), inverse * (f * y - ny), inverse * (f * z - nz)
+                push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[group] - g)

@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
-from omniservo.planning.constraints.push import push_centre
+from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
 @kernel
@@ -36,21 +36,23 @@ def prove_workspace(controls: FloatArray, size: float, box: FloatArray) -> tuple
 @kernel
 def push_into_box(
     box: FloatArray,
-    pose: FloatArray,
+    poses: FloatArray,
     ell: float,
+    first: int,
     targets: FloatArray,
     least: FloatArray,
-    system: FloatArray,
-) -> float:
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
     """Push the centre into the box: g = distance to a wall / ℓ (see `push`)."""
-    cost = 0.0
     for wall in range(6):
-        side, axis = wall // 3, wall % 3
-        sign = 1.0 if side == 0 else -1.0
-        g = sign * (pose[9 + axis] - box[side, axis]) / ell
-        least[wall] = min(least[wall], g)
-        if g < targets[wall]:
-            f = sign / ell
-            x, y, z = f if axis == 0 else 0.0, f if axis == 1 else 0.0, f if axis == 2 else 0.0
-            cost += push_centre(system, pose, x, y, z, targets[wall] - g)
-    return cost
+        group, side, axis = first + wall, wall // 3, wall % 3
+        if targets[group] == ASLEEP or math.isinf(box[side, axis]):
+            continue
+        f = (1.0 if side == 0 else -1.0) / ell
+        x, y, z = f if axis == 0 else 0.0, f if axis == 1 else 0.0, f if axis == 2 else 0.0
+        for s in range(poses.shape[0]):
+            g = f * (poses[s, 9 + axis] - box[side, axis])
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                push_centre(systems, costs, s, poses, x, y, z, targets[group] - g)
