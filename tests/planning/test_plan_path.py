@@ -28,10 +28,15 @@ def energy(plan: Plan) -> float:
 
 
 @pytest.mark.parametrize(
-    ("kind", "count", "degree"),
-    [("fisheye", 100, 2), ("pinhole", 100, 2), ("catadioptric", 60, 2), ("occlusion", 60, 4)],
+    ("kind", "count", "degree", "share"),
+    [
+        ("fisheye", 100, 2, 1.0),
+        ("pinhole", 100, 2, 1.0),
+        ("catadioptric", 60, 2, 1.0),
+        ("occlusion", 60, 4, 0.98),
+    ],
 )
-def test_random_problems_are_certified_and_hold_everywhere(random_problems, look, kind, count, degree):
+def test_random_problems_are_certified_and_hold_everywhere(random_problems, look, kind, count, degree, share):
     certified, bent = 0, 0
     for problem in random_problems(kind, count, degree):
         plan = plan_path(problem)
@@ -42,7 +47,7 @@ def test_random_problems_are_certified_and_hold_everywhere(random_problems, look
         assert plan.reason == ""
         assert min(look(problem, plan.path, FINE).values()) >= 0.0
         assert min(c.margin for c in plan.certificate.constraints) >= 0.0
-    assert certified >= 0.99 * count
+    assert certified >= share * count
     assert bent > 0.8 * count
 
 
@@ -234,7 +239,7 @@ def test_a_closed_wall_is_not_found_with_the_best_attempt_and_what_stopped_it():
 
 
 def test_a_workspace_that_leaves_only_a_detour_is_kept(look):
-    walls = {"min": [-0.05, -0.02, -0.05], "max": [0.25, 0.3, 0.15]}
+    walls = {"min": [-0.05, -0.02, -0.01], "max": [0.25, 0.3, 0.11]}
     sphere = [{"type": "sphere", "center": [0.1, 0.0, 0.05], "radius": 0.05}]
     problem = small_problem(workspace=walls, obstacles=sphere, clearance=0.02)
     plan = plan_path(problem)

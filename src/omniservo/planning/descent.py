@@ -25,6 +25,9 @@ from omniservo.planning.constraints.workspace import push_into_box
 MAX_SAMPLES = 48
 """Samples of w that a descent can hold; the search adds witnesses up to it."""
 
+STALLED = 1e-3
+"""Relative gain of a step below which a descent ends."""
+
 PLENTY = 0.4
 """A group with more left at the start of a descent sleeps through it; the proof looks at it again."""
 
@@ -337,12 +340,14 @@ def descend(
     targets: FloatArray,
     pull: float,
     enough: float,
-    settle: float,
+    damping: float,
+    sleepers: int,
     least: FloatArray,
 ) -> float:
     """Lower the cost from x in place; stop when g ≥ enough · target everywhere, or when it stalls.
 
-    ``enough`` = ∞ never stops early; ``settle`` is the relative gain below which it counts as stalled.
+    ``enough`` = ∞ never stops early; ``damping`` is that of the first step; the
+    first ``sleepers`` groups may sleep.
     Writes the smallest g of every group at x into ``least``; returns the cost.
     """
     size = x.shape[0]
@@ -352,8 +357,7 @@ def descend(
     cost = linearise(demands, family, x, targets, pull, least, normal)
     awake = np.empty_like(targets)
     for i in range(targets.shape[0]):
-        awake[i] = ASLEEP if least[i] > PLENTY else targets[i]
-    damping = 1e-6
+        awake[i] = ASLEEP if least[i] > PLENTY and i < sleepers else targets[i]
     for _ in range(30):
         if reached(least, targets, enough) or size == 0:
             break
@@ -363,7 +367,7 @@ def descend(
             trial[i] = x[i] + step[i]
         tried_cost = linearise(demands, family, trial, awake, pull, tried_least, tried)
         if tried_cost < cost:
-            stalled = cost - tried_cost < settle * cost
+            stalled = cost - tried_cost < STALLED * cost
             for i in range(size):
                 x[i] = trial[i]
             normal, tried = tried, normal
@@ -371,11 +375,11 @@ def descend(
                 if awake[i] != ASLEEP:
                     least[i] = tried_least[i]
             cost = tried_cost
-            damping = max(0.1 * damping, 1e-9)
+            damping = max(0.2 * damping, 1e-9)
             if stalled:
                 break
         else:
-            damping = max(10.0 * damping, 1e-4)
+            damping = max(5.0 * damping, 1e-4)
             if damping > 1e4:
                 break
     return cost

@@ -17,9 +17,9 @@ from omniservo.planning.paper_search import paper_path
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
-from omniservo.planning.search import GOLDEN_ANGLE, search
+from omniservo.planning.search import search
 
-STARTS = 100
+STARTS = 300
 """Starts at the highest degree before a plan counts as not found."""
 
 Method = Literal["certified", "paper"]
@@ -62,6 +62,6 @@ def _certified_path(problem: PlanningProblem, seed: int) -> CameraPath:
     demands = demands_of(problem, image_limits(problem, TIGHTER_PX))
     degrees = np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64)
     quaternion, translation = problem.goal_quaternion, problem.goal_translation
-    phase = (seed * GOLDEN_ANGLE) % (2.0 * math.pi)
+    phase = (seed * 2.399963229728653) % (2.0 * math.pi)
     _, rotation, centre, _ = search(demands, quaternion, translation, degrees, STARTS, phase, True)
     return CameraPath(rotation, centre)

@@ -14,12 +14,13 @@ from omniservo.planning.settle import PULL, THRIFTY_PULL, end_values, path_energ
 FEW = 12
 """Starts a degree before the next degree is tried."""
 
-GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+SPREAD = (0.7548776662466927, 0.5698402909980532, 0.6180339887498949)
+"""Multiples of these, modulo 1, fill directions and sizes evenly and independently of each other."""
 
 
 @kernel
 def start_offsets(family: Family, ell: float, index: int, phase: float, x: FloatArray) -> None:
-    """Write start ``index``: 0 the straight line, then sideways detours at golden angles, growing.
+    """Write start ``index``: 0 the straight line, then sideways detours all round, growing.
 
     A detour offsets every inner control point by one vector: across t(1), or in any direction where the
     camera mostly turns on the spot. Every second one also tilts φ.
@@ -27,11 +28,11 @@ def start_offsets(family: Family, ell: float, index: int, phase: float, x: Float
     fill(x, 0.0)
     if index == 0:
         return
-    angle = phase + index * GOLDEN_ANGLE
-    size = 0.2 + 0.12 * math.sqrt(index)
+    angle = phase + 2.0 * math.pi * SPREAD[0] * index
+    size = (0.2 + 0.12 * math.sqrt(index)) * (0.4 + 1.2 * ((SPREAD[2] * index) % 1.0))
     t = family.translation
     distance = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-    height = 1.0 - 2.0 * ((index * 0.618034) % 1.0)
+    height = 1.0 - 2.0 * ((SPREAD[1] * index) % 1.0)
     ring = math.sqrt(1.0 - height * height)
     a, b, c = ring * math.cos(angle), ring * math.sin(angle), height
     if distance > 0.05 * ell:

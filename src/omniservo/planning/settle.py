@@ -45,11 +45,17 @@ Which of the two is given also says which aim is meant: a flag would be compiled
 ROUNDS, THRIFTY_ROUNDS = 6, 16
 """Descents at most."""
 
+OVER = 1.2
+"""A target is raised by so many times what is missed."""
+
+SPARE = 2e-3
+"""More than this is not kept where the bending energy pulls."""
+
 ENOUGH = 0.5
 """The part of the target at which the descent to any path stops."""
 
-STALLED = 1e-3
-"""Relative gain of a step below which a descent ends."""
+DAMPING, THRIFTY_DAMPING = 1e-6, 1e-2
+"""of the first step of a descent; a path that must not become worse takes it shorter."""
 
 
 @kernel
@@ -92,21 +98,22 @@ def capped_targets(ends: FloatArray, target: float) -> FloatArray:
 
 
 @kernel
-def shift_targets(ends: FloatArray, least: FloatArray, left: float, targets: FloatArray) -> float:
-    """Move every target by what its constraint misses (method of multipliers); return the largest miss.
+def shift_targets(ends: FloatArray, least: FloatArray, left: float, targets: FloatArray) -> bool:
+    """Move every target by what its constraint misses (method of multipliers); tell whether that was little.
 
     A hinge that the bending energy pulls on settles below its target by a fixed amount; the target is
     raised by it, and lowered again where more than ``left`` is kept.
     """
-    worst = 0.0
+    settled = True
     for i in range(targets.shape[0]):
         goal = max(0.0, min(left, 0.5 * ends[i]))
         miss = goal - least[i]
-        moved = max(goal, targets[i] + miss) if math.isfinite(miss) else goal
-        if moved > goal or miss > 0.0:
-            worst = max(worst, abs(miss))
-        targets[i] = moved
-    return worst
+        if not math.isfinite(miss):
+            targets[i] = goal
+            continue
+        settled = settled and miss <= 0.5 * left and (targets[i] <= goal or miss >= -SPARE)
+        targets[i] = max(goal, targets[i] + (OVER if miss > 0.0 else 1.0) * miss)
+    return settled
 
 
 @kernel
@@ -140,11 +147,19 @@ def settle(
     targets = capped_targets(ends, target)
     status, w = REFUTED, 0.5
     rotation, translation = power_path(family, ell, x)
-    for _ in range(THRIFTY_ROUNDS if thrifty else ROUNDS):
+    rounds, enough, damping, sleepers = ROUNDS, ENOUGH, DAMPING, targets.shape[0]
+    if thrifty:  # then a path that shrinks to the straight line must see the obstacles on its way
+        rounds, enough, damping, sleepers = (
+            THRIFTY_ROUNDS,
+            math.inf,
+            THRIFTY_DAMPING,
+            demands.limits.shape[0] + 2,
+        )
+    for done in range(1, rounds + 1):
         if x.shape[0] > 0:
-            descend(demands, family, x, targets, pull, math.inf if thrifty else ENOUGH, STALLED, least)
+            descend(demands, family, x, targets, pull, enough, damping, sleepers, least)
             rotation, translation = power_path(family, ell, x)
-            if thrifty and shift_targets(ends, least, target, targets) > 0.5 * target:
+            if thrifty and not shift_targets(ends, least, target, targets) and done < rounds:
                 continue
             if not thrifty and not reached(least, targets, 1e-3):
                 return REFUTED, rotation, translation, w
