@@ -9,7 +9,8 @@ from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.descent import Family, fill, path_family, unknowns
-from omniservo.planning.settle import PULL, THRIFTY_PULL, end_values, path_energy, settle
+from omniservo.planning.prove_path import prove_path
+from omniservo.planning.settle import PULL, THRIFTY_PULL, end_values, path_energy, power_path, settle
 
 FEW = 12
 """Starts a degree before the next degree is tried."""
@@ -70,7 +71,7 @@ def search(
     phase: float,
     thrifty: bool,
 ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
-    """Return (status, φ and t by powers, facts): the first proven path, or the best attempt.
+    """Return status, φ and t by powers, and facts: the first proven path, or the best attempt.
 
     Args:
         demands: the problem.
@@ -79,13 +80,11 @@ def search(
         degrees: highest σ and τ (2,).
         starts: so many starts at the highest degree, `FEW` at each one below.
         phase: turns the directions of the detours [rad].
-        thrifty: then go on to the path of least effort nearby, where that is proven too.
+        thrifty: then go on to the path of least effort nearby; where that is not proven, part of the way.
 
     Returns:
-        status: PROVEN or REFUTED (not found).
-        rotation: (4, σ+1), highest power first.
-        translation: (3, τ+1) [m].
-        facts: (4,): the start, the w where the last proof failed, energy (`path_energy`) found, and returned.
+        PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (4,): the start,
+        the w where the last proof failed, the energy (`path_energy`) found, and the energy returned.
     """
     highest, ell = max(degrees[0], degrees[1]), demands.numbers[2]
     family = path_family(quaternion, translation, degrees[0], degrees[1])
@@ -99,8 +98,7 @@ def search(
         for start in range(count):
             start_offsets(family, ell, start, phase, x)
             fill(least, -1e300)
-            pull = PULL
-            status, turn, move, w = settle(demands, family, ends, pull, x, least)
+            status, turn, move, w = settle(demands, family, ends, PULL, x, least)
             worst = smallest(least)
             if status == PROVEN or worst > best:
                 best, best_rotation, best_translation = worst, turn, move
@@ -109,8 +107,15 @@ def search(
             if status != PROVEN:
                 continue
             if thrifty and degree > 1:
-                pull = THRIFTY_PULL
-                status, turn, move, w = settle(demands, family, ends, pull, x, least)
+                found = x.copy()
+                status, turn, move, w = settle(demands, family, ends, THRIFTY_PULL, x, least)
+                part = 1.0
+                while status != PROVEN and part > 0.1:
+                    part *= 0.7
+                    for i in range(x.shape[0]):
+                        x[i] = found[i] + part * (x[i] - found[i])
+                    turn, move = power_path(family, ell, x)
+                    status, w = prove_path(demands, turn, move)
                 energy = path_energy(family, ell, x)
                 if status == PROVEN and energy < facts[2]:
                     facts[3] = energy

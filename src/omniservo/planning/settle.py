@@ -42,7 +42,7 @@ PULL, THRIFTY_PULL = 1e-5, 1e-2
 
 Which of the two is given also says which aim is meant: a flag would be compiled once for each value."""
 
-ROUNDS, THRIFTY_ROUNDS = 6, 16
+ROUNDS, THRIFTY_ROUNDS = 6, 20
 """Descents at most."""
 
 OVER = 1.2
@@ -50,6 +50,9 @@ OVER = 1.2
 
 SPARE = 2e-3
 """More than this is not kept where the bending energy pulls."""
+
+PATIENCE = 7
+"""After so many descents to the least effort more and more is kept: targets that do not settle end so."""
 
 ENOUGH = 0.5
 """The part of the target at which the descent to any path stops."""
@@ -111,7 +114,7 @@ def shift_targets(ends: FloatArray, least: FloatArray, left: float, targets: Flo
         if not math.isfinite(miss):
             targets[i] = goal
             continue
-        settled = settled and miss <= 0.5 * left and (targets[i] <= goal or miss >= -SPARE)
+        settled = settled and miss <= 0.5 * left and (targets[i] <= goal or miss >= -max(SPARE, left))
         targets[i] = max(goal, targets[i] + (OVER if miss > 0.0 else 1.0) * miss)
     return settled
 
@@ -159,6 +162,8 @@ def settle(
         if x.shape[0] > 0:
             descend(demands, family, x, targets, pull, enough, damping, sleepers, least)
             rotation, translation = power_path(family, ell, x)
+            if thrifty and done > PATIENCE:
+                target *= 1.7
             if thrifty and not shift_targets(ends, least, target, targets) and done < rounds:
                 continue
             if not thrifty and not reached(least, targets, 1e-3):
