@@ -8,6 +8,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, finite_number
 from omniservo.perception.dot_centres import circle_centres
+from omniservo.perception.dot_kernels import COLUMNS
 from omniservo.perception.dots import DotOptions
 from omniservo.perception.find_dots import (
     blob_moments,
@@ -51,9 +52,9 @@ class DotTracker:
     def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Find each dot near its prediction.
 
-        Only a window round each prediction is searched. A prediction and a dot belong together where each
-        is the other's nearest, within the gate, and no second dot is about as near. ``pixels`` is the image
-        of the dot's centre, as of `find_dots`.
+        Only a window round each prediction is searched; a larger one where that leaves a dot without
+        partner. A prediction and a dot belong together where each is the other's nearest, within the gate,
+        and no second dot is about as near. ``pixels`` is the image of the dot's centre, as of `find_dots`.
 
         Args:
             image: (height, width) grey values, uint8.
@@ -74,34 +75,40 @@ class DotTracker:
         asked = np.flatnonzero(np.isfinite(predicted).all(1))
         noise = noise_of(image[::4])
         offset = threshold_offset(noise, self.options)
-        starts = [self._blobs_near(image, predicted[i], offset) for i in asked]
-        if not any(len(s) for s in starts):
-            return pixels, valid
-        rows = measure(image, np.concatenate(starts), noise, self.options)
-        centres = circle_centres(self.camera, rows[:, :2], covariances(rows))
-        partner = _partners(predicted[asked], centres, self.gate_px)
-        found = partner >= 0
-        pixels[asked[found]] = centres[partner[found]]
-        valid[asked[found]] = True
+        rows = np.zeros((0, COLUMNS))
+        for block in neighbourhoods(self.options):
+            lost = asked[~valid[asked]]
+            blobs = [self._blobs_near(image, predicted[i], block, offset) for i in lost]
+            if not any(len(b) for b in blobs):
+                continue
+            rows = _with_new(rows, measure(image, np.concatenate(blobs), noise, self.options))
+            centres = circle_centres(self.camera, rows[:, :2], covariances(rows))
+            partner = _partners(predicted[asked], centres, self.gate_px)
+            found = partner >= 0
+            pixels[asked[found]] = centres[partner[found]]
+            valid[asked[found]] = True
         return pixels, valid
 
-    def _blobs_near(self, image: ByteArray, centre: FloatArray, offset: float) -> FloatArray:
-        """Dark blobs in the window round a prediction; a larger window where the small one holds none."""
+    def _blobs_near(self, image: ByteArray, centre: FloatArray, block: int, offset: float) -> FloatArray:
+        """Dark blobs in the window round a prediction, against the mean of squares of side ``block``."""
         height, width = image.shape
-        for block in neighbourhoods(self.options):
-            reach = self.gate_px + 0.5 * block
-            left, top = (int(max(0.0, c - reach)) for c in centre)
-            right, bottom = (
-                int(min(size, c + reach + 1)) for size, c in zip((width, height), centre, strict=True)
-            )
-            if right - left < 5 or bottom - top < 5:
-                break
-            mask = darker_than_mean(image[top:bottom, left:right], block, offset)
-            blobs = blob_moments(mask, (left, top), self.options)
-            near = np.hypot(blobs[:, 0] - centre[0], blobs[:, 1] - centre[1]) <= self.gate_px + 2.0
-            if near.any():
-                return np.asarray(blobs[near])
-        return np.zeros((0, 5))
+        reach = self.gate_px + 0.5 * block
+        left, top = (int(max(0.0, c - reach)) for c in centre)
+        right, bottom = (
+            int(min(size, c + reach + 1)) for size, c in zip((width, height), centre, strict=True)
+        )
+        if right - left < 5 or bottom - top < 5:
+            return np.zeros((0, 5))
+        mask = darker_than_mean(image[top:bottom, left:right], block, offset)
+        blobs = blob_moments(mask, (left, top), self.options)
+        near = np.hypot(blobs[:, 0] - centre[0], blobs[:, 1] - centre[1]) <= self.gate_px + 2.0
+        return np.asarray(blobs[near])
+
+
+def _with_new(rows: FloatArray, more: FloatArray) -> FloatArray:
+    """Measurements (n, COLUMNS) with those of ``more`` that are not there yet, within a pixel."""
+    gaps = np.linalg.norm(more[:, None, :2] - rows[None, :, :2], axis=2)
+    return np.concatenate([rows, more[(gaps > 1.0).all(1)]])
 
 
 def _partners(predicted: FloatArray, found: FloatArray, gate: float) -> IntArray:
