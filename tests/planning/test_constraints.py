@@ -14,7 +14,7 @@ from omniservo.geometry.polynomial import (
 )
 from omniservo.planning.bernstein_path import camera_controls, camera_count, squares
 from omniservo.planning.constraints.collision import prove_outside_ball
-from omniservo.planning.constraints.occlusion import prove_clear_sight
+from omniservo.planning.constraints.occlusion import prove_clear_sights
 from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
@@ -204,10 +204,30 @@ def test_an_occlusion_is_decided_on_either_side_of_the_truth():
         decided += 1
         centre = bernstein_from_power(t)
         for radius, expected in ((least * (1 - 1e-7), PROVEN), (least * (1 + 1e-9), REFUTED)):
-            status, w = prove_clear_sight(centre, magnitude(t), h, o, radius)
+            status, w, _ = prove_clear_sights(centre, magnitude(t), h[None], o, radius)
             assert status == expected
             if status == REFUTED:
                 assert sight(np.array([w]))[0] < radius
+
+
+def test_many_lines_of_sight_are_decided_as_one_by_one():
+    rng = np.random.default_rng(8)
+    seen = {PROVEN: 0, REFUTED: 0}
+    for _ in range(200):
+        _, t = random_path(rng, 1, 2)
+        points = rng.normal(size=(6, 3)) * 0.3 + [0.0, 0.0, 1.0]
+        o, centre = rng.normal(size=3) * 0.3 + [0.0, 0.0, 0.5], bernstein_from_power(t)
+        radius = rng.uniform(0.02, 0.2)
+        status, w, j = prove_clear_sights(centre, magnitude(t), points, o, radius)
+        single = [prove_clear_sights(centre, magnitude(t), points[i : i + 1], o, radius)[0] for i in range(6)]
+        assert status == min(single)
+        seen[status] += 1
+        if status == REFUTED:
+            at = horner(t, np.array([w]))[0]
+            line, p = points[j] - at, at - o
+            s = np.clip(-(p @ line) / (line @ line), 0.0, 1.0)
+            assert np.linalg.norm(p + s * line) < radius
+    assert min(seen.values()) > 20
 
 
 def test_the_plane_form_of_occlusion_agrees_with_the_polynomial_form():
@@ -218,7 +238,8 @@ def test_the_plane_form_of_occlusion_agrees_with_the_polynomial_form():
         r = rng.uniform(0.0, 1.0)
         a, b, c = p @ p - r * r, p @ q - r * r, q @ q - r * r
         clear = a >= 0 and c >= 0 and (b >= 0 or a * c - b * b >= 0)
-        status, _ = prove_clear_sight(np.ascontiguousarray(p[:, None]), abs(p).max(), q, np.zeros(3), r)
+        standing = np.ascontiguousarray(p[:, None])
+        status, _, _ = prove_clear_sights(standing, abs(p).max(), q[None], np.zeros(3), r)
         assert (status == PROVEN) == clear
 
 

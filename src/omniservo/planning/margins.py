@@ -15,7 +15,7 @@ from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.least_distance import prove_least_distance
-from omniservo.planning.constraints.occlusion import prove_clear_sight, sight_offset
+from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
 from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
@@ -235,11 +235,7 @@ def prove_space(
         return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
     if kind == SIGHT:
         o = demands.obstacles[index]
-        for j in range(demands.points.shape[0]):
-            status, w = prove_clear_sight(centre, size, demands.points[j], o, o[3] + margin)
-            if status != PROVEN:
-                return status, w, j
-        return PROVEN, 0.0, 0
+        return prove_clear_sights(centre, size, demands.points, o, o[3] + margin)
     status, w = PROVEN, 0.0
     if kind == CLEARANCE:
         o = demands.obstacles[index]

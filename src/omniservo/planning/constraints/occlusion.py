@@ -2,7 +2,8 @@
 
 The line of sight from t to h misses the ball (o, r) exactly when a plane at distance ≥ r from o has both of
 its ends beyond it: e·(t − o) ≥ r and e·(h − o) ≥ r for one unit vector e. On a piece of the path e points
-from o to the nearest point of the hull of h and the control points of t, which prove the rest, degree τ.
+from o to the nearest point of the hull of h and the control points of t, which prove the rest, degree τ; one
+plane may do for many points.
 This equals A ≥ 0, C ≥ 0 and (B ≥ 0 or AC − B² ≥ 0) with A = ‖t−o‖²−r², B = (t−o)·(h−o)−r², C = ‖h−o‖²−r².
 """
 
@@ -26,8 +27,11 @@ from omniservo.geometry.polynomial import (
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.constraints.visibility import sum_of_controls
 
-_STEPS = 6
+_STEPS = 8
 """of Gilbert's algorithm; a plane that it does not find is found on half the piece"""
+
+_TOGETHER = 4
+"""So often a piece is halved in the attempt to keep all lines of sight beyond one plane."""
 
 
 @kernel
@@ -45,72 +49,100 @@ def sight_offset(
 
 
 @kernel
-def prove_clear_sight(
-    centre: FloatArray, size: float, h: FloatArray, o: FloatArray, radius: float
-) -> tuple[int, float]:
-    """Decide on [0, 1] whether the ball (o, radius) leaves the line of sight from t(w) to h free.
+def prove_clear_sights(
+    centre: FloatArray, size: float, points: FloatArray, o: FloatArray, radius: float
+) -> tuple[int, float, int]:
+    """Decide on [0, 1] whether the ball (o, radius) leaves the lines of sight from t(w) to all points free.
+
+    First one plane a piece for all points, then, where that does not end, points one by one.
 
     Args:
         centre: control points of t (3, τ+1) with count τ + 2 and magnitude ``size``.
         size: see above.
-        h: target point (3,).
+        points: target points (n, 3) [m].
         o: centre of the ball, (3,) or longer.
         radius: [m].
+
+    Returns:
+        status; where it is not PROVEN also w and the point.
     """
-    n = centre.shape[1] - 1
-    far = max(abs(o[0]), abs(o[1]), abs(o[2])) + max(abs(h[0]), abs(h[1]), abs(h[2]))
-    error = UNIT * (4.0 * (size + far) + abs(radius))
-    if sight_holds(centre, h, o, radius, (n + 20.0) * error + TINY):
-        return PROVEN, 0.0
-    stack = np.empty((MAX_LEVEL + 2, 3, n + 1))
-    start = np.zeros(MAX_LEVEL + 2)
-    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    copy_into(centre, stack[0])
-    top, pieces = 0, 0
-    while top >= 0:
-        piece = stack[top]
-        bound = (n + 20.0 + level[top] * n) * error + TINY
-        if sight_holds(piece, h, o, radius, bound):
-            top -= 1
-            continue
-        width = 0.5 ** level[top]
-        for end in range(2):
-            k = n * end
-            if sight_offset(piece[0, k], piece[1, k], piece[2, k], h, o)[3] < radius - bound:
-                return REFUTED, start[top] + width * end
-        pieces += 1
-        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, start[top]
-        halve(piece, stack[top + 1], piece)
-        start[top + 1] = start[top]
-        start[top] += 0.5 * width
-        level[top] += 1
-        level[top + 1] = level[top]
-        top += 1
-    return PROVEN, 0.0
+    stack, marks = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 2))
+    status, w, j = _prove_sights(centre, size, points, o, radius, _TOGETHER, stack, marks)
+    if status == UNDECIDED:
+        for j in range(points.shape[0]):
+            one = points[j : j + 1]
+            status, w, _ = _prove_sights(centre, size, one, o, radius, MAX_LEVEL, stack, marks)
+            if status != PROVEN:
+                return status, w, j
+    return status, w, j
 
 
 @kernel
-def sight_holds(piece: FloatArray, h: FloatArray, o: FloatArray, radius: float, bound: float) -> bool:
-    """Tell whether one plane separates the ball from h and from all control points (3, n+1).
+def _prove_sights(
+    centre: FloatArray,
+    size: float,
+    points: FloatArray,
+    o: FloatArray,
+    radius: float,
+    levels: int,
+    stack: FloatArray,
+    marks: FloatArray,
+) -> tuple[int, float, int]:
+    """Decide with one plane a piece for all ``points`` and at most ``levels`` halvings.
+
+    ``stack`` (MAX_LEVEL + 2, 3, τ+1) and ``marks`` (MAX_LEVEL + 2, 2), start and level, are room for pieces.
+    """
+    n = centre.shape[1] - 1
+    far = max(abs(o[0]), abs(o[1]), abs(o[2]))
+    for j in range(points.shape[0]):
+        far = max(far, abs(points[j, 0]), abs(points[j, 1]), abs(points[j, 2]))
+    error = UNIT * (4.0 * (size + 2.0 * far) + abs(radius))
+    copy_into(centre, stack[0])
+    marks[0, 0], marks[0, 1] = 0.0, 0.0
+    top, pieces = 0, 0
+    while top >= 0:
+        piece, level = stack[top], marks[top, 1]
+        bound = (n + 20.0 + level * n) * error + TINY
+        if sight_holds(piece, points, o, radius, bound):
+            top -= 1
+            continue
+        width = 0.5**level
+        for j in range(points.shape[0]):
+            for k in (0, n):
+                if sight_offset(piece[0, k], piece[1, k], piece[2, k], points[j], o)[3] < radius - bound:
+                    return REFUTED, marks[top, 0] + (width if k > 0 else 0.0), j
+        pieces += 1
+        if level >= levels or pieces > MAX_PIECES:
+            return UNDECIDED, marks[top, 0], 0
+        halve(piece, stack[top + 1], piece)
+        marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
+        marks[top, 0] += 0.5 * width
+        marks[top, 1] = level + 1.0
+        top += 1
+    return PROVEN, 0.0, 0
+
+
+@kernel
+def sight_holds(piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float) -> bool:
+    """Tell whether one plane separates the ball from all ``points`` (m, 3) and all control points (3, n+1).
 
     Its normal points to the hull's point nearest to o, approached by Gilbert's algorithm: step to the nearest
     point of the segment to the vertex that lies least far along.
     """
-    n = piece.shape[1]
-    part = 1.0 / n
-    mx, my, mz = sum_of_controls(piece)
-    x, y, z, distance, _ = sight_offset(mx * part, my * part, mz * part, h, o)
+    n, m = piece.shape[1], points.shape[0]
+    x, y, z = sum_of_controls(piece)
+    x, y, z = x / n, y / n, z / n
+    x, y, z, distance, _ = sight_offset(x, y, z, points[0], o)
     for _ in range(_STEPS):
         if not distance > radius + bound:
             return False
-        f = (1.0 - 1e-15) / distance
+        fx, fy, fz = x / distance, y / distance, z / distance
         least, vx, vy, vz = math.inf, 0.0, 0.0, 0.0
-        for k in range(n + 1):
-            px = (h[0] if k == n else piece[0, k]) - o[0]
-            py = (h[1] if k == n else piece[1, k]) - o[1]
-            pz = (h[2] if k == n else piece[2, k]) - o[2]
-            along = f * x * px + f * y * py + f * z * pz
+        for k in range(n + m):
+            px = (piece[0, k] if k < n else points[k - n, 0]) - o[0]
+            py = (piece[1, k] if k < n else points[k - n, 1]) - o[1]
+            pz = (piece[2, k] if k < n else points[k - n, 2]) - o[2]
+            along = (fx * px + fy * py + fz * pz) * (1.0 - 2e-15)
             if not along >= least:
                 least, vx, vy, vz = along, px, py, pz
         if least - radius >= bound:
@@ -130,10 +162,9 @@ def prove_unoccluded(
     """Decide every line of sight past every sphere; a sphere of radius 0 hides nothing."""
     for i in range(obstacles.shape[0]):
         if obstacles[i, 3] > 0.0:
-            for j in range(points.shape[0]):
-                status, w = prove_clear_sight(centre, size, points[j], obstacles[i], obstacles[i, 3])
-                if status != PROVEN:
-                    return status, w
+            status, w, _ = prove_clear_sights(centre, size, points, obstacles[i], obstacles[i, 3])
+            if status != PROVEN:
+                return status, w
     return PROVEN, 0.0
 
 
