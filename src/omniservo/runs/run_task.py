@@ -55,8 +55,8 @@ def run_task(
     """Do a whole job in the simulator and return everything that it produced.
 
     Args:
-        task: what to do.
-        method: "certified" plans with proof, "paper" with the 2012 paper's own search, "ibvs" not at all.
+        task: the job.
+        method: "certified" plans with proof, "paper" with the paper's own search, "ibvs" not at all.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
         filmed: whether to render the animation's pictures, which takes nearly half of the time.
@@ -72,22 +72,22 @@ def run_task(
     goal = _goal(task, goal, seed)
     scene = scene_of_task(task)
     robot = SimulatedRobot(scene, seed=seed)
-    seconds: dict[str, float] = {}
     progress("looking")
     image, joints = take_picture(robot), robot.read().joint_positions
+    seconds: dict[str, float] = {}
     seen, seconds["perception"] = _timed(lambda: see(task.camera, image.pixels, goal.image))
     progress("estimating motion and structure")
     estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
+    progress("planning")
     plan = None
     if method != "ibvs":
-        progress("planning")
         plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, method, seed))
     progress("servoing")
     truth = _truth(task, scene, goal, seen)
     log, images = _drive(task, robot, _controller(task, scene, plan, estimate, seen), seen, truth)
-    progress("drawing")
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
-    outside = OutsideView(robot.world)
+    progress("drawing")
+    outside_initial, outside_final = _outside(robot)
     result = RunResult(
         task=task,
         method=method,
@@ -97,15 +97,20 @@ def run_task(
         plan=plan,
         log=log,
         final_image=take_picture(robot).pixels,
-        outside_initial=outside.render(scene.start_joints),
-        outside_final=outside.render(robot.read().joint_positions),
+        outside_initial=outside_initial,
+        outside_final=outside_final,
         film=film_of(log, images, robot.world) if filmed else Film((), (), ()),
         truth=truth,
         seconds=seconds | {"whole": perf_counter() - started},
-        metrics={},
     )
     result.metrics.update(_metrics(result, seed))
     return result
+
+
+def _outside(robot: SimulatedRobot) -> tuple[ByteArray, ByteArray]:
+    """A bystander's pictures of the start and of now."""
+    view = OutsideView(robot.world)
+    return view.render(robot.world.scene.start_joints), view.render(robot.read().joint_positions)
 
 
 def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
