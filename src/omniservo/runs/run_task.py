@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import Literal, TypeVar
 
@@ -67,7 +68,6 @@ def run_task(
         AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
-    require_in_view(task, RigidTransform.identity(), "the initial image")
     progress("teaching the goal")
     goal = _goal(task, goal, seed)
     scene = scene_of_task(task)
@@ -103,8 +103,7 @@ def run_task(
         truth=truth,
         seconds=seconds | {"whole": perf_counter() - started},
     )
-    result.metrics.update(_metrics(result, seed))
-    return result
+    return replace(result, metrics=_metrics(result, seed))
 
 
 def _outside(robot: SimulatedRobot) -> tuple[ByteArray, ByteArray]:
@@ -114,6 +113,7 @@ def _outside(robot: SimulatedRobot) -> tuple[ByteArray, ByteArray]:
 
 
 def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
+    require_in_view(task, RigidTransform.identity(), "the initial image")
     if goal is None:
         return teach_goal(task, seed=seed + 1)
     if goal.camera != task.camera:
