@@ -124,9 +124,9 @@ BAD = {
         {"goal": {"translation": [0, 0, 0], "quaternion": [0, 0, 1]}},
         r"goal.quaternion: shape \(3,\) given",
     ),
-    "box": (
-        {"obstacles": [{"type": "box", "center": [0, 0, 1], "half_extents": [1, 1, 1]}]},
-        r"obstacles\[0\].type: 'box' given; legal: 'sphere'",
+    "mesh": (
+        {"obstacles": [{"type": "mesh", "file": "a.stl"}]},
+        r"obstacles\[0\].type: 'mesh' given; legal: 'sphere', 'box'",
     ),
     "no type": ({"obstacles": [{"center": [0, 0, 1], "radius": 1}]}, r"obstacles\[0\].type: None given"),
     "obstacle text": ({"obstacles": ["sphere"]}, r"obstacles\[0\]"),

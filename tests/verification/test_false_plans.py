@@ -291,7 +291,7 @@ def test_missing_and_malformed_fields_are_named(honest, where, given, says):
 
 def test_what_this_verifier_does_not_know_is_undecided(honest):
     for change in (
-        {"obstacles": [{"type": "box", "center": [1, 1, 1]}]},
+        {"obstacles": [{"type": "mesh", "file": "a.stl"}]},
         {"image_mask": "mask.png"},
         {"camera": {**honest["problem"]["camera"], "k3": 0.1}},
     ):

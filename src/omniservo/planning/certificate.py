@@ -9,6 +9,18 @@ from typing import Any
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 
+@dataclass(frozen=True, eq=False)
+class Separator:
+    """Separating planes along the path: the proof of one constraint about a box or a capsule."""
+
+    constraint: str
+    """"clearance obstacle 2" or "occlusion obstacle 2\""""
+    point: int | None
+    """the target point whose lines of sight are meant; None for a clearance"""
+    pieces: FloatArray
+    """(k, 5): from w, to w, and the plane's normal there, which points from the body to the path"""
+
+
 @dataclass(frozen=True)
 class ConstraintMargin:
     """What is left of one constraint beyond what the problem asks for."""
@@ -34,6 +46,8 @@ class Certificate:
     polygon: FloatArray | None = None
     """for a distorted camera: corners (k, 2) of the convex polygon on the plane m̄ that the visibility margin
     was proven with"""
+    separators: tuple[Separator, ...] = ()
+    """of every constraint about a box or a capsule that is proven"""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the certificate of a plan file."""
@@ -43,6 +57,8 @@ class Certificate:
         }
         if self.polygon is not None:
             fields["polygon"] = self.polygon.tolist()
+        if self.separators:
+            fields["separators"] = [_separator_fields(s) for s in self.separators]
         return fields
 
     @classmethod
@@ -57,6 +73,7 @@ class Certificate:
             tuple(_margin(c) for c in fields["constraints"]),
             _margin(fields["worst"]),
             None if polygon is None else frozen(finite_array("polygon", polygon, (None, 2))),
+            tuple(_separator(s) for s in fields.get("separators", ())),
         )
 
 
@@ -68,3 +85,14 @@ def _margin(fields: Mapping[str, Any]) -> ConstraintMargin:
     margin = finite_number("certificate.margin", fields["margin"])
     w = finite_number("certificate.w", fields["w"], minimum=0.0, maximum=1.0)
     return ConstraintMargin(str(fields["name"]), margin, str(fields["unit"]), w)
+
+
+def _separator_fields(s: Separator) -> dict[str, Any]:
+    point = {} if s.point is None else {"point": s.point}
+    return {"constraint": s.constraint, **point, "pieces": s.pieces.tolist()}
+
+
+def _separator(fields: Mapping[str, Any]) -> Separator:
+    pieces = frozen(finite_array("certificate.separators.pieces", fields["pieces"], (None, 5)))
+    point = fields.get("point")
+    return Separator(str(fields["constraint"]), None if point is None else int(point), pieces)

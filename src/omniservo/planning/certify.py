@@ -21,6 +21,7 @@ from omniservo.planning.problem_arrays import (
     image_limits,
     optics_of,
 )
+from omniservo.planning.separators import separators_of
 
 ENDS_MEET = 1e-9
 """A path starts at the identity and ends at the goal within this, in m and in the unit quaternion."""
@@ -58,7 +59,9 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
         statuses += more_statuses
     refuted, proven = REFUTED in statuses, all(s == PROVEN for s in statuses)
     verdict: Verdict = "refuted" if refuted else "certified" if proven else "undecided"
-    return verdict, Certificate(tuple(found), worst_of(problem, found, float(demands.numbers[2])), polygon)
+    worst = worst_of(problem, found, float(demands.numbers[2]))
+    separators = separators_of(demands, entries, table, translation)
+    return verdict, Certificate(tuple(found), worst, polygon, separators)
 
 
 def worst_of(problem: PlanningProblem, found: list[ConstraintMargin], ell: float) -> ConstraintMargin:

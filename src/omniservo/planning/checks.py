@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 LARGEST = 1e6
 """Coordinates and lengths are at most this [m]: squares and their squares stay far from overflow."""
@@ -24,3 +25,32 @@ def bounded_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) 
     if array.size and np.abs(array).max() > LARGEST:
         raise InputError(f"{name}: {array.flat[np.abs(array).argmax()]:g} given; legal: -1e6 to 1e6")
     return array
+
+
+NEAR_UNIT = 1e-6
+"""Unit vectors are accepted within this and normalised."""
+
+_ROUNDED_UNIT = 1e-15
+"""A vector this near to length 1 is kept as it is: what was normalised once reads back unchanged."""
+
+
+def unit_vector(name: str, vector: npt.ArrayLike, size: int) -> FloatArray:
+    """Return the vector (size,) with length 1, read-only.
+
+    Raises:
+        InputError: its length differs from 1 by more than 1e-6.
+    """
+    array = finite_array(name, vector, (size,))
+    length = math.sqrt(float(array @ array))
+    if not abs(length - 1.0) <= NEAR_UNIT:
+        raise InputError(f"{name}: length {length:.9g} given; legal: 1 within {NEAR_UNIT:g}")
+    return frozen(array if abs(length - 1.0) <= _ROUNDED_UNIT else array / length)
+
+
+def own_clearance(value: float | None) -> float | None:
+    """Return an obstacle's own clearance [m], None where the problem's counts.
+
+    Raises:
+        InputError: negative, not finite, or beyond 1e6 m.
+    """
+    return None if value is None else finite_number("clearance", value, minimum=0.0, maximum=LARGEST)

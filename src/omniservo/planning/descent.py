@@ -16,9 +16,11 @@ from omniservo.geometry.polynomial import BINOMIALS
 from omniservo.planning.bending import bending_form
 from omniservo.planning.constraints.collision import push_from_obstacles
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.free_side import push_to_free_side
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
 from omniservo.planning.constraints.push import ASLEEP
+from omniservo.planning.constraints.separation import push_off_bodies
 from omniservo.planning.constraints.visibility import push_into_image
 from omniservo.planning.constraints.workspace import push_into_box
 
@@ -127,8 +129,13 @@ def path_controls(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray
 
 @kernel
 def groups(demands: Demands) -> int:
-    """Return how many targets there are: limits, dead zone, least distance, clearances, sights, walls."""
-    return int(demands.limits.shape[0] + 2 * demands.obstacles.shape[0] + 8)
+    """Return how many targets there are.
+
+    Limits, dead zone, least distance, spheres' clearances and sights, walls, bodies' clearances and sights,
+    half-spaces.
+    """
+    solids = 2 * (demands.obstacles.shape[0] + demands.bodies.shape[0]) + demands.planes.shape[0]
+    return int(demands.limits.shape[0] + solids + 8)
 
 
 @kernel
@@ -150,6 +157,12 @@ def push_all(
     if demands.numbers[1] > 0.0:
         push_sight(points, obstacles, poses, ell, k + 2 + m, targets, least, systems, costs)
     push_into_box(demands.box, poses, ell, k + 2 + 2 * m, targets, least, systems, costs)
+    first, bodies = k + 8 + 2 * m, demands.bodies
+    if bodies.shape[0] > 0:
+        hidden = points if demands.numbers[1] > 0.0 else points[:0]
+        push_off_bodies(bodies, hidden, poses, ell, first, targets, least, systems, costs)
+    first += 2 * bodies.shape[0]
+    push_to_free_side(demands.planes, poses, ell, first, targets, least, systems, costs)
 
 
 @kernel

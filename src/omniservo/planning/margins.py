@@ -11,18 +11,23 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
+from omniservo.planning.constraints.body_gap import segment_gap
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.free_side import free_side_gap, prove_free_side
 from omniservo.planning.constraints.least_distance import prove_least_distance
 from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
 from omniservo.planning.constraints.rotation import prove_rotation
+from omniservo.planning.constraints.separation import separate
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place, set_basis
 
-EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, CLEARANCE, WALL, ROTATION = range(9)
-"""Kinds. Index: the limit, obstacle or wall. Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
+EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, BODY_SIGHT, CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY = range(12)
+"""Kinds. Index: the limit, wall, or obstacle among its kind.
+
+Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
 
 SLACK_PX = 1e-7
 """Limits in px are proven with so much more than is claimed: it covers the limits' own rounding."""
@@ -65,13 +70,19 @@ def camera_margin(
 
 @kernel
 def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> float:
-    """Return what a CLEARANCE, WALL or ROTATION entry leaves at a pose (13,)."""
+    """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE or BODY entry leaves at a pose (13,)."""
     if kind == ROTATION:
         return float(pose[12] - ROTATION_FLOOR)
     if kind == WALL:
         side, axis = index // 3, index % 3
         gap = float(pose[9 + axis] - demands.box[side, axis])
         return gap if side == 0 else -gap
+    if kind == FREE_SIDE:
+        return free_side_gap(pose[9], pose[10], pose[11], demands.planes[index])
+    if kind == BODY:
+        body = demands.bodies[index]
+        x, y, z = pose[9], pose[10], pose[11]
+        return float(segment_gap(body, x, y, z, x, y, z)[3] - body[16])
     o = demands.obstacles[index]
     x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
     return math.sqrt(x * x + y * y + z * z) - float(o[4])
@@ -91,7 +102,7 @@ def smallest_at(
     ``c`` (n, 4) are these points in the camera frame and 1/distance.
     """
     kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
-    if kind > SIGHT:
+    if kind > BODY_SIGHT:
         return centre_margin(kind, index, demands, pose), 0
     least, about = math.inf, 0
     if kind == SIGHT:
@@ -101,6 +112,14 @@ def smallest_at(
             if value < least:
                 least, about = value, j
         return least - float(o[3]), about
+    if kind == BODY_SIGHT:
+        body = demands.bodies[index]
+        for j in range(points.shape[0]):
+            h = points[j]
+            value = segment_gap(body, pose[9], pose[10], pose[11], h[0], h[1], h[2])[3]
+            if value < least:
+                least, about = value, j
+        return least - float(body[15]), about
     limit = demands.limits[index]
     for j in range(points.shape[0]):
         value = camera_margin(kind, limit, scale, demands, optics, c, j)
@@ -229,8 +248,10 @@ def prove_space(
     raised: FloatArray,
     size: float,
 ) -> tuple[int, float, int]:
-    """Decide a LEAST, CLEARANCE, SIGHT, WALL or ROTATION entry with ``margin`` to spare: status, w, point."""
+    """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
     kind, index = int(entry[0]), int(entry[1])
+    if kind in (FREE_SIDE, BODY, BODY_SIGHT):
+        return prove_solid(kind, index, margin, demands, centre, size)
     if kind == LEAST:
         return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
     if kind == SIGHT:
@@ -248,6 +269,25 @@ def prove_space(
     else:
         status, w = prove_rotation(rotation, ROTATION_FLOOR + margin)
     return status, w, 0
+
+
+@kernel
+def prove_solid(
+    kind: int, index: int, margin: float, demands: Demands, centre: FloatArray, size: float
+) -> tuple[int, float, int]:
+    """Decide a FREE_SIDE, BODY or BODY_SIGHT entry with ``margin`` to spare: status, w, point."""
+    if kind == FREE_SIDE:
+        status, w = prove_free_side(centre, size, demands.planes[index], margin)
+        return status, w, 0
+    body, planes = demands.bodies[index], np.empty((0, 5))
+    if kind == BODY:
+        status, w, _ = separate(centre, size, demands.points[:0], body, body[16] + margin, planes)
+        return status, w, 0
+    for j in range(demands.points.shape[0]):
+        status, w, _ = separate(centre, size, demands.points[j : j + 1], body, body[15] + margin, planes)
+        if status != PROVEN:
+            return status, w, j
+    return PROVEN, 0.0, 0
 
 
 @kernel

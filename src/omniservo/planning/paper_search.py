@@ -9,10 +9,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import demands_of, image_limits
+from omniservo.planning.sphere import Sphere
 
 SAMPLES = 100
 """Samples of w, evenly on [0, 1]."""
@@ -33,7 +35,12 @@ def paper_path(problem: PlanningProblem) -> tuple[CameraPath, str]:
     virtual plane, the dead zone (32). As in the paper there is none for occlusion, least distance and
     workspace, and G mixes units. Where (30) is undefined (γ not a positive real number) the exact limits of
     the image take its place.
+
+    Raises:
+        InputError: an obstacle that is not a sphere: the paper has points and spheres only.
     """
+    if not all(isinstance(o, Sphere) for o in problem.obstacles):
+        raise InputError('method: "paper" given; legal: "certified", where an obstacle is not a sphere')
     sigma, tau = problem.degrees.rotation, problem.degrees.translation
     box = virtual_box(problem.camera)
     view = _ExactView(problem) if box is None else _VirtualPlaneView(problem.camera, box)
@@ -137,12 +144,10 @@ class _Objective:
         self._view, self._sigma, self._tau = view, sigma, tau
         self._goal, self._quaternion = problem.goal_translation, problem.goal_quaternion
         self._points = problem.points
-        self._obstacles = np.array([o.center for o in problem.obstacles]).reshape(-1, 3)
+        spheres = [o for o in problem.obstacles if isinstance(o, Sphere)]
+        self._obstacles = np.array([o.center for o in spheres]).reshape(-1, 3)
         self._reach = np.array(
-            [
-                o.radius + (problem.clearance if o.clearance is None else o.clearance)
-                for o in problem.obstacles
-            ]
+            [o.radius + (problem.clearance if o.clearance is None else o.clearance) for o in spheres]
         )
         w = np.linspace(0.0, 1.0, SAMPLES)
         self._rotation_powers = w[None, :] ** np.arange(sigma, -1, -1)[:, None]

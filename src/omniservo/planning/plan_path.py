@@ -35,7 +35,8 @@ def plan_path(problem: PlanningProblem, *, method: Method = "certified", seed: i
         seed: turns the directions in which detours are tried.
 
     Raises:
-        InputError: no such method, or the visibility margin leaves nothing of the image.
+        InputError: no such method, one that cannot take an obstacle, or the visibility margin leaves nothing
+            of the image.
     """
     if method not in ("certified", "paper"):
         raise InputError(f"method: {method!r} given; legal: 'certified', 'paper'")

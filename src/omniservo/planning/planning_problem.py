@@ -14,8 +14,13 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.box import Box
+from omniservo.planning.capsule import Capsule
 from omniservo.planning.checks import LARGEST, bounded_array
+from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.sphere import Sphere
+
+Obstacle = Sphere | Box | Capsule | HalfSpace
 
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""
@@ -77,7 +82,7 @@ class PlanningProblem:
     """target points h_j (n, 3) [m], 1 ≤ n ≤ 1e5, read-only"""
     initial_T_goal: RigidTransform
     """goal camera frame in the initial camera frame"""
-    obstacles: tuple[Sphere, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     clearance: float = 0.0
     """camera centre to every obstacle's surface [m]; an obstacle may carry its own"""
     least_distance: float = 1e-3
@@ -119,8 +124,9 @@ class PlanningProblem:
         if len(obstacles) > MOST_POINTS:
             raise InputError(f"obstacles: {len(obstacles)} given; legal: at most {MOST_POINTS}")
         for i, obstacle in enumerate(obstacles):
-            if not isinstance(obstacle, Sphere):
-                raise InputError(f"obstacles[{i}]: {type(obstacle).__name__} given; legal: Sphere")
+            if not isinstance(obstacle, Obstacle):
+                kind = type(obstacle).__name__
+                raise InputError(f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace")
         object.__setattr__(self, "obstacles", obstacles)
 
     @cached_property

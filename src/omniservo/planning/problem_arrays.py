@@ -13,11 +13,27 @@ from omniservo.cameras.model_domain import model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import margins
+from omniservo.planning.box import Box
+from omniservo.planning.capsule import Capsule
+from omniservo.planning.constraints.body_gap import BODY_SIZE
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.planning_problem import Obstacle, PlanningProblem
+from omniservo.planning.sphere import Sphere
 
 TIGHTER_PX = 3e-7
 """Plans are searched with limits so much further inward: more than proving the margin 0 needs."""
+
+
+COARSE = 1e-4
+"""Margins of boxes and capsules are claimed so much below the smallest seen [m]: closer takes more planes."""
+
+_CLEARANCES: dict[type, int] = {
+    Sphere: margins.CLEARANCE,
+    HalfSpace: margins.FREE_SIDE,
+    Box: margins.BODY,
+    Capsule: margins.BODY,
+}
 
 
 class Entry(NamedTuple):
@@ -44,7 +60,9 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         points=np.array(problem.points, order="C"),
         limits=np.ascontiguousarray(rows),
         disc=_disc(problem.camera, limits),
-        obstacles=_obstacles(problem),
+        obstacles=_spheres(problem),
+        bodies=_bodies(problem),
+        planes=_planes(problem),
         box=box,
         numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
     )
@@ -70,12 +88,62 @@ def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
     return np.array([camera.fx, camera.skew, camera.fy, camera.cx - u, camera.cy - v, zone.radius, camera.xi])
 
 
-def _obstacles(problem: PlanningProblem) -> FloatArray:
+def _clearance(problem: PlanningProblem, obstacle: Obstacle) -> float:
+    return problem.clearance if obstacle.clearance is None else obstacle.clearance
+
+
+def _spheres(problem: PlanningProblem) -> FloatArray:
     rows = [
-        (*o.center, o.radius, o.radius + (problem.clearance if o.clearance is None else o.clearance))
+        (*o.center, o.radius, o.radius + _clearance(problem, o))
         for o in problem.obstacles
+        if isinstance(o, Sphere)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _planes(problem: PlanningProblem) -> FloatArray:
+    rows = [
+        (*o.normal, o.offset + _clearance(problem, o), _clearance(problem, o))
+        for o in problem.obstacles
+        if isinstance(o, HalfSpace)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _bodies(problem: PlanningProblem) -> FloatArray:
+    rows = []
+    for o in problem.obstacles:
+        if isinstance(o, Box):
+            center, axes, extents, radius = o.center, box_axes(o.quaternion), o.half_extents, 0.0
+        elif isinstance(o, Capsule):
+            center, axes, extents, radius = *_rod(o), o.radius
+        else:
+            continue
+        rows.append([*center, *axes.ravel(), *extents, radius, radius + _clearance(problem, o)])
+    return np.array(rows, dtype=np.float64).reshape(-1, BODY_SIZE)
+
+
+def box_axes(quaternion: FloatArray) -> FloatArray:
+    """Return the axes of a box, row by row (3, 3): columns of Λ(q)/‖q‖² (20), within 10 roundings each."""
+    x, y, z, w = quaternion
+    rows = [
+        [x * x - y * y - z * z + w * w, 2 * (x * y + z * w), 2 * (x * z - y * w)],
+        [2 * (x * y - z * w), -x * x + y * y - z * z + w * w, 2 * (y * z + x * w)],
+        [2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w],
+    ]
+    axes: FloatArray = np.array(rows) / (x * x + y * y + z * z + w * w)
+    return axes
+
+
+def _rod(capsule: Capsule) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return centre, axes and half extents of a capsule's segment as a box of no thickness."""
+    center = capsule.start + 0.5 * (capsule.end - capsule.start)
+    half = 0.5 * (capsule.end - capsule.start)
+    length = float(np.linalg.norm(half))
+    first = half / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
+    across = np.cross(first, np.eye(3)[int(np.argmin(np.abs(first)))])
+    second = across / np.linalg.norm(across)
+    return center, np.array([first, second, np.cross(first, second)]), np.array([length, 0.0, 0.0])
 
 
 def optics_of(problem: PlanningProblem) -> FloatArray:
@@ -93,16 +161,20 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     The visibility polygon and the dead zone of a distorted camera are not among them.
     """
     metre, entries = 1e-9 * ell, []
-    for i in range(len(problem.obstacles)):
-        entries.append(Entry(f"clearance obstacle {i}", "m", False, margins.CLEARANCE, i, 1.0, metre))
+    for i, (o, about) in enumerate(_among_its_kind(problem)):
+        kind, step = _CLEARANCES[type(o)], metre if isinstance(o, Sphere | HalfSpace) else COARSE
+        entries.append(Entry(f"clearance obstacle {i}", "m", False, kind, about, 1.0, step))
     if not problem.camera.is_distorted:
         entries += _image_entries(problem.camera, limits)
     entries.append(Entry("domain", "rad", True, margins.DOMAIN, 0, 1.0, 1e-9))
     entries.append(Entry("least_distance", "m", True, margins.LEAST, 0, 1.0, metre))
     if problem.occlusion:
-        for i, o in enumerate(problem.obstacles):
-            if o.radius > 0.0:
-                entries.append(Entry(f"occlusion obstacle {i}", "m", True, margins.SIGHT, i, 1.0, metre))
+        for i, (o, about) in enumerate(_among_its_kind(problem)):
+            name = f"occlusion obstacle {i}"
+            if isinstance(o, Box | Capsule):
+                entries.append(Entry(name, "m", True, margins.BODY_SIGHT, about, 1.0, COARSE))
+            elif isinstance(o, Sphere) and o.radius > 0.0:
+                entries.append(Entry(name, "m", True, margins.SIGHT, about, 1.0, metre))
     if problem.workspace is not None:
         for wall, side in enumerate(("min", "max")):
             for axis in range(3):
@@ -110,6 +182,17 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
                 entries.append(Entry(name, "m", False, margins.WALL, 3 * wall + axis, 1.0, metre))
     entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
     return entries
+
+
+def _among_its_kind(problem: PlanningProblem) -> list[tuple[Obstacle, int]]:
+    """Return every obstacle with its row in the array of its kind: spheres, half-spaces, or bodies."""
+    seen: dict[int, int] = {}
+    found = []
+    for o in problem.obstacles:
+        kind = _CLEARANCES[type(o)]
+        found.append((o, seen.get(kind, 0)))
+        seen[kind] = seen.get(kind, 0) + 1
+    return found
 
 
 def _image_entries(camera: UnifiedCamera, limits: ImageLimits) -> list[Entry]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +12,16 @@ from omniservo.calibration import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import finite_array
+from omniservo.planning.checks import unit_vector
+from omniservo.planning.obstacle_fields import obstacle_fields, obstacle_from_fields, only_fields
 from omniservo.planning.planning_problem import (
     MOST_POINTS,
     Degrees,
+    Obstacle,
     PlanningProblem,
     Workspace,
 )
-from omniservo.planning.sphere import Sphere
 
 FORMAT = "omniservo.problem/1"
 
@@ -35,7 +35,6 @@ _OPTIONAL = (
     "workspace",
     "degrees",
 )
-_NEAR_UNIT = 1e-6
 
 
 def load_problem(path: str | Path) -> PlanningProblem:
@@ -63,7 +62,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
         InputError: a field is missing, unknown or not legal.
     """
     try:
-        _names(fields, _REQUIRED, _OPTIONAL)
+        only_fields(fields, _REQUIRED, _OPTIONAL)
         if fields["format"] != FORMAT:
             raise InputError(f"format: {fields['format']!r} given; legal: {FORMAT!r}")
         given: dict[str, Any] = {
@@ -73,7 +72,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
         if fields.get("workspace") is not None:
             given["workspace"] = _workspace(fields["workspace"])
         if fields.get("degrees") is not None:
-            given["degrees"] = _within("degrees", lambda: Degrees(**_names(fields["degrees"], (), _DEGREES)))
+            given["degrees"] = _within("degrees", lambda: _degrees(fields["degrees"]))
         return PlanningProblem(
             camera=_camera(fields["camera"], folder),
             points=_listed("points", fields["points"], MOST_POINTS),
@@ -85,7 +84,8 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
         raise InputError(f"{source}: {error}") from None
 
 
-_DEGREES = ("rotation", "translation")
+def _degrees(value: Any) -> Degrees:
+    return Degrees(**only_fields(value, (), ("rotation", "translation")))
 
 
 def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
             "translation": problem.goal_translation.tolist(),
             "quaternion": problem.goal_quaternion.tolist(),
         },
-        "obstacles": [_obstacle_fields(o) for o in problem.obstacles],
+        "obstacles": [obstacle_fields(o) for o in problem.obstacles],
         "clearance": problem.clearance,
         "least_distance": problem.least_distance,
         "visibility_margin": problem.visibility_margin,
@@ -113,25 +113,6 @@ def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
         "rotation": problem.degrees.rotation,
         "translation": problem.degrees.translation,
     }
-    return fields
-
-
-def _obstacle_fields(sphere: Sphere) -> dict[str, Any]:
-    fields = {"type": "sphere", "center": sphere.center.tolist(), "radius": sphere.radius}
-    return fields if sphere.clearance is None else {**fields, "clearance": sphere.clearance}
-
-
-def _names(fields: Any, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:
-    """Return ``fields`` if it is a mapping with all of the required names and no unknown one."""
-    if not isinstance(fields, Mapping):
-        raise InputError(f"{fields!r:.60} given; a mapping of fields is needed")
-    missing = [name for name in required if name not in fields]
-    if missing:
-        raise InputError(f"{missing[0]}: missing; needed: {', '.join(required)}")
-    unknown = [str(name) for name in fields if name not in (*required, *optional)]
-    if unknown:
-        legal = ", ".join((*required, *optional))
-        raise InputError(f"{unknown[0]:.40}: no such field; legal: {legal}")
     return fields
 
 
@@ -172,41 +153,19 @@ def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
 
 
 def _goal(value: Any) -> RigidTransform:
-    fields = _within("goal", lambda: _names(value, ("translation", "quaternion"), ()))
+    fields = _within("goal", lambda: only_fields(value, ("translation", "quaternion"), ()))
     translation = finite_array("goal.translation", fields["translation"], (3,))
-    quaternion = unit_vector("goal.quaternion", finite_array("goal.quaternion", fields["quaternion"], (4,)))
+    quaternion = unit_vector("goal.quaternion", fields["quaternion"], 4)
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
 
 
-def unit_vector(name: str, vector: FloatArray) -> FloatArray:
-    """Return the vector with length 1.
-
-    Raises:
-        InputError: its length differs from 1 by more than 1e-6.
-    """
-    length = math.sqrt(float(vector @ vector))
-    if not abs(length - 1.0) <= _NEAR_UNIT:
-        raise InputError(f"{name}: length {length:.9g} given; legal: 1 within {_NEAR_UNIT:g}")
-    unit: FloatArray = vector / length
-    return unit
-
-
-def _obstacles(value: Any) -> tuple[Sphere, ...]:
+def _obstacles(value: Any) -> tuple[Obstacle, ...]:
     return tuple(
-        _within(f"obstacles[{i}]", lambda item=item: _sphere(item))
+        _within(f"obstacles[{i}]", lambda item=item: obstacle_from_fields(item))
         for i, item in enumerate(_listed("obstacles", value, MOST_POINTS))
     )
 
 
-def _sphere(value: Any) -> Sphere:
-    kind = value.get("type") if isinstance(value, Mapping) else None
-    if isinstance(value, Mapping) and kind != "sphere":
-        raise InputError(f"type: {kind!r:.40} given; legal: 'sphere' (a sphere of radius 0 is a point)")
-    fields = dict(_names(value, ("type", "center", "radius"), ("clearance",)))
-    del fields["type"]
-    return Sphere(**fields)
-
-
 def _workspace(value: Any) -> Workspace:
-    fields = _within("workspace", lambda: _names(value, ("min", "max"), ()))
+    fields = _within("workspace", lambda: only_fields(value, ("min", "max"), ()))
     return Workspace(fields["min"], fields["max"])

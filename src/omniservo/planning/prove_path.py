@@ -6,9 +6,11 @@ from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitud
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
 from omniservo.planning.constraints.collision import prove_collision_free
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.free_side import prove_free_sides
 from omniservo.planning.constraints.least_distance import prove_least_distance
 from omniservo.planning.constraints.occlusion import prove_unoccluded
 from omniservo.planning.constraints.rotation import prove_rotation
+from omniservo.planning.constraints.separation import prove_bodies_clear
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_workspace
 
@@ -36,6 +38,15 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
     status, w = prove_workspace(centre, size, demands.box)
     if status != PROVEN:
         return status, w
+    if demands.planes.shape[0] > 0:
+        status, w = prove_free_sides(centre, size, demands.planes)
+        if status != PROVEN:
+            return status, w
+    if demands.bodies.shape[0] > 0:
+        hidden = demands.points if demands.numbers[1] > 0.0 else demands.points[:0]
+        status, w = prove_bodies_clear(centre, size, demands.bodies, hidden)
+        if status != PROVEN:
+            return status, w
     if demands.numbers[1] > 0.0:
         status, w = prove_unoccluded(centre, size, demands.points, demands.obstacles)
         if status != PROVEN:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.checks import LARGEST, bounded_array
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,4 @@ class Sphere:
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
         object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
-        if self.clearance is not None:
-            clearance = finite_number("clearance", self.clearance, minimum=0.0, maximum=LARGEST)
-            object.__setattr__(self, "clearance", clearance)
+        object.__setattr__(self, "clearance", own_clearance(self.clearance))

@@ -6,7 +6,7 @@ from fractions import Fraction
 from math import copysign, lcm, sqrt
 
 from omniservo.verification.fields import Vector
-from omniservo.verification.plan_file import HalfSpace, Problem
+from omniservo.verification.plan_file import Problem, Sphere
 from omniservo.verification.polynomials import Polynomial, combine, integers, squares, times, value
 
 
@@ -49,6 +49,7 @@ class CameraPoint:
     """
 
     path: CameraPath
+    index: int
     point: Vector
     x: Polynomial
     y: Polynomial
@@ -72,7 +73,7 @@ def camera_path(
 ) -> CameraPath:
     """Build the path from its rows of coefficients, highest power first, in the file's numbers."""
     lengths = [*translation, *problem.points]
-    lengths += [obstacle.center for obstacle in problem.obstacles if not isinstance(obstacle, HalfSpace)]
+    lengths += [obstacle.center for obstacle in problem.obstacles if isinstance(obstacle, Sphere)]
     scale = lcm(*{x.denominator for vector in lengths for x in vector})
     turns = integers(*(x for row in rotation for x in row))
     columns = len(rotation[0])
@@ -89,11 +90,11 @@ def camera_points(path: CameraPath, points: tuple[Vector, ...]) -> Iterator[Came
     """Yield every target point as the camera sees it."""
     matrix = _rotation_matrix(path.rotation)
     norm_fourth = squares(squares(*path.rotation))
-    for point in points:
+    for index, point in enumerate(points):
         away = [[-a for a in p] for p in path.offsets(point)]
         x, y, z = (combine(*((1, times(matrix[i][k], away[i])) for i in range(3))) for k in range(3))
         distance_squared = squares(*away)
-        yield CameraPoint(path, point, x, y, z, times(norm_fourth, distance_squared), distance_squared)
+        yield CameraPoint(path, index, point, x, y, z, times(norm_fourth, distance_squared), distance_squared)
 
 
 def _rotation_matrix(quaternion: tuple[Polynomial, ...]) -> list[list[Polynomial]]:

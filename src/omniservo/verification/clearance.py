@@ -7,16 +7,22 @@ from omniservo.verification.camera_path import CameraPath
 from omniservo.verification.constraint import Constraint
 from omniservo.verification.decision import HOLDS, Finding, nonnegative
 from omniservo.verification.enclosures import root_above, root_below
-from omniservo.verification.plan_file import HalfSpace, Problem, Sphere
+from omniservo.verification.plan_file import HalfSpace, Problem, Separators, Sphere
 from omniservo.verification.polynomials import combine, integers, minus, value
+from omniservo.verification.separation import body_clearance
 
 
-def clearance(problem: Problem) -> list[Constraint[CameraPath]]:
+def clearance(problem: Problem, separators: Separators) -> list[Constraint[CameraPath]]:
     """Return one constraint an obstacle, in the problem's order."""
-    return [
-        _from_sphere(i, obstacle) if isinstance(obstacle, Sphere) else _from_half_space(i, obstacle)
-        for i, obstacle in enumerate(problem.obstacles)
-    ]
+    found = []
+    for i, obstacle in enumerate(problem.obstacles):
+        if isinstance(obstacle, Sphere):
+            found.append(_from_sphere(i, obstacle))
+        elif isinstance(obstacle, HalfSpace):
+            found.append(_from_half_space(i, obstacle))
+        else:
+            found.append(body_clearance(i, obstacle, separators))
+    return found
 
 
 def _from_sphere(index: int, sphere: Sphere) -> Constraint[CameraPath]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from omniservo.verification.bodies import Box, Capsule
 from omniservo.verification.camera_path import CameraPath, CameraPoint, camera_points
 from omniservo.verification.clearance import clearance
 from omniservo.verification.constraint import Constraint
@@ -14,7 +15,7 @@ from omniservo.verification.domain import domain
 from omniservo.verification.fields import NotJudged, Vector
 from omniservo.verification.least_distance import least_distance
 from omniservo.verification.occlusion import occlusion
-from omniservo.verification.plan_file import Problem
+from omniservo.verification.plan_file import Problem, Separators
 from omniservo.verification.rotation import rotation
 from omniservo.verification.visibility import visibility
 from omniservo.verification.workspace import workspace
@@ -22,6 +23,8 @@ from omniservo.verification.workspace import workspace
 MOST_WORK = 300_000_000
 """Target points times limits on each times the degree squared: more is not judged."""
 _SAMPLES = 128
+_BODY = 300
+"""What a line of sight past a box or a capsule costs, in limits."""
 
 
 @dataclass
@@ -60,18 +63,26 @@ class Case:
 
 
 def judged(
-    problem: Problem, path: CameraPath, polygon: tuple[Vector, ...] | None, margins: Mapping[str, Fraction]
+    problem: Problem,
+    path: CameraPath,
+    polygon: tuple[Vector, ...] | None,
+    separators: Separators,
+    margins: Mapping[str, Fraction],
 ) -> list[Case]:
     """Derive every constraint from the problem and judge it for the margin claimed, 0 where none is.
 
     Raises:
         NotJudged: more points and limits than are judged.
     """
-    families = [clearance, workspace, rotation]
+    families = [lambda p: clearance(p, separators), workspace, rotation]
     on_path = [_prepared(c, margins) for family in families for c in family(problem)]
+
+    def hidden(p: Problem) -> list[Constraint[CameraPoint]]:
+        return occlusion(p, separators)
+
     on_points = [
         _prepared(c, margins)
-        for family in (domain, lambda p: visibility(p, polygon), dead_zone, least_distance, occlusion)
+        for family in (domain, lambda p: visibility(p, polygon), dead_zone, least_distance, hidden)
         for c in family(problem)
     ]
     work = len(problem.points) * _effort(problem, path, len(on_points) + len(polygon or ()))
@@ -89,6 +100,8 @@ def _effort(problem: Problem, path: CameraPath, limits: int) -> int:
     """Return how much one point costs: degrees squared; a distorted dead zone has ten times the degree."""
     degree = 4 * (len(path.rotation[0]) - 1) + 2 * (len(path.translation[0]) - 1)
     slow = 3000 if problem.camera.dead_zone is not None and any(problem.camera.distortion) else 0
+    if problem.occlusion:
+        slow += _BODY * sum(isinstance(o, Box | Capsule) for o in problem.obstacles)
     return (limits + slow) * max(1, degree**2)
 
 

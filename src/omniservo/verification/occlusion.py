@@ -1,4 +1,4 @@
-"""Occlusion: no sphere stands between the camera centre and a target point."""
+"""Occlusion: no sphere, box or capsule stands between the camera centre and a target point."""
 
 from fractions import Fraction
 from math import sqrt
@@ -6,17 +6,23 @@ from math import sqrt
 from omniservo.verification.camera_path import CameraPoint
 from omniservo.verification.constraint import Constraint
 from omniservo.verification.decision import HOLDS, Finding, decide
-from omniservo.verification.plan_file import Problem, Sphere
+from omniservo.verification.plan_file import HalfSpace, Problem, Separators, Sphere
 from omniservo.verification.polynomials import combine, minus, squares, times
+from omniservo.verification.separation import body_occlusion
 
 
-def occlusion(problem: Problem) -> list[Constraint[CameraPoint]]:
-    """Return one constraint for each sphere that has a radius, where the problem asks for it."""
-    return [
-        _by_sphere(i, obstacle)
-        for i, obstacle in enumerate(problem.obstacles)
-        if problem.occlusion and isinstance(obstacle, Sphere) and obstacle.radius > 0
-    ]
+def occlusion(problem: Problem, separators: Separators) -> list[Constraint[CameraPoint]]:
+    """Return one constraint for each box, capsule and sphere with a radius, where the problem asks for it.
+
+    A half-space hides no point in front of it: what is free is convex.
+    """
+    found = []
+    for i, obstacle in enumerate(problem.obstacles if problem.occlusion else ()):
+        if isinstance(obstacle, Sphere):
+            found += [_by_sphere(i, obstacle)] if obstacle.radius > 0 else []
+        elif not isinstance(obstacle, HalfSpace):
+            found.append(body_occlusion(i, obstacle, separators))
+    return found
 
 
 def _by_sphere(index: int, sphere: Sphere) -> Constraint[CameraPoint]:

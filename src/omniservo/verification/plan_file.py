@@ -8,11 +8,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from omniservo.verification.bodies import Box, Capsule, axes_of
 from omniservo.verification.fields import Fields, Malformed, NotJudged, PlanFileError, Vector, numbers
 
 MOST_BYTES = 16 << 20
 MOST_POINTS = MOST_OBSTACLES = 100_000
 MOST_VERTICES = 1000
+MOST_PIECES = 200_000
 HIGHEST_DEGREE = 20
 STATUSES = ("certified", "refuted", "undecided", "infeasible", "not_found")
 _LEAST_FOCAL = Fraction(1, 10**6)
@@ -59,7 +61,20 @@ class HalfSpace:
     clearance: Fraction
 
 
-Obstacle = Sphere | HalfSpace
+Obstacle = Sphere | HalfSpace | Box | Capsule
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A plane that separates a body from the path on [start, end]; the normal points to the path."""
+
+    start: Fraction
+    end: Fraction
+    normal: Vector
+
+
+Separators = Mapping[tuple[str, int | None], tuple[Piece, ...]]
+"""(constraint, target point or None): the planes that prove it, in the order of w"""
 
 
 @dataclass(frozen=True)
@@ -97,6 +112,7 @@ class PlanFile:
     translation: tuple[Vector, ...] | None
     stated: tuple[Stated, ...] | None
     polygon: tuple[Vector, ...] | None
+    separators: Separators
 
 
 def read_plan(plan: Any) -> PlanFile:
@@ -146,12 +162,34 @@ def _plan(plan: Fields) -> PlanFile:
         path = plan.table("path")
         rotation, translation = _rows(path, "rotation", 4), _rows(path, "translation", 3)
     stated = polygon = None
+    separators: Separators = {}
     if status == "certified" or plan.get("certificate") is not None:
         certificate = plan.table("certificate")
         stated = tuple(_stated(line) for line in certificate.tables("constraints"))
         if certificate.get("polygon") is not None:
             polygon = certificate.vectors("polygon", 2, MOST_VERTICES)
-    return PlanFile(_problem(plan), status, rotation, translation, stated, polygon)
+        separators = _separators(certificate)
+    return PlanFile(_problem(plan), status, rotation, translation, stated, polygon, separators)
+
+
+def _separators(certificate: Fields) -> Separators:
+    found: dict[tuple[str, int | None], tuple[Piece, ...]] = {}
+    total = 0
+    for fields in certificate.tables("separators", default=()):
+        fields.only("constraint point pieces")
+        name, point = fields.get("constraint"), fields.get("point")
+        if not isinstance(name, str) or isinstance(point, bool) or not isinstance(point, int | None):
+            raise Malformed(f"{fields.where}: constraint must be text, point a whole number")
+        if (name, point) in found:
+            raise Malformed(f"{fields.where}: {name!r:.80}, point {point}, stands twice")
+        rows = fields.vectors("pieces", 5, MOST_PIECES)
+        total += len(rows)
+        if total > MOST_PIECES:
+            raise NotJudged(f"certificate.separators: more than {MOST_PIECES} planes")
+        if not all(0 <= a < b <= 1 for a, b, *_ in rows):
+            raise Malformed(f"{fields.where}.pieces: legal: 0 <= from < to <= 1")
+        found[name, point] = tuple(Piece(a, b, tuple(n)) for a, b, *n in rows)
+    return found
 
 
 def _rows(path: Fields, name: str, count: int) -> tuple[Vector, ...]:
@@ -233,13 +271,25 @@ def _dead_zone(camera: Fields) -> tuple[Fraction, Fraction, Fraction] | None:
 
 def _obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
     kind = fields.get("type")
-    if kind not in ("sphere", "half_space"):
+    if kind not in ("sphere", "box", "capsule", "half_space"):
         raise NotJudged(f"{fields.where}: this verifier does not judge obstacles of type {kind!r}")
     if fields.get("clearance") is not None:
         clearance = fields.number("clearance", least=0)
     if kind == "sphere":
         fields.only("type center radius clearance")
         return Sphere(fields.vector("center", 3), fields.number("radius", least=0), clearance)
+    if kind == "box":
+        fields.only("type center quaternion half_extents clearance")
+        extents = fields.vector("half_extents", 3)
+        if min(extents) <= 0:
+            raise Malformed(f"{fields.where}.half_extents: {fields.get('half_extents')} given; legal: > 0")
+        axes = axes_of(near_unit(fields.vector("quaternion", 4), f"{fields.where}.quaternion"))
+        return Box(fields.vector("center", 3), axes, extents, clearance)
+    if kind == "capsule":
+        fields.only("type from to radius clearance")
+        return Capsule(
+            fields.vector("from", 3), fields.vector("to", 3), fields.number("radius", above=0), clearance
+        )
     fields.only("type normal offset clearance")
     normal = near_unit(fields.vector("normal", 3), f"{fields.where}.normal")
     return HalfSpace(normal, fields.number("offset"), clearance)

@@ -72,6 +72,17 @@ def bernstein(p: Polynomial) -> list[int]:
     return [sum(map(mul, row, p)) for row in _conversion(len(p) - 1)]
 
 
+def on_piece(p: Polynomial, start: Fraction, end: Fraction) -> Polynomial:
+    """Return u ↦ p(start + (end − start)u), times a positive integer: what p is on a piece, on [0, 1]."""
+    factor = lcm(start.denominator, end.denominator)
+    line = [int(start * factor), int((end - start) * factor)]
+    total, power = [p[-1]], 1
+    for a in reversed(p[:-1]):
+        power *= factor
+        total = combine((1, times(total, line)), (a * power, [1]))
+    return total
+
+
 def halves(b: list[int]) -> tuple[list[int], list[int]]:
     """Return the Bernstein coefficients on both halves, times 2ⁿ (de Casteljau)."""
     n = len(b) - 1

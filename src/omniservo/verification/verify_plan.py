@@ -7,6 +7,7 @@ from typing import Any
 from omniservo.verification.camera_path import camera_path
 from omniservo.verification.certificate import Certificate, Judgement, Status
 from omniservo.verification.faults_of_form import IDENTITY, ORIGIN, faults_of_form
+from omniservo.verification.faults_of_separators import faults_of_separators
 from omniservo.verification.fields import Malformed, NotJudged, Vector
 from omniservo.verification.judged import Case, judged
 from omniservo.verification.plan_file import PlanFile, Stated, read_plan
@@ -41,9 +42,11 @@ def _judged_path(file: PlanFile) -> Certificate:
     if len(false) and file.stated is None:
         return Certificate("refuted", (), tuple(false))
     stated = {} if file.stated is None else _by_constraint(file.stated)
-    cases = judged(problem, path, file.polygon, {name: line.margin for name, line in stated.items()})
+    margins = {name: line.margin for name, line in stated.items()}
+    cases = judged(problem, path, file.polygon, file.separators, margins)
     if file.stated is not None:
         false += _faults_of_list(file.stated, cases, len(problem.points))
+        false += faults_of_separators(file)
     false += _reasons(cases, "violated")
     doubtful = _reasons(cases, "undecided")
     if any(problem.camera.distortion) and file.polygon is None:
@@ -105,7 +108,7 @@ def _infeasible(file: PlanFile) -> Certificate:
         ("goal", problem.goal_translation, problem.goal_quaternion),
     ):
         pose = camera_path(_constant(quaternion), _constant(translation), problem)
-        cases = judged(problem, pose, None, {})
+        cases = judged(problem, pose, None, {}, {})
         for case in cases:
             if case.finding.verdict == "violated":
                 reason = f"infeasible confirmed at the {name}: {case.reason()}"

@@ -16,6 +16,10 @@ class Demands(NamedTuple):
     """dead zone (7,): fx, skew, fy, cu − u₀, cv − v₀, radius [px], ξ; (0,) where there is none"""
     obstacles: FloatArray
     """spheres (m, 5): centre, radius, radius + clearance [m]"""
+    bodies: FloatArray
+    """boxes and capsules (b, 17), see `body_gap`"""
+    planes: FloatArray
+    """half-spaces (p, 5): unit n, offset + clearance, clearance [m]; free where n·x ≥ offset"""
     box: FloatArray
     """workspace (2, 3): least and greatest camera centre [m]; ±∞ where free"""
     numbers: FloatArray

@@ -1,0 +1,39 @@
+"""A box-shaped obstacle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.checks import bounded_array, own_clearance, unit_vector
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The points center + R(quaternion) y with |y_k| ≤ half_extents_k, in the initial camera frame.
+
+    Raises:
+        InputError: not finite, a half extent that is not positive, a quaternion that is not unit within
+            1e-6, a negative clearance, or a number beyond 1e6 m.
+    """
+
+    center: FloatArray
+    """(3,) [m], read-only"""
+    half_extents: FloatArray
+    """(3,) [m], > 0, along the box's own axes, read-only"""
+    quaternion: FloatArray
+    """box axes in the initial camera frame (4,), (x, y, z, w), unit, read-only"""
+    clearance: float | None = None
+    """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
+        extents = bounded_array("half_extents", self.half_extents, (3,))
+        if not np.all(extents > 0.0):
+            raise InputError(f"half_extents: {extents.tolist()} given; legal: > 0 each")
+        object.__setattr__(self, "half_extents", extents)
+        object.__setattr__(self, "quaternion", unit_vector("quaternion", self.quaternion, 4))
+        object.__setattr__(self, "clearance", own_clearance(self.clearance))

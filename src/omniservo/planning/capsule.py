@@ -1,0 +1,36 @@
+"""A capsule-shaped obstacle: a rod with round ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
+
+
+@dataclass(frozen=True, eq=False)
+class Capsule:
+    """The points at most ``radius`` away from the segment from ``start`` to ``end``, in the initial frame.
+
+    Raises:
+        InputError: not finite, a radius that is not positive, a negative clearance, or a number beyond 1e6 m.
+    """
+
+    start: FloatArray
+    """(3,) [m], read-only; "from" in a file"""
+    end: FloatArray
+    """(3,) [m], read-only; "to" in a file"""
+    radius: float
+    """[m], > 0"""
+    clearance: float | None = None
+    """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", bounded_array("from", self.start, (3,)))
+        object.__setattr__(self, "end", bounded_array("to", self.end, (3,)))
+        radius = finite_number("radius", self.radius, maximum=LARGEST)
+        if not radius > 0.0:
+            raise InputError(f"radius: {radius:g} given; legal: > 0")
+        object.__setattr__(self, "radius", radius)
+        object.__setattr__(self, "clearance", own_clearance(self.clearance))

@@ -1,0 +1,62 @@
+"""Half-spaces as obstacles: the camera centre stays on the free side, n·t ≥ b + d, degree τ."""
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.push import ASLEEP, push_centre
+
+
+@kernel
+def free_side_gap(x: float, y: float, z: float, plane: FloatArray) -> float:
+    """Return n·(x, y, z) − (b + d) of a ``plane`` (5,): unit n, b + clearance d, reach (see `Demands`)."""
+    return float(plane[0] * x + plane[1] * y + plane[2] * z - plane[3])
+
+
+@kernel
+def prove_free_side(controls: FloatArray, size: float, plane: FloatArray, margin: float) -> tuple[int, float]:
+    """Decide n·t ≥ b + d + margin on [0, 1]; controls of t (3, τ+1).
+
+    The normal's length differs from 1 by rounding only; its 1e-15 is among the counts.
+    """
+    n = controls.shape[1] - 1
+    gap = np.empty((1, n + 1))
+    for k in range(n + 1):
+        gap[0, k] = free_side_gap(controls[0, k], controls[1, k], controls[2, k], plane) - margin
+    return prove_nonnegative(gap, n + 24.0, 3.0 * size + abs(plane[3]) + abs(margin))
+
+
+@kernel
+def prove_free_sides(controls: FloatArray, size: float, planes: FloatArray) -> tuple[int, float]:
+    """Decide every half-space (p, 5)."""
+    for i in range(planes.shape[0]):
+        status, w = prove_free_side(controls, size, planes[i], 0.0)
+        if status != PROVEN:
+            return status, w
+    return PROVEN, 0.0
+
+
+@kernel
+def push_to_free_side(
+    planes: FloatArray,
+    poses: FloatArray,
+    ell: float,
+    first: int,
+    targets: FloatArray,
+    least: FloatArray,
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Push the centre out of the solids: g = (n·t − b − d)/max(d, ℓ/20) (see `push`)."""
+    for i in range(planes.shape[0]):
+        group, plane = first + i, planes[i]
+        if targets[group] == ASLEEP:
+            continue
+        f = 1.0 / max(plane[4], 0.05 * ell)
+        x, y, z = f * plane[0], f * plane[1], f * plane[2]
+        for s in range(poses.shape[0]):
+            g = f * free_side_gap(poses[s, 9], poses[s, 10], poses[s, 11], plane)
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                push_centre(systems, costs, s, poses, x, y, z, targets[group] - g)

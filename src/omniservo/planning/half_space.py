@@ -1,0 +1,34 @@
+"""A half-space as an obstacle: a wall, a floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.checks import LARGEST, own_clearance, unit_vector
+
+
+@dataclass(frozen=True, eq=False)
+class HalfSpace:
+    """The solid normal·x < offset, in the initial camera frame: free is what the normal points to.
+
+    It hides no target point: a point in front of it is seen from everywhere in front of it, because what is
+    free is convex; a point inside it is the problem's own contradiction.
+
+    Raises:
+        InputError: not finite, a normal that is not unit within 1e-6, a negative clearance, or a number
+            beyond 1e6 m.
+    """
+
+    normal: FloatArray
+    """(3,), unit, read-only"""
+    offset: float
+    """[m]"""
+    clearance: float | None = None
+    """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "normal", unit_vector("normal", self.normal, 3))
+        offset = finite_number("offset", self.offset, minimum=-LARGEST, maximum=LARGEST)
+        object.__setattr__(self, "offset", offset)
+        object.__setattr__(self, "clearance", own_clearance(self.clearance))
