@@ -9,8 +9,8 @@ from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.descent import Family, fill, path_family, unknowns
-from omniservo.planning.prove_path import prove_path
-from omniservo.planning.settle import PULL, THRIFTY_PULL, end_values, path_energy, power_path, settle
+from omniservo.planning.economise import economise
+from omniservo.planning.settle import PULL, end_values, path_energy, settle
 
 FEW = 12
 """Starts a degree before the next degree is tried."""
@@ -107,17 +107,8 @@ def search(
             if status != PROVEN:
                 continue
             if thrifty and degree > 1:
-                found = x.copy()
-                status, turn, move, w = settle(demands, family, ends, THRIFTY_PULL, x, least)
-                part = 1.0
-                while status != PROVEN and part > 0.1:
-                    part *= 0.7
-                    for i in range(x.shape[0]):
-                        x[i] = found[i] + part * (x[i] - found[i])
-                    turn, move = power_path(family, ell, x)
-                    status, w = prove_path(demands, turn, move)
-                energy = path_energy(family, ell, x)
-                if status == PROVEN and energy < facts[2]:
+                status, turn, move, energy = economise(demands, family, ends, x, least)
+                if status == PROVEN:
                     facts[3] = energy
                     return PROVEN, turn, move, facts
             return PROVEN, best_rotation, best_translation, facts
