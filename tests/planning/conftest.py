@@ -192,8 +192,10 @@ def seen_margins(problem: PlanningProblem, path: CameraPath, w: np.ndarray) -> d
             sight = np.linalg.norm(p + s[..., None] * line, axis=-1).min() - obstacle.radius
             found["occlusion"] = min(found.get("occlusion", np.inf), float(sight))
     if problem.workspace is not None:
-        inside = np.minimum(t - problem.workspace.min, problem.workspace.max - t)
-        found["workspace"] = float(inside.min())
+        inside = [t @ side.normal - side.offset for side in problem.workspace.half_spaces]
+        if problem.workspace.min is not None:
+            inside += [*(t - problem.workspace.min).T, *(problem.workspace.max - t).T]
+        found["workspace"] = float(np.min(inside))
     return found
 
 

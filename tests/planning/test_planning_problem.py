@@ -151,6 +151,19 @@ BAD = {
         "workspace: min 1, max 0 given on axis z; legal: min < max",
     ),
     "workspace part": ({"workspace": {"min": [0, 0, 0]}}, "workspace.max: missing"),
+    "workspace empty": ({"workspace": {}}, "workspace: empty; legal: min and max, half_spaces"),
+    "half-space not unit": (
+        {"workspace": {"half_spaces": [{"normal": [0, 0, 2], "offset": 0}]}},
+        r"workspace.half_spaces\[0\].normal: length 2 given; legal: 1 within",
+    ),
+    "half-space with a clearance": (
+        {"workspace": {"half_spaces": [{"normal": [0, 0, 1], "offset": 0, "clearance": 0.1}]}},
+        r"workspace.half_spaces\[0\].clearance: no such field; legal: normal, offset",
+    ),
+    "half-spaces many": (
+        {"workspace": {"half_spaces": [{"normal": [0, 0, 1], "offset": -1}] * 1001}},
+        "workspace.half_spaces: 1001 given; legal: at most 1000",
+    ),
     "degree zero": ({"degrees": {"rotation": 0}}, r"degrees.rotation: 0 given; legal: >= 1 and <= 16"),
     "degree half": ({"degrees": {"translation": 2.5}}, "degrees.translation: 2.5 given; a whole number"),
     "degree huge": ({"degrees": {"rotation": 1000}}, "degrees.rotation: 1000 given"),

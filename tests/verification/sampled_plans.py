@@ -127,10 +127,13 @@ def true_margins(problem, path, samples=20_001):
     for i, o in enumerate(problem.get("obstacles", ())):
         asked = o["radius"] + o.get("clearance", problem.get("clearance", 0.0))
         note(f"clearance obstacle {i}", np.linalg.norm(t - o["center"], axis=1) - asked)
-    if "workspace" in problem:
-        for axis, x in enumerate("xyz"):
-            note(f"workspace {x} min", t[:, axis] - problem["workspace"]["min"][axis])
-            note(f"workspace {x} max", problem["workspace"]["max"][axis] - t[:, axis])
+    inside = problem.get("workspace", {})
+    for axis, x in enumerate("xyz" if "min" in inside else ""):
+        note(f"workspace {x} min", t[:, axis] - inside["min"][axis])
+        note(f"workspace {x} max", inside["max"][axis] - t[:, axis])
+    for i, side in enumerate(inside.get("half_spaces", ())):
+        normal = np.array(side["normal"])
+        note(f"workspace half-space {i}", t @ normal / np.linalg.norm(normal) - side["offset"])
     note("rotation", (q * q).sum(1) - 0.01)
     rho = np.linalg.norm(c, axis=-1)
     xi = camera["xi"]
@@ -237,4 +240,7 @@ def random_case(rng, points=4):
     )
     if rng.random() < 0.3:
         asked["workspace"] = {"min": [-0.6, -0.5, -0.55], "max": [0.5, 0.6, 0.62]}
+    if rng.random() < 0.3:
+        half_space = {"normal": [0.48, -0.6, 0.64], "offset": -0.1}
+        asked["workspace"] = {**asked.get("workspace", {}), "half_spaces": [half_space]}
     return asked, path(asked, rng.normal(size=3) * 0.08, rng.normal(size=4) * 0.05)

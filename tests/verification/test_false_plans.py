@@ -21,7 +21,14 @@ def honest():
             {"type": "sphere", "center": [-0.03, -0.065, 0.085], "radius": 0.01},
             {"type": "sphere", "center": [-0.005, -0.08, 0.09], "radius": 0.0},
         ],
-        workspace={"min": [-0.1, -0.2, -0.1], "max": [0.2, 0.1, 0.3]},
+        workspace={
+            "min": [-0.1, -0.2, -0.1],
+            "max": [0.2, 0.1, 0.3],
+            "half_spaces": [
+                {"normal": [0.0, 0.6, 0.8], "offset": -0.05},
+                {"normal": [-0.6, 0, 0.8 + 5e-7], "offset": -0.3},
+            ],
+        },
     )
     document = plan(asked, path(asked, DETOUR))
     assert verify_plan(document).status == "certified"
@@ -146,6 +153,10 @@ def test_status_must_be_true(honest):
         ({"points": [*ridge(), [0.0, 1.2, 0.3]]}, "start: visibility bottom edge (point 9)"),
         ({"points": [*ridge(), [0.0, 0.0, 0.01]]}, "start: least_distance"),
         ({"workspace": {"min": [-1.0] * 3, "max": [1.0, 1.0, 0.1]}}, "goal: workspace z max"),
+        (
+            {"workspace": {"half_spaces": [{"normal": [0.0, 0.0, -1.0], "offset": -0.1}]}},
+            "goal: workspace half-space 0",
+        ),
         (
             {
                 "obstacles": [{"type": "sphere", "center": [0.0, -0.04, 0.2], "radius": 0.02}],
@@ -272,6 +283,8 @@ def test_every_number_of_the_file_that_is_not_finite_is_refused(honest):
         (("problem", "clearance"), -1.0, ">= 0"),
         (("problem", "occlusion"), 1, "true, false"),
         (("problem", "workspace"), {"min": [0, 0, 0]}, "workspace.max"),
+        (("problem", "workspace", "half_spaces", 0, "normal"), [0, 0, 1.1], "1e-6"),
+        (("problem", "workspace", "half_spaces", 0, "offset"), None, "a number"),
         (("path",), None, "path"),
         (("path", "rotation"), [[0.0]] * 3, "4 rows"),
         (("path", "translation"), [[0.0] * 1001] * 3, "degree 1000"),

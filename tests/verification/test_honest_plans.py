@@ -134,7 +134,11 @@ def test_occlusion_workspace_and_own_clearance_are_certified():
             {"type": "sphere", "center": [-0.005, -0.2, 0.09], "radius": 0.0},
         ],
         occlusion=True,
-        workspace={"min": [-0.1, -0.2, -0.1], "max": [0.2, 0.1, 0.3]},
+        workspace={
+            "min": [-0.1, -0.2, -0.1],
+            "max": [0.2, 0.1, 0.3],
+            "half_spaces": [{"normal": [0.0, 0.6, 0.8], "offset": -0.3}],
+        },
     )
     answer = certified(plan(asked, path(asked, DETOUR)))
     names = [j.name for j in answer.constraints]

@@ -25,6 +25,9 @@ Obstacle = Sphere | Box | Capsule | HalfSpace
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""
 
+MOST_HALF_SPACES = 1000
+"""Half-spaces that a workspace may have."""
+
 HIGHEST_DEGREE = 16
 """Highest degree of rotation and translation: every binomial coefficient that they need is an exact float."""
 
@@ -49,22 +52,53 @@ class Degrees:
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """A box that the camera centre stays in, in the initial camera frame."""
+    """Where the camera centre stays, in the initial camera frame: a box, half-spaces, or both.
 
-    min: FloatArray
+    Raises:
+        InputError: nothing given, only one of min and max, min ≥ max, or what `HalfSpace` refuses.
+    """
+
+    min: FloatArray | None = None
+    """(3,) [m], read-only; None where there is no box"""
+    max: FloatArray | None = None
     """(3,) [m], read-only"""
-    max: FloatArray
-    """(3,) [m], read-only"""
+    half_spaces: tuple[HalfSpace, ...] = ()
+    """free is normal·t ≥ offset: no clearance is added, so theirs must be None"""
 
     def __post_init__(self) -> None:
-        for name in ("min", "max"):
-            object.__setattr__(self, name, bounded_array(f"workspace.{name}", getattr(self, name), (3,)))
+        self._check_half_spaces()
+        if self.min is not None and self.max is not None:
+            self._check_box(self.min, self.max)
+        elif self.min is not None or self.max is not None:
+            missing = "min" if self.min is None else "max"
+            raise InputError(f"workspace.{missing}: missing; legal: min and max, or neither")
+        elif not self.half_spaces:
+            raise InputError("workspace: empty; legal: min and max, half_spaces, or all three")
+
+    def _check_box(self, low: FloatArray, high: FloatArray) -> None:
+        low, high = bounded_array("workspace.min", low, (3,)), bounded_array("workspace.max", high, (3,))
         for axis in range(3):
-            if not self.min[axis] < self.max[axis]:
+            if not low[axis] < high[axis]:
                 raise InputError(
-                    f"workspace: min {self.min[axis]:g}, max {self.max[axis]:g} given on axis {'xyz'[axis]}; "
+                    f"workspace: min {low[axis]:g}, max {high[axis]:g} given on axis {'xyz'[axis]}; "
                     "legal: min < max"
                 )
+        object.__setattr__(self, "min", low)
+        object.__setattr__(self, "max", high)
+
+    def _check_half_spaces(self) -> None:
+        half_spaces = tuple(self.half_spaces)
+        if len(half_spaces) > MOST_HALF_SPACES:
+            raise InputError(
+                f"workspace.half_spaces: {len(half_spaces)} given; legal: at most {MOST_HALF_SPACES}"
+            )
+        for i, side in enumerate(half_spaces):
+            if not isinstance(side, HalfSpace) or side.clearance is not None:
+                what = "with a clearance" if isinstance(side, HalfSpace) else type(side).__name__
+                raise InputError(
+                    f"workspace.half_spaces[{i}]: {what} given; legal: a HalfSpace without clearance"
+                )
+        object.__setattr__(self, "half_spaces", half_spaces)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from omniservo.planning.capsule import Capsule
 from omniservo.planning.constraints.body_gap import BODY_SIZE
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.planning_problem import Obstacle, PlanningProblem
+from omniservo.planning.planning_problem import Obstacle, PlanningProblem, Workspace
 from omniservo.planning.sphere import Sphere
 
 TIGHTER_PX = 3e-7
@@ -54,7 +54,7 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     rows = rows / np.linalg.norm(limits.normals, axis=1, keepdims=True)
     distances = np.sqrt(np.einsum("ij,ij->i", problem.points, problem.points))
     box = np.array([[-math.inf] * 3, [math.inf] * 3])
-    if problem.workspace is not None:
+    if problem.workspace is not None and problem.workspace.min is not None:
         box = np.array([problem.workspace.min, problem.workspace.max])
     return Demands(
         points=np.array(problem.points, order="C"),
@@ -107,6 +107,8 @@ def _planes(problem: PlanningProblem) -> FloatArray:
         for o in problem.obstacles
         if isinstance(o, HalfSpace)
     ]
+    if problem.workspace is not None:
+        rows += [(*side.normal, side.offset, 0.0) for side in problem.workspace.half_spaces]
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
@@ -176,12 +178,23 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
             elif isinstance(o, Sphere) and o.radius > 0.0:
                 entries.append(Entry(name, "m", True, margins.SIGHT, about, 1.0, metre))
     if problem.workspace is not None:
-        for wall, side in enumerate(("min", "max")):
-            for axis in range(3):
-                name = f"workspace {'xyz'[axis]} {side}"
-                entries.append(Entry(name, "m", False, margins.WALL, 3 * wall + axis, 1.0, metre))
+        entries += _workspace_entries(problem, problem.workspace, metre)
     entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
     return entries
+
+
+def _workspace_entries(problem: PlanningProblem, workspace: Workspace, metre: float) -> list[Entry]:
+    """Return the walls of the box, then the half-spaces, whose rows follow those of the obstacles."""
+    entries = [
+        Entry(f"workspace {'xyz'[axis]} {side}", "m", False, margins.WALL, 3 * wall + axis, 1.0, metre)
+        for wall, side in enumerate(("min", "max") if workspace.min is not None else ())
+        for axis in range(3)
+    ]
+    first = sum(isinstance(o, HalfSpace) for o in problem.obstacles)
+    return entries + [
+        Entry(f"workspace half-space {i}", "m", False, margins.FREE_SIDE, first + i, 1.0, metre)
+        for i in range(len(workspace.half_spaces))
+    ]
 
 
 def _among_its_kind(problem: PlanningProblem) -> list[tuple[Obstacle, int]]:

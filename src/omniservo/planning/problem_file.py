@@ -14,8 +14,10 @@ from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import finite_array
 from omniservo.planning.checks import unit_vector
+from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.obstacle_fields import obstacle_fields, obstacle_from_fields, only_fields
 from omniservo.planning.planning_problem import (
+    MOST_HALF_SPACES,
     MOST_POINTS,
     Degrees,
     Obstacle,
@@ -105,10 +107,7 @@ def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
         "occlusion": bool(problem.occlusion),
     }
     if problem.workspace is not None:
-        fields["workspace"] = {
-            "min": problem.workspace.min.tolist(),
-            "max": problem.workspace.max.tolist(),
-        }
+        fields["workspace"] = _workspace_fields(problem.workspace)
     fields["degrees"] = {
         "rotation": problem.degrees.rotation,
         "translation": problem.degrees.translation,
@@ -167,5 +166,25 @@ def _obstacles(value: Any) -> tuple[Obstacle, ...]:
 
 
 def _workspace(value: Any) -> Workspace:
-    fields = _within("workspace", lambda: only_fields(value, ("min", "max"), ()))
-    return Workspace(fields["min"], fields["max"])
+    fields = _within("workspace", lambda: only_fields(value, (), ("min", "max", "half_spaces")))
+    listed = _listed("workspace.half_spaces", fields.get("half_spaces", ()), MOST_HALF_SPACES)
+    half_spaces = tuple(
+        _within(f"workspace.half_spaces[{i}]", lambda item=item: _half_space(item))
+        for i, item in enumerate(listed)
+    )
+    return Workspace(fields.get("min"), fields.get("max"), half_spaces)
+
+
+def _half_space(value: Any) -> HalfSpace:
+    return HalfSpace(**only_fields(value, ("normal", "offset"), ()))
+
+
+def _workspace_fields(workspace: Workspace) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    if workspace.min is not None and workspace.max is not None:
+        fields = {"min": workspace.min.tolist(), "max": workspace.max.tolist()}
+    if workspace.half_spaces:
+        fields["half_spaces"] = [
+            {"normal": side.normal.tolist(), "offset": side.offset} for side in workspace.half_spaces
+        ]
+    return fields

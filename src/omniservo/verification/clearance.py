@@ -19,7 +19,7 @@ def clearance(problem: Problem, separators: Separators) -> list[Constraint[Camer
         if isinstance(obstacle, Sphere):
             found.append(_from_sphere(i, obstacle))
         elif isinstance(obstacle, HalfSpace):
-            found.append(_from_half_space(i, obstacle))
+            found.append(free_side(f"clearance obstacle {i}", obstacle))
         else:
             found.append(body_clearance(i, obstacle, separators))
     return found
@@ -42,7 +42,7 @@ def _from_sphere(index: int, sphere: Sphere) -> Constraint[CameraPath]:
     return Constraint(f"clearance obstacle {index}", "m", lambda m: lambda path: judge(m, path), left)
 
 
-def _from_half_space(index: int, solid: HalfSpace) -> Constraint[CameraPath]:
+def free_side(name: str, solid: HalfSpace) -> Constraint[CameraPath]:
     """n·t ≥ (offset + clearance + margin)‖n‖."""
     asked = solid.offset + solid.clearance
     squared_length = sum((x * x for x in solid.normal), Fraction(0))
@@ -57,4 +57,4 @@ def _from_half_space(index: int, solid: HalfSpace) -> Constraint[CameraPath]:
         along = sum(n * x for n, x in zip(solid.normal, path.position(w), strict=True))
         return float(along) / sqrt(squared_length) - float(asked)
 
-    return Constraint(f"clearance obstacle {index}", "m", lambda m: lambda path: judge(m, path), left)
+    return Constraint(name, "m", lambda m: lambda path: judge(m, path), left)

@@ -13,7 +13,7 @@ from omniservo.verification.fields import Fields, Malformed, NotJudged, PlanFile
 
 MOST_BYTES = 16 << 20
 MOST_POINTS = MOST_OBSTACLES = 100_000
-MOST_VERTICES = 1000
+MOST_VERTICES = MOST_HALF_SPACES = 1000
 MOST_PIECES = 200_000
 HIGHEST_DEGREE = 20
 STATUSES = ("certified", "refuted", "undecided", "infeasible", "not_found")
@@ -90,6 +90,7 @@ class Problem:
     visibility_margin: Fraction
     occlusion: bool
     workspace: tuple[Vector, Vector] | None
+    workspace_half_spaces: tuple[HalfSpace, ...]
     degrees: tuple[int, int]
 
 
@@ -230,6 +231,7 @@ def _problem(plan: Fields) -> Problem:
         visibility_margin=problem.number("visibility_margin", default=0, least=0),
         occlusion=problem.flag("occlusion", default=False),
         workspace=_workspace(problem),
+        workspace_half_spaces=_workspace_half_spaces(problem),
         degrees=_degrees(problem),
     )
 
@@ -291,6 +293,10 @@ def _obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
             fields.vector("from", 3), fields.vector("to", 3), fields.number("radius", above=0), clearance
         )
     fields.only("type normal offset clearance")
+    return _half_space(fields, clearance)
+
+
+def _half_space(fields: Fields, clearance: Fraction) -> HalfSpace:
     normal = near_unit(fields.vector("normal", 3), f"{fields.where}.normal")
     return HalfSpace(normal, fields.number("offset"), clearance)
 
@@ -298,8 +304,19 @@ def _obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
 def _workspace(problem: Fields) -> tuple[Vector, Vector] | None:
     if problem.get("workspace") is None:
         return None
-    box = problem.table("workspace", "min max")
+    box = problem.table("workspace", "min max half_spaces")
+    if box.get("min") is None and box.get("max") is None:
+        return None
     return box.vector("min", 3), box.vector("max", 3)
+
+
+def _workspace_half_spaces(problem: Fields) -> tuple[HalfSpace, ...]:
+    if problem.get("workspace") is None:
+        return ()
+    sides = problem.table("workspace").tables("half_spaces", MOST_HALF_SPACES, default=())
+    for fields in sides:
+        fields.only("normal offset")
+    return tuple(_half_space(fields, Fraction(0)) for fields in sides)
 
 
 def _degrees(problem: Fields) -> tuple[int, int]:

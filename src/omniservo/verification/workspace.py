@@ -1,8 +1,9 @@
-"""Workspace: the camera centre stays inside a box."""
+"""Workspace: the camera centre stays inside a box, and on the free side of half-spaces."""
 
 from fractions import Fraction
 
 from omniservo.verification.camera_path import CameraPath
+from omniservo.verification.clearance import free_side
 from omniservo.verification.constraint import Constraint
 from omniservo.verification.decision import Finding, nonnegative
 from omniservo.verification.plan_file import Problem
@@ -10,15 +11,14 @@ from omniservo.verification.polynomials import minus
 
 
 def workspace(problem: Problem) -> list[Constraint[CameraPath]]:
-    """T ≥ min + margin and −t ≥ −max + margin, an axis each."""
-    if problem.workspace is None:
-        return []
-    low, high = problem.workspace
-    return [
+    """T ≥ min + margin and −t ≥ −max + margin, an axis each; n·t ≥ (offset + margin)‖n‖."""
+    walls = [
         _wall(axis, side, sign, bound[axis])
         for axis in range(3)
-        for side, sign, bound in (("min", 1, low), ("max", -1, high))
+        for side, sign, bound in zip(("min", "max"), (1, -1), problem.workspace or (), strict=False)
     ]
+    sides = enumerate(problem.workspace_half_spaces)
+    return walls + [free_side(f"workspace half-space {i}", side) for i, side in sides]
 
 
 def _wall(axis: int, side: str, sign: int, bound: Fraction) -> Constraint[CameraPath]:

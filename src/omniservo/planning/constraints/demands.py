@@ -19,7 +19,8 @@ class Demands(NamedTuple):
     bodies: FloatArray
     """boxes and capsules (b, 17), see `body_gap`"""
     planes: FloatArray
-    """half-spaces (p, 5): unit n, offset + clearance, clearance [m]; free where n·x ≥ offset"""
+    """half-spaces (p, 5): unit n, offset + clearance, clearance [m]; free where n·x ≥ offset; the obstacles',
+    then the workspace's"""
     box: FloatArray
     """workspace (2, 3): least and greatest camera centre [m]; ±∞ where free"""
     numbers: FloatArray
