@@ -24,7 +24,8 @@ from omniservo.planning.problem_arrays import (
 from omniservo.planning.separators import separators_of
 
 ENDS_MEET = 1e-9
-"""A path starts at the identity and ends at the goal within this, in m and in the unit quaternion."""
+"""A path starts at the identity and ends at the goal within this, in m and in the unit quaternion; so does an
+initial velocity, in m and rad per unit of w."""
 
 Verdict = Literal["certified", "refuted", "undecided"]
 
@@ -33,8 +34,8 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
     """Judge a path: "certified" (proven for all w), "refuted" (a w shows it) or "undecided".
 
     Raises:
-        InputError: the path does not start at the identity or end at the goal, or its degrees exceed the
-            problem's: it is no path of this problem.
+        InputError: the path does not start at the identity, with the initial velocity where there is one, or
+            end at the goal, or its degrees exceed the problem's: it is no path of this problem.
     """
     _check_path(problem, path)
     asked = image_limits(problem, 0.0)
@@ -93,3 +94,9 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
         if error > ENDS_MEET:
             pose = "the identity" if place == "start" else "the goal"
             raise InputError(f"path: its {place} misses {pose} by {error:.3g}; legal: {ENDS_MEET:g}")
+    if problem.initial_velocity is not None:
+        error = float(np.abs(path(0.0, 1) - problem.initial_velocity).max())
+        if error > ENDS_MEET:
+            raise InputError(
+                f"path: its velocity at w = 0 misses initial_velocity by {error:.3g}; legal: {ENDS_MEET:g}"
+            )

@@ -1,19 +1,15 @@
 """Levenberg–Marquardt on squared hinges at samples: from a path to one that keeps its targets there.
 
-Unknowns x: the offsets of the inner control points of φ and of t/ℓ from the linearly interpolated
-quaternion and the straight line, φ's blocks of 4 first. Cost: Σ max(0, μ − g)²/2 over samples and
+Unknowns x: the offsets of `path_family`. Cost: Σ max(0, μ − g)²/2 over samples and
 constraints (`constraints.push`) + pull · (bending energy / ℓ²)/2.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.polynomial import BINOMIALS
-from omniservo.planning.bending import bending_form
 from omniservo.planning.constraints.collision import push_from_obstacles
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import push_to_free_side
@@ -23,108 +19,13 @@ from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.constraints.separation import push_off_bodies
 from omniservo.planning.constraints.visibility import push_into_image
 from omniservo.planning.constraints.workspace import push_into_box
-
-MAX_SAMPLES = 48
-"""Samples of w that a descent can hold; the search adds witnesses up to it."""
+from omniservo.planning.path_family import Family, path_controls
 
 STALLED = 1e-3
 """Relative gain of a step below which a descent ends."""
 
 PLENTY = 0.4
 """A group with more left at the start of a descent sleeps through it; the proof looks at it again."""
-
-
-class Family(NamedTuple):
-    """The paths among which a descent moves, and where it looks at them."""
-
-    quaternion: FloatArray
-    """φ(1) (4,)"""
-    translation: FloatArray
-    """t(1) (3,) [m]"""
-    rotation_form: FloatArray
-    """`bending_form` of σ"""
-    translation_form: FloatArray
-    """`bending_form` of τ"""
-    rotation_basis: FloatArray
-    """Bernstein polynomials at the samples (MAX_SAMPLES, σ+1)"""
-    translation_basis: FloatArray
-    """(MAX_SAMPLES, τ+1)"""
-    samples: IntArray
-    """how many samples there are (1,)"""
-
-
-@kernel
-def path_family(quaternion: FloatArray, translation: FloatArray, sigma: int, tau: int) -> Family:
-    """Return the family of degrees σ, τ from the identity to a goal, without samples."""
-    return Family(
-        quaternion,
-        translation,
-        bending_form(sigma),
-        bending_form(tau),
-        np.empty((MAX_SAMPLES, sigma + 1)),
-        np.empty((MAX_SAMPLES, tau + 1)),
-        np.zeros(1, dtype=np.int64),
-    )
-
-
-@kernel
-def add_sample(family: Family, w: float) -> bool:
-    """Add a sample at w; False where there is no room."""
-    index = family.samples[0]
-    if index == MAX_SAMPLES:
-        return False
-    family.samples[0] = index + 1
-    set_basis(family.rotation_basis, index, w)
-    set_basis(family.translation_basis, index, w)
-    return True
-
-
-@kernel
-def set_basis(basis: FloatArray, index: int, w: float) -> None:
-    """Write the Bernstein polynomials at w into row ``index``."""
-    n = basis.shape[1] - 1
-    power = 1.0
-    for k in range(n + 1):
-        basis[index, k] = BINOMIALS[n, k] * power
-        power *= w
-    power = 1.0
-    for k in range(n, -1, -1):
-        basis[index, k] *= power
-        power *= 1.0 - w
-
-
-@kernel
-def set_uniform_samples(family: Family, count: int) -> None:
-    """Replace the samples by ``count`` ones evenly inside (0, 1)."""
-    family.samples[0] = 0
-    for i in range(count):
-        add_sample(family, (i + 1.0) / (count + 1.0))
-
-
-@kernel
-def unknowns(family: Family) -> int:
-    """Return 4(σ−1) + 3(τ−1)."""
-    return int(4 * family.rotation_form.shape[0] + 3 * family.translation_form.shape[0])
-
-
-@kernel
-def path_controls(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the control points of φ (4, σ+1) and t (3, τ+1) [m] for the offsets x."""
-    sigma, tau = family.rotation_basis.shape[1] - 1, family.translation_basis.shape[1] - 1
-    phi, t = np.empty((4, sigma + 1)), np.empty((3, tau + 1))
-    for k in range(sigma + 1):
-        part = k / sigma
-        for c in range(4):
-            phi[c, k] = part * family.quaternion[c] + ((1.0 - part) if c == 3 else 0.0)
-            if 0 < k < sigma:
-                phi[c, k] += x[4 * (k - 1) + c]
-    offset = 4 * (sigma - 1)
-    for k in range(tau + 1):
-        for c in range(3):
-            t[c, k] = k / tau * family.translation[c]
-            if 0 < k < tau:
-                t[c, k] += ell * x[offset + 3 * (k - 1) + c]
-    return phi, t
 
 
 @kernel
@@ -246,11 +147,13 @@ def spread(
 
 @kernel
 def _block(family: Family, index: int, i: int, inner: int) -> tuple[int, int, float, int]:
-    """Return row in the 7-block, height, basis value, row among the unknowns of inner control i."""
+    """Return row in the 7-block, height, basis value, row among the unknowns of free control i."""
     if i < inner:
-        return 0, 4, family.rotation_basis[index, i + 1], 4 * i
-    k = i - inner
-    return 4, 3, family.translation_basis[index, k + 1], 4 * inner + 3 * k
+        basis = family.rotation_basis
+        return 0, 4, basis[index, basis.shape[1] - 1 - inner + i], 4 * i
+    k, basis = i - inner, family.translation_basis
+    free = family.translation_form.shape[0]
+    return 4, 3, basis[index, basis.shape[1] - 1 - free + k], 4 * inner + 3 * k
 
 
 @kernel

@@ -4,9 +4,9 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import Family
+from omniservo.planning.path_family import Family, path_energy
 from omniservo.planning.prove_path import prove_path
-from omniservo.planning.settle import THRIFTY_PULL, path_energy, power_path, settle
+from omniservo.planning.settle import THRIFTY_PULL, power_path, settle
 
 SHORTER = 0.7
 """Where the whole way to the least effort is not proven, this part of it is tried next."""

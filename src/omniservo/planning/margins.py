@@ -22,7 +22,8 @@ from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.separation import separate
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
-from omniservo.planning.descent import place, set_basis
+from omniservo.planning.descent import place
+from omniservo.planning.path_family import set_basis
 
 EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, BODY_SIGHT, CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY = range(12)
 """Kinds. Index: the limit, wall, or obstacle among its kind.

@@ -37,8 +37,11 @@ def paper_path(problem: PlanningProblem) -> tuple[CameraPath, str]:
     the image take its place.
 
     Raises:
-        InputError: an obstacle that is not a sphere: the paper has points and spheres only.
+        InputError: an obstacle that is not a sphere: the paper has points and spheres only; or an initial
+            velocity, which (25) does not know.
     """
+    if problem.initial_velocity is not None:
+        raise InputError('method: "paper" given; legal: "certified", where there is an initial_velocity')
     if not all(isinstance(o, Sphere) for o in problem.obstacles):
         raise InputError('method: "paper" given; legal: "certified", where an obstacle is not a sphere')
     sigma, tau = problem.degrees.rotation, problem.degrees.translation

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import Literal
-
-import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import finite_number
@@ -16,11 +13,7 @@ from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.paper_search import paper_path
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
-from omniservo.planning.search import search
-
-STARTS = 300
-"""Starts at the highest degree before a plan counts as not found."""
+from omniservo.planning.problem_search import STARTS, ProblemSearch
 
 Method = Literal["certified", "paper"]
 
@@ -60,9 +53,5 @@ def plan_path(problem: PlanningProblem, *, method: Method = "certified", seed: i
 
 
 def _certified_path(problem: PlanningProblem, seed: int) -> CameraPath:
-    demands = demands_of(problem, image_limits(problem, TIGHTER_PX))
-    degrees = np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64)
-    quaternion, translation = problem.goal_quaternion, problem.goal_translation
-    phase = (seed * 2.399963229728653) % (2.0 * math.pi)
-    _, rotation, centre, _ = search(demands, quaternion, translation, degrees, STARTS, phase, True)
-    return CameraPath(rotation, centre)
+    search = ProblemSearch.of(problem, seed)
+    return search.run(0, search.starts, 1).path

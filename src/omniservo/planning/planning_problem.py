@@ -127,6 +127,9 @@ class PlanningProblem:
     """no obstacle between camera and any target point"""
     workspace: Workspace | None = None
     degrees: Degrees = Degrees()
+    initial_velocity: FloatArray | None = None
+    """twist that the path starts with (6,), (linear [m], angular [rad]) per unit of w, in the initial camera
+    frame, read-only; None: any. It takes one degree more to leave a path as much freedom as without"""
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, UnifiedCamera):
@@ -146,6 +149,20 @@ class PlanningProblem:
             raise InputError(f"workspace: {self.workspace!r} given; a Workspace or None is needed")
         if not isinstance(self.degrees, Degrees):
             raise InputError(f"degrees: {self.degrees!r} given; Degrees(rotation, translation) is needed")
+        self._check_velocity()
+
+    def _check_velocity(self) -> None:
+        if self.initial_velocity is None:
+            return
+        velocity = bounded_array("initial_velocity", self.initial_velocity, (6,))
+        object.__setattr__(self, "initial_velocity", velocity)
+        for name in ("rotation", "translation"):
+            degree = getattr(self.degrees, name)
+            if degree < 2:
+                raise InputError(
+                    f"degrees.{name}: {degree} given with an initial_velocity; legal: at least 2, "
+                    "and 3 to leave the path any freedom"
+                )
 
     def _check_goal(self) -> None:
         goal = self.initial_T_goal

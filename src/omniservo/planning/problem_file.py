@@ -36,6 +36,7 @@ _OPTIONAL = (
     "occlusion",
     "workspace",
     "degrees",
+    "initial_velocity",
 )
 
 
@@ -75,6 +76,8 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
             given["workspace"] = _workspace(fields["workspace"])
         if fields.get("degrees") is not None:
             given["degrees"] = _within("degrees", lambda: _degrees(fields["degrees"]))
+        if fields.get("initial_velocity") is not None:
+            given["initial_velocity"] = fields["initial_velocity"]
         return PlanningProblem(
             camera=_camera(fields["camera"], folder),
             points=_listed("points", fields["points"], MOST_POINTS),
@@ -112,6 +115,8 @@ def problem_fields(problem: PlanningProblem) -> dict[str, Any]:
         "rotation": problem.degrees.rotation,
         "translation": problem.degrees.translation,
     }
+    if problem.initial_velocity is not None:
+        fields["initial_velocity"] = problem.initial_velocity.tolist()
     return fields
 
 

@@ -8,9 +8,10 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import Family, fill, path_family, unknowns
+from omniservo.planning.descent import fill
 from omniservo.planning.economise import economise
-from omniservo.planning.settle import PULL, end_values, path_energy, settle
+from omniservo.planning.path_family import Ends, Family, path_energy, path_family, unknowns
+from omniservo.planning.settle import PULL, end_values, settle
 
 FEW = 12
 """Starts a degree before the next degree is tried."""
@@ -31,7 +32,7 @@ def start_offsets(family: Family, ell: float, index: int, phase: float, x: Float
         return
     angle = phase + 2.0 * math.pi * SPREAD[0] * index
     size = (0.2 + 0.12 * math.sqrt(index)) * (0.4 + 1.2 * ((SPREAD[2] * index) % 1.0))
-    t = family.translation
+    t = family.translation_base[:, family.translation_base.shape[1] - 1]
     distance = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     height = 1.0 - 2.0 * ((SPREAD[1] * index) % 1.0)
     ring = math.sqrt(1.0 - height * height)
@@ -62,54 +63,77 @@ def smallest(values: FloatArray) -> float:
 
 
 @kernel
+def stiff_degree(ends: Ends) -> int:
+    """Return the degree up to which the ends leave no freedom: 1, or 2 where a departure is given."""
+    return 1 if ends.departure.shape[0] == 0 else 2
+
+
+@kernel
+def starts_in_all(ends: Ends, degrees: IntArray, most: int) -> int:
+    """Return how many starts there are: one without freedom, `FEW` a degree, ``most`` at the highest one."""
+    degree = max(degrees[0], degrees[1]) - stiff_degree(ends)
+    return 1 if degree <= 0 else 1 + FEW * (degree - 1) + most
+
+
+@kernel
+def scheduled(ends: Ends, degrees: IntArray, number: int) -> tuple[int, int]:
+    """Return the degree and the index among its starts of start ``number``, counted over all degrees."""
+    stiff, highest = stiff_degree(ends), max(degrees[0], degrees[1])
+    if number == 0:
+        return min(stiff, highest), 0
+    degree = min(stiff + 1 + (number - 1) // FEW, highest)
+    return degree, number - 1 - FEW * (degree - stiff - 1)
+
+
+@kernel
 def search(
-    demands: Demands,
-    quaternion: FloatArray,
-    translation: FloatArray,
-    degrees: IntArray,
-    starts: int,
-    phase: float,
-    thrifty: bool,
+    demands: Demands, ends: Ends, degrees: IntArray, window: IntArray, phase: float, economised: int
 ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
-    """Return status, φ and t by powers, and facts: the first proven path, or the best attempt.
+    """Return status, φ and t by powers, and facts: the first proven path or the best of a few, or an attempt.
 
     Args:
         demands: the problem.
-        quaternion: φ(1) (4,).
-        translation: t(1) (3,) [m].
+        ends: what all paths start and end with.
         degrees: highest σ and τ (2,).
-        starts: so many starts at the highest degree, `FEW` at each one below.
+        window: the starts to try, window[0] ≤ number < window[1]; see `scheduled`.
         phase: turns the directions of the detours [rad].
-        thrifty: then go on to the path of least effort nearby; where that is not proven, part of the way.
+        economised: 0: the first proven path. k > 0: the least effort near each of the first k starts that
+            are proven, and of these the path of least energy.
 
     Returns:
-        PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (4,): the start,
-        the w where the last proof failed, the energy (`path_energy`) found, and the energy returned.
+        PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (6,): the number of
+        the start, the w where the last proof failed, the energy (`path_energy`) before and after economising,
+        the least energy that any path could have, and the smallest g of the attempt.
     """
-    highest, ell = max(degrees[0], degrees[1]), demands.numbers[2]
-    family = path_family(quaternion, translation, degrees[0], degrees[1])
-    ends = end_values(demands, family)
-    least, facts = np.empty_like(ends), np.zeros(4)
-    best, best_rotation, best_translation = -math.inf, np.empty((4, 0)), np.empty((3, 0))
-    for degree in range(1, highest + 1):
-        family = path_family(quaternion, translation, min(degree, degrees[0]), min(degree, degrees[1]))
+    ell, proven = demands.numbers[2], 0
+    family = path_family(ends, degrees[0], degrees[1])
+    end_least, floor = end_values(demands, family), path_energy(family, ell, np.zeros(unknowns(family)))
+    least, facts = np.empty_like(end_least), np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf])
+    rotation, translation = np.empty((4, 0)), np.empty((3, 0))
+    last = -1
+    for number in range(window[0], window[1]):
+        degree, start = scheduled(ends, degrees, number)
+        if degree != last:
+            family, last = path_family(ends, min(degree, degrees[0]), min(degree, degrees[1])), degree
         x = np.empty(unknowns(family))
-        count = 1 if degree == 1 else starts if degree == highest else FEW
-        for start in range(count):
-            start_offsets(family, ell, start, phase, x)
-            fill(least, -1e300)
-            status, turn, move, w = settle(demands, family, ends, PULL, x, least)
+        start_offsets(family, ell, start, phase, x)
+        fill(least, -1e300)
+        status, turn, move, w = settle(demands, family, end_least, PULL, x, least)
+        if status != PROVEN:
             worst = smallest(least)
-            if status == PROVEN or worst > best:
-                best, best_rotation, best_translation = worst, turn, move
-                facts[0], facts[1] = start, w
-                facts[2] = facts[3] = path_energy(family, ell, x)
-            if status != PROVEN:
-                continue
-            if thrifty and degree > 1:
-                status, turn, move, energy = economise(demands, family, ends, x, least)
-                if status == PROVEN:
-                    facts[3] = energy
-                    return PROVEN, turn, move, facts
-            return PROVEN, best_rotation, best_translation, facts
-    return REFUTED, best_rotation, best_translation, facts
+            if proven == 0 and worst > facts[5]:
+                rotation, translation = turn, move
+                facts[0], facts[1], facts[5] = number, w, worst
+            continue
+        proven += 1
+        found = energy = path_energy(family, ell, x)
+        if economised > 0 and x.shape[0] > 0:
+            status, better_turn, better_move, energy = economise(demands, family, end_least, x, least)
+            if status == PROVEN:
+                turn, move = better_turn, better_move
+        if proven == 1 or energy < facts[3]:
+            rotation, translation = turn, move
+            facts[0], facts[2], facts[3], facts[5] = number, found, energy, smallest(least)
+        if proven >= economised or facts[3] <= floor:
+            break
+    return PROVEN if proven > 0 else REFUTED, rotation, translation, facts

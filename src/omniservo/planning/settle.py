@@ -12,17 +12,12 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, power_from_bernstein
-from omniservo.planning.bending import bending_energy
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import (
+from omniservo.planning.descent import descend, fill, groups, linearise, reached
+from omniservo.planning.path_family import (
     Family,
     add_sample,
-    descend,
-    fill,
-    groups,
-    linearise,
     path_controls,
-    reached,
     set_uniform_samples,
     unknowns,
 )
@@ -117,14 +112,6 @@ def shift_targets(ends: FloatArray, least: FloatArray, left: float, targets: Flo
         settled = settled and miss <= 0.5 * left and (targets[i] <= goal or miss >= -max(SPARE, left))
         targets[i] = max(goal, targets[i] + (OVER if miss > 0.0 else 1.0) * miss)
     return settled
-
-
-@kernel
-def path_energy(family: Family, ell: float, x: FloatArray) -> float:
-    """Return ∫‖t″‖² dw / ℓ² + ∫‖φ″‖² dw at the offsets x."""
-    phi, t = path_controls(family, ell, x)
-    turn = bending_energy(phi, family.rotation_form)
-    return turn + bending_energy(t, family.translation_form) / (ell * ell)
 
 
 @kernel
