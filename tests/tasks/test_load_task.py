@@ -91,6 +91,10 @@ def test_the_papers_numbers_stand_in_its_tasks():
         ("planning.degrees.rotation", 9, "planning.degrees.rotation"),
         ("planning.workspace", {"min": [0, 0, 0], "max": [1, 1, 0]}, "smaller"),
         ("name", "../x", "name"),
+        ("planning.obstacles", [{"type": "cone"}], "planning.obstacles.0"),
+        ("planning.obstacles", [{"type": "box", "center": [0, 0, 0]}], "half_extents"),
+        ("planning.obstacles", [{"type": "half_space", "normal": [0, 0, 2], "offset": 0}], "length 2"),
+        ("planning.obstacles", [{"center": [0, 0, 0], "half_extents": [1, 1, 1]}], "no such field"),
     ],
 )
 def test_a_wrong_field_is_named_with_file_and_value(tmp_path, field, value, says):
@@ -99,6 +103,23 @@ def test_a_wrong_field_is_named_with_file_and_value(tmp_path, field, value, says
         load_task(path)
     assert str(path) in str(refusal.value)
     assert says in str(refusal.value)
+
+
+def test_the_planner_knows_every_kind_of_obstacle_in_metres(tmp_path):
+    obstacles = [
+        {"center": [10, 0, 0]},
+        {"type": "box", "center": [0, 0, 50], "half_extents": [10, 20, 30], "rotation_vector": [0, 0, 90]},
+        {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, 40], "radius": 5, "clearance": 7},
+        {"type": "half_space", "normal": [0, 0, -1], "offset": -300},
+    ]
+    task = load_task(written(tmp_path, changed("planning.obstacles", obstacles)))
+    sphere, box, capsule, wall = (o.obstacle for o in task.planning.obstacles)
+    at = np.array([[0.1, 0.0, 0.05]])
+    assert sphere.distance(at)[0] == pytest.approx(np.hypot(0.09, 0.05))
+    assert box.distance(at)[0] == pytest.approx(0.08)
+    assert capsule.distance(at)[0] == pytest.approx(np.hypot(0.1, 0.01) - 0.005)
+    assert wall.distance(at)[0] == pytest.approx(0.25)
+    assert capsule.clearance == pytest.approx(0.007)
 
 
 def test_a_missing_field_is_named(tmp_path):

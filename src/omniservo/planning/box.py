@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
@@ -37,3 +38,10 @@ class Box:
         object.__setattr__(self, "half_extents", extents)
         object.__setattr__(self, "quaternion", unit_vector("quaternion", self.quaternion, 4))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        beyond = np.abs(Rotation.from_quat(self.quaternion).apply(points - self.center, inverse=True))
+        beyond -= self.half_extents
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
@@ -34,3 +36,11 @@ class Capsule:
             raise InputError(f"radius: {radius:g} given; legal: > 0")
         object.__setattr__(self, "radius", radius)
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        along = self.end - self.start
+        square = float(along @ along)
+        part = (points - self.start) @ along / square if square > 0.0 else np.zeros(len(points))
+        nearest = self.start + np.clip(part, 0.0, 1.0)[:, None] * along
+        return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, own_clearance, unit_vector
 
@@ -32,3 +34,7 @@ class HalfSpace:
         offset = finite_number("offset", self.offset, minimum=-LARGEST, maximum=LARGEST)
         object.__setattr__(self, "offset", offset)
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        return np.asarray(points @ self.normal - self.offset)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
 
@@ -27,3 +29,7 @@ class Sphere:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
         object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        return np.asarray(np.linalg.norm(points - self.center, axis=1) - self.radius)

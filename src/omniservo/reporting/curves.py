@@ -12,7 +12,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.reporting.image_distance import image_distance
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import RunResult
-from omniservo.tasks.task import Sphere
+from omniservo.tasks.obstacles import ObstacleSection
 
 SAMPLES = 401
 """of a planned curve"""
@@ -104,8 +104,8 @@ def _on_plane(directions: FloatArray, valid: BoolArray) -> FloatArray:
     return np.asarray(directions[..., :2] / z[..., None], dtype=np.float64)
 
 
-def _clearances(positions: FloatArray, obstacles: Sequence[Sphere]) -> FloatArray:
-    columns = [np.linalg.norm(positions - np.asarray(o.center), axis=1) - o.radius for o in obstacles]
+def _clearances(positions: FloatArray, obstacles: Sequence[ObstacleSection]) -> FloatArray:
+    columns = [o.obstacle.distance(positions) for o in obstacles]
     return np.stack(columns, axis=1) if columns else np.empty((len(positions), 0))
 
 

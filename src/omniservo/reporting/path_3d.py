@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.space import Space, box_edges, box_faces, space_of, sphere_surface
+from omniservo.reporting.space import Space, box_edges, box_faces, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
@@ -30,12 +30,12 @@ def path_3d(result: RunResult) -> Drawing:
         _flat(panels[name], space, columns)
         panels[name].set_title(title)
         upright.name(panels[name], *columns)
-    legend_below(figure, panels["side"], 4 if any(b.has_own_clearance for b in space.balls) else 6)
+    legend_below(figure, panels["side"], 4 if any(r.has_own_clearance for r in space.keep_out) else 6)
     return Drawing(
         "path-3d",
         "Path of the camera in space",
         "In the initial camera frame; up is up, and a millimetre is equally long everywhere. Shaded: the "
-        "safe distance that the task asks for around the points (crosses) that stand for the obstacle; the "
+        "safe distance that the task asks for around what the planner knows of the obstacle (crosses); the "
         "path must stay outside. The brick-red box is the obstacle's real body, which the planner does not "
         "know. Small pyramids: the camera, looking through its base.",
         figure,
@@ -64,18 +64,20 @@ def _askew(axes: Any, space: Space, upright: UprightAxes) -> None:
 
 
 def _solid(axes: Any, space: Space) -> None:
-    """Draw the obstacles as bodies and balls."""
+    """Draw the obstacles' bodies and what the path keeps out of."""
     for corners in space.bodies:
         for face in box_faces(corners):
             axes.plot_surface(*np.moveaxis(face, -1, 0), color=OBSTACLE, alpha=0.22, linewidth=0, shade=False)
         for edge in box_edges(corners):
             axes.plot(*edge.T, color=OBSTACLE, lw=0.9)
-    for ball in space.balls:
-        grid = np.moveaxis(sphere_surface(ball.center, ball.reach), -1, 0)
-        colour = QUIET if ball.has_own_clearance else OBSTACLE
-        axes.plot_surface(*grid, color=colour, alpha=0.12, linewidth=0, shade=False)
-        if not ball.has_own_clearance:
-            axes.scatter(*ball.center, s=26, marker="x", c=OBSTACLE, depthshade=False)
+    for region in space.keep_out:
+        hull = ConvexHull(region.outline)
+        colour = QUIET if region.has_own_clearance else OBSTACLE
+        axes.plot_trisurf(
+            *region.outline.T, triangles=hull.simplices, color=colour, alpha=0.12, linewidth=0, shade=False
+        )
+        if not region.has_own_clearance:
+            axes.scatter(*region.mark, s=26, marker="x", c=OBSTACLE, depthshade=False)
 
 
 def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
@@ -97,24 +99,23 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
 
 
 def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
-    """Draw the shadows of bodies and balls on the page."""
+    """Draw the shadows of bodies, and of what the path keeps out of, on the page."""
     for number, corners in enumerate(space.bodies):
         seen = corners[:, flat]
         outline = seen[ConvexHull(seen).vertices]
         label = "obstacle's body" if number == 0 else None
         axes.add_patch(Polygon(outline, facecolor=f"{OBSTACLE}40", edgecolor=OBSTACLE, lw=0.9, label=label))
     own_labelled = labelled = False
-    for ball in space.balls:
-        centre: FloatArray = ball.center[flat]
-        if ball.has_own_clearance:
-            label, own_labelled = None if own_labelled else "ball with a clearance of its own", True
-            axes.add_patch(
-                Circle(tuple(centre), ball.reach, fill=False, edgecolor=QUIET, lw=0.9, label=label)
-            )
+    for region in space.keep_out:
+        seen = region.outline[:, flat]
+        outline = seen[ConvexHull(seen).vertices]
+        if region.has_own_clearance:
+            label, own_labelled = None if own_labelled else "obstacle with a clearance of its own", True
+            axes.add_patch(Polygon(outline, fill=False, edgecolor=QUIET, lw=0.9, label=label))
             continue
         label, labelled = None if labelled else "safe distance", True
-        axes.add_patch(Circle(tuple(centre), ball.reach, facecolor=f"{OBSTACLE}22", label=label))
-        axes.plot(*centre, "x", ms=6, color=OBSTACLE)
+        axes.add_patch(Polygon(outline, facecolor=f"{OBSTACLE}22", label=label))
+        axes.plot(*region.mark[flat], "x", ms=6, color=OBSTACLE)
 
 
 def _with_margin(extent: FloatArray) -> FloatArray:

@@ -6,15 +6,18 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
+from omniservo.tasks.obstacles import BoxSection, CapsuleSection, SphereSection
 
 _SYMBOLS = 6
 _LEAST_SYMBOL = 1e-3
+_LEAST_REACH = 0.01
+"""a point without any distance around it is drawn so large [mm]"""
 _BITS = list(product((0, 1), repeat=3))
 _EDGES = [
     (i, j)
@@ -24,13 +27,13 @@ _EDGES = [
 
 
 @dataclass(frozen=True)
-class Ball:
+class KeepOut:
     """A planning obstacle with the distance asked around it."""
 
-    center: FloatArray
-    """(3,) [mm]"""
-    reach: float
-    """radius plus asked clearance [mm]"""
+    outline: FloatArray
+    """(k, 3) points whose convex hull it is [mm]"""
+    mark: FloatArray
+    """(3,) its middle [mm]"""
     has_own_clearance: bool
     """its task gives it a clearance of its own"""
 
@@ -47,7 +50,8 @@ class Space:
     """(n, 3) estimated dots"""
     bodies: tuple[FloatArray, ...]
     """(8, 3) corners of each real block, counted up in (±, ±, ±)"""
-    balls: tuple[Ball, ...]
+    keep_out: tuple[KeepOut, ...]
+    """half-spaces are not among them"""
     symbols: tuple[FloatArray, ...]
     """lines (j, 3) of the camera's symbol at moments evenly spaced along the way"""
 
@@ -56,7 +60,7 @@ class Space:
         """(2, 3) lowest and highest coordinates of everything shown."""
         parts = [self.points, self.executed, *self.bodies, *self.symbols]
         parts += [] if self.planned is None else [self.planned]
-        parts += [ball.center + ball.reach * np.array([[-1.0], [1.0]]) for ball in self.balls]
+        parts += [region.outline for region in self.keep_out]
         every = np.vstack(parts)
         return np.stack([every.min(axis=0), every.max(axis=0)])
 
@@ -67,21 +71,15 @@ def space_of(result: RunResult, upright: UprightAxes) -> Space:
     points = upright.apply(result.estimate.points[np.isfinite(result.estimate.points).all(axis=1)])
     shown = executed if len(executed) else planned
     planning = result.task.planning
-    balls = [
-        Ball(
-            upright.apply(np.asarray(o.center)),
-            1000.0 * (o.radius + (planning.clearance if o.clearance is None else o.clearance)),
-            o.clearance is not None,
-        )
-        for o in planning.obstacles
-    ]
     size = 0.06 * float(np.ptp(np.vstack([points, np.zeros((1, 3))]), axis=0).max()) / 1000.0
     return Space(
         planned=None if planned is None else upright.apply(planned.positions),
         executed=upright.apply(executed.positions),
         points=points,
         bodies=tuple(upright.apply(corners) for corners in result.truth.obstacle_corners),
-        balls=tuple(balls),
+        keep_out=tuple(
+            _keep_out(o, planning.clearance, upright) for o in planning.obstacles if o.type != "half_space"
+        ),
         symbols=() if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size)),
     )
 
@@ -97,11 +95,30 @@ def box_faces(corners: FloatArray) -> list[FloatArray]:
     return [np.take(cube, side, axis=axis) for axis in range(3) for side in (0, 1)]
 
 
-def sphere_surface(center: FloatArray, radius: float) -> FloatArray:
-    """Return a grid (13, 25, 3) on a sphere."""
-    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 25), indexing="ij")
+def _keep_out(
+    section: SphereSection | BoxSection | CapsuleSection, clearance: float, upright: UprightAxes
+) -> KeepOut:
+    """Return the obstacle's corners, each with a sphere of the asked distance around it."""
+    if isinstance(section, SphereSection):
+        corners, radius = np.array([section.center]), section.radius
+    elif isinstance(section, CapsuleSection):
+        corners, radius = np.array([section.start, section.end]), section.radius
+    else:
+        half = np.array(section.half_extents) * (2.0 * np.array(_BITS) - 1.0)
+        corners = section.center + Rotation.from_rotvec(section.rotation_vector).apply(half)
+        radius = 0.0
+    own = section.clearance is not None
+    asked = clearance if section.clearance is None else section.clearance
+    reach = max(_LEAST_REACH, 1000.0 * (radius + asked))
+    shown = upright.apply(corners)
+    return KeepOut((shown[:, None] + reach * _unit_sphere()).reshape(-1, 3), shown.mean(axis=0), own)
+
+
+def _unit_sphere() -> FloatArray:
+    """Return points (k, 3) all over the unit sphere."""
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 19), np.linspace(0, 2 * np.pi, 37)[:-1], indexing="ij")
     grid = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
-    return np.asarray(center + radius * grid, dtype=np.float64)
+    return np.asarray(grid.reshape(-1, 3), dtype=np.float64)
 
 
 def _symbols(curve: Curve, size: float) -> list[FloatArray]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
+
+import numpy as np
 
 from omniservo.errors import AnswerIsNo
 from omniservo.estimation import TwoViewEstimate
-from omniservo.planning import Plan, PlanningProblem, plan_path
+from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_path
 from omniservo.tasks import Task
 
 
@@ -22,25 +24,19 @@ def problem_of(task: Task, estimate: TwoViewEstimate) -> PlanningProblem:
     pose = estimate.initial_T_goal
     if pose is None:
         raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
-    problem: dict[str, Any] = {
-        "format": "omniservo.problem/1",
-        "camera": task.camera.to_dict(),
-        "points": estimate.points.tolist(),
-        "goal": {"translation": pose.translation.tolist(), "quaternion": pose.rotation.as_quat().tolist()},
-        "obstacles": [
-            {"type": "sphere", "center": list(o.center), "radius": o.radius}
-            | ({} if o.clearance is None else {"clearance": o.clearance})
-            for o in planning.obstacles
-        ],
-        "clearance": planning.clearance + planning.tracking_margin,
-        "least_distance": planning.least_distance,
-        "visibility_margin": planning.visibility_margin,
-        "occlusion": planning.occlusion,
-        "degrees": planning.degrees.model_dump(),
-    }
-    if planning.workspace is not None:
-        problem["workspace"] = {"min": list(planning.workspace.min), "max": list(planning.workspace.max)}
-    return PlanningProblem.from_dict(problem)
+    workspace = planning.workspace
+    return PlanningProblem(
+        camera=task.camera,
+        points=estimate.points,
+        initial_T_goal=pose,
+        obstacles=tuple(section.obstacle for section in planning.obstacles),
+        clearance=planning.clearance + planning.tracking_margin,
+        least_distance=planning.least_distance,
+        visibility_margin=planning.visibility_margin,
+        occlusion=planning.occlusion,
+        workspace=None if workspace is None else Workspace(np.array(workspace.min), np.array(workspace.max)),
+        degrees=Degrees(planning.degrees.rotation, planning.degrees.translation),
+    )
 
 
 def plan_task(

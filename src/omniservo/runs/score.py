@@ -45,11 +45,10 @@ def _status(log: RunLog) -> str:
 
 def _least_clearance(task: Task, positions: FloatArray) -> float | None:
     """Smallest distance of the camera centre to the surface of the obstacles that ask for a clearance."""
-    asked = [o for o in task.planning.obstacles if o.clearance is None]
+    asked = [o.obstacle for o in task.planning.obstacles if o.clearance is None]
     if not asked or not len(positions):
         return None
-    distances = [np.linalg.norm(positions - np.asarray(o.center), axis=1) - o.radius for o in asked]
-    return float(np.min(distances))
+    return float(min(o.distance(positions).min() for o in asked))
 
 
 def _least_visibility(task: Task, log: RunLog) -> float | None:

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.quantities import Angle, Direction, NonNegativeLength, Point, PositiveLength
 
 FORMAT = "omniservo.task/1"
@@ -160,15 +161,6 @@ class Scale(_Section):
         return self
 
 
-class Sphere(_Section):
-    """An obstacle as the planner knows it, in the initial camera frame; radius 0 is a point."""
-
-    center: Point
-    radius: NonNegativeLength = 0.0
-    clearance: NonNegativeLength | None = None
-    """own clearance instead of the planner's [m]"""
-
-
 class Workspace(_Section):
     """A box that the camera centre must not leave, in the initial camera frame."""
 
@@ -192,7 +184,8 @@ class Degrees(_Section):
 class Planning(_Section):
     """What the path must keep."""
 
-    obstacles: tuple[Sphere, ...] = ()
+    obstacles: tuple[ObstacleSection, ...] = ()
+    """as the planner knows them, in the initial camera frame"""
     clearance: NonNegativeLength = 0.0
     """camera centre to every obstacle's surface, as executed [m]"""
     tracking_margin: NonNegativeLength = 0.0

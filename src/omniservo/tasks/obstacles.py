@@ -1,0 +1,96 @@
+"""Obstacles as the planner knows them, in a task file: the fields of a problem file, in the task's units."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from scipy.spatial.transform import Rotation
+
+from omniservo.planning import Box, Capsule, HalfSpace, Sphere
+from omniservo.planning.checks import NEAR_UNIT
+from omniservo.tasks.quantities import Angle, Direction, Length, NonNegativeLength, Point, PositiveLength
+
+
+class _Obstacle(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    clearance: NonNegativeLength | None = None
+    """own clearance instead of the planner's [m]"""
+
+
+class SphereSection(_Obstacle):
+    """A ball; radius 0 is a point."""
+
+    type: Literal["sphere"] = "sphere"
+    center: Point
+    radius: NonNegativeLength = 0.0
+
+    @property
+    def obstacle(self) -> Sphere:
+        """The planner's obstacle."""
+        return Sphere(self.center, self.radius, self.clearance)  # type: ignore[arg-type]
+
+
+class BoxSection(_Obstacle):
+    """A box along the initial camera frame's axes, or turned."""
+
+    type: Literal["box"]
+    center: Point
+    half_extents: tuple[PositiveLength, PositiveLength, PositiveLength]
+    rotation_vector: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
+    """of the box's axes in the initial camera frame [rad]"""
+
+    @property
+    def obstacle(self) -> Box:
+        """The planner's obstacle."""
+        quaternion = Rotation.from_rotvec(self.rotation_vector).as_quat()
+        return Box(self.center, self.half_extents, quaternion, self.clearance)  # type: ignore[arg-type]
+
+
+class CapsuleSection(_Obstacle):
+    """A rod with round ends."""
+
+    type: Literal["capsule"]
+    start: Annotated[Point, Field(alias="from")]
+    end: Annotated[Point, Field(alias="to")]
+    radius: PositiveLength
+
+    @property
+    def obstacle(self) -> Capsule:
+        """The planner's obstacle."""
+        return Capsule(self.start, self.end, self.radius, self.clearance)  # type: ignore[arg-type]
+
+
+class HalfSpaceSection(_Obstacle):
+    """A wall or a floor: free where normal·x ≥ offset."""
+
+    type: Literal["half_space"]
+    normal: Direction
+    """unit"""
+    offset: Length
+
+    @field_validator("normal")
+    @classmethod
+    def _unit(cls, normal: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*normal)
+        if abs(length - 1.0) > NEAR_UNIT:
+            raise ValueError(f"length {length:g}; it must be 1 within {NEAR_UNIT:g}")
+        return normal
+
+    @property
+    def obstacle(self) -> HalfSpace:
+        """The planner's obstacle."""
+        return HalfSpace(self.normal, self.offset, self.clearance)  # type: ignore[arg-type]
+
+
+def _sphere_by_default(value: Any) -> Any:
+    return {"type": "sphere", **value} if isinstance(value, dict) else value
+
+
+ObstacleSection = Annotated[
+    Annotated[SphereSection | BoxSection | CapsuleSection | HalfSpaceSection, Field(discriminator="type")],
+    BeforeValidator(_sphere_by_default),
+]
+"""One of them, told apart by ``type``; without it a sphere."""
