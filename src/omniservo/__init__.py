@@ -11,7 +11,15 @@ if TYPE_CHECKING:
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
     from omniservo.estimation import TwoViewEstimate, estimate_two_view
-    from omniservo.planning import CameraPath, Certificate, Plan, PlanningProblem, plan_path
+    from omniservo.planning import (
+        CameraPath,
+        Certificate,
+        Plan,
+        PlanningProblem,
+        improving_plans,
+        plan_path,
+        replan,
+    )
     from omniservo.tracking import PathTracker, TrackerOptions
     from omniservo.verification import verify_plan
 
@@ -34,7 +42,9 @@ _HOME = {
     "Certificate": "planning",
     "Plan": "planning",
     "PlanningProblem": "planning",
+    "improving_plans": "planning",
     "plan_path": "planning",
+    "replan": "planning",
     "PathTracker": "tracking",
     "TrackerOptions": "tracking",
     "verify_plan": "verification",
@@ -55,9 +65,11 @@ __all__ = [
     "TwoViewEstimate",
     "UnifiedCamera",
     "estimate_two_view",
+    "improving_plans",
     "load_camera",
     "plan_path",
     "preset",
+    "replan",
     "save_camera",
     "tangent_view",
     "verify_plan",

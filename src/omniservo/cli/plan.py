@@ -14,6 +14,14 @@ def plan(
     problem: Annotated[Path, typer.Argument(help="Planning problem, JSON or YAML.")],
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan here.")] = None,
     method: Annotated[Literal["certified", "paper"], typer.Option("--method")] = "certified",
+    quality: Annotated[
+        Literal["effort", "margin"],
+        typer.Option("--quality", help="Least bending energy, or largest smallest margin."),
+    ] = "effort",
+    time_budget: Annotated[
+        float | None,
+        typer.Option("--time-budget", help="Seconds; the best plan found in them, instead of the first."),
+    ] = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -27,7 +35,9 @@ def plan(
     if out is not None:
         writable(out, force=force)
     with output.working("planning"):
-        result = plan_path(PlanningProblem.load(problem), method=method, seed=seed)
+        result = plan_path(
+            PlanningProblem.load(problem), method=method, quality=quality, time_budget=time_budget, seed=seed
+        )
     if out is not None:
         result.save(out, force=force)
     output.line(f"{result.status} in {1e3 * result.seconds:.2f} ms (method {method})")

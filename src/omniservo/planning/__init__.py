@@ -6,9 +6,11 @@ from omniservo.planning.capsule import Capsule
 from omniservo.planning.certificate import Certificate, ConstraintMargin, Separator
 from omniservo.planning.certify import certify
 from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import Degrees, PlanningProblem, Workspace
+from omniservo.planning.replan import replan
 from omniservo.planning.sphere import Sphere
 
 __all__ = [
@@ -25,5 +27,7 @@ __all__ = [
     "Sphere",
     "Workspace",
     "certify",
+    "improving_plans",
     "plan_path",
+    "replan",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import (
@@ -19,22 +20,23 @@ _NOISE = {"m": 1e-9, "px": 1e-7, "rad": 1e-9, "1": 1e-9}
 """What rounding can make of a constraint that is just met."""
 
 
+def end_margins(problem: PlanningProblem) -> dict[str, tuple[float, str]]:
+    """Return the smaller margin of the two end poses, and its unit, by name of the constraint.
+
+    The image limits of a distorted camera are not among them.
+    """
+    entries, at_ends = margins_at_ends(problem)
+    return {e.name: (float(at_ends[:, i, 0].min()), e.unit) for i, e in enumerate(entries)}
+
+
 def violation_at_end(problem: PlanningProblem) -> str:
     """Return a sentence that names the worst violated constraint at the first end pose that has one; else "".
 
     It names constraint, point or obstacle, w and amount. An image limit of a distorted camera is judged by
     the pixel itself, not by the polygon that plans keep to.
     """
-    limits = image_limits(problem, 0.0)
-    demands, optics = demands_of(problem, limits), optics_of(problem)
-    entries = entries_of(problem, limits, float(demands.numbers[2]))
-    table = entry_table(entries)
-    poses = (
-        (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
-        (problem.goal_quaternion, problem.goal_translation),
-    )
-    for w, (quaternion, translation) in enumerate(poses):
-        found = pose_margins(demands, optics, table, quaternion, translation)
+    entries, at_ends = margins_at_ends(problem)
+    for w, found in enumerate(at_ends):
         violated = [
             (float(margin), _named(entry, int(point)), entry.unit)
             for entry, (margin, point) in zip(entries, found, strict=True)
@@ -45,6 +47,19 @@ def violation_at_end(problem: PlanningProblem) -> str:
         if violated:
             return _sentence(w, violated)
     return ""
+
+
+def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:
+    """Return all entries, and margin and point of each at both end poses (2, e, 2)."""
+    limits = image_limits(problem, 0.0)
+    demands, optics = demands_of(problem, limits), optics_of(problem)
+    entries = entries_of(problem, limits, float(demands.numbers[2]))
+    table = entry_table(entries)
+    poses = (
+        (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
+        (problem.goal_quaternion, problem.goal_translation),
+    )
+    return entries, np.array([pose_margins(demands, optics, table, *pose) for pose in poses])
 
 
 def _named(entry: Entry, point: int) -> str:

@@ -35,6 +35,8 @@ class Found:
     """bending energy over ℓ², ∫‖t″‖²/ℓ² + ‖φ″‖² dw; infinite where nothing is proven"""
     least_energy: float
     """no path between these ends has less"""
+    worst: float
+    """smallest dimensionless value of a constraint at the samples: tells the best of failed attempts"""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ class ProblemSearch:
         """Try the starts begin ≤ number < end, see `search`."""
         status, rotation, translation, facts = self.kernel(begin, end, economised)
         path = CameraPath(rotation, translation)
-        return Found(status == PROVEN, path, int(facts[0]), float(facts[3]), float(facts[4]))
+        number, energy, floor, worst = int(facts[0]), float(facts[3]), float(facts[4]), float(facts[5])
+        return Found(status == PROVEN, path, number, energy, floor, worst)
 
 
 def ends_of(problem: PlanningProblem) -> Ends:

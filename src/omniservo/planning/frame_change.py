@@ -1,0 +1,99 @@
+"""A problem seen from a pose on the way: everything in the present camera frame, motions from now on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.box import Box
+from omniservo.planning.capsule import Capsule
+from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.planning_problem import (
+    HIGHEST_DEGREE,
+    Degrees,
+    Obstacle,
+    PlanningProblem,
+    Workspace,
+)
+from omniservo.planning.sphere import Sphere
+
+FREE_DEGREE = 3
+"""A path that leaves with a given velocity has freedom from this degree on."""
+
+
+def problem_from(
+    problem: PlanningProblem, pose: RigidTransform, w: float, velocity: FloatArray | None
+) -> PlanningProblem:
+    """Return the rest of a problem, from ``pose`` at w on, in the camera frame there.
+
+    The new parameter s runs over the rest, w + (1 − w)s. Degrees grow by one where a velocity is given that
+    was none before: so much freedom it takes.
+
+    Args:
+        problem: the problem, in its initial camera frame.
+        pose: initial_T_camera at w.
+        w: 0 ≤ w < 1.
+        velocity: twist (6,) per unit of w in the camera frame; None: any.
+    """
+    here = pose.inv()
+    lowest = 1 if velocity is None else FREE_DEGREE
+    more = int(velocity is not None and problem.initial_velocity is None)
+    sigma, tau = (
+        min(max(degree + more, lowest), HIGHEST_DEGREE)
+        for degree in (problem.degrees.rotation, problem.degrees.translation)
+    )
+    return replace(
+        problem,
+        points=here.apply(problem.points),
+        initial_T_goal=here * problem.initial_T_goal,
+        obstacles=tuple(seen_from(o, here, w) for o in problem.obstacles),
+        workspace=None if problem.workspace is None else _workspace(problem.workspace, here),
+        degrees=Degrees(sigma, tau),
+        initial_velocity=None if velocity is None else (1.0 - w) * velocity,
+    )
+
+
+def seen_from(obstacle: Obstacle, here: RigidTransform, w: float) -> Obstacle:
+    """Return an obstacle in another frame, its coordinates there those here times ``here``."""
+    changes: dict[str, Any] = {}
+    if isinstance(obstacle, Box):
+        turned = here.rotation * Rotation.from_quat(obstacle.quaternion)
+        changes = {"center": here.apply(obstacle.center), "quaternion": turned.as_quat()}
+    elif isinstance(obstacle, Sphere):
+        changes = {"center": here.apply(obstacle.center)}
+    elif isinstance(obstacle, Capsule):
+        changes = {"start": here.apply(obstacle.start), "end": here.apply(obstacle.end)}
+    elif isinstance(obstacle, HalfSpace):
+        return _half_space(obstacle, here)
+    return replace(obstacle, **changes)
+
+
+def _half_space(side: HalfSpace, here: RigidTransform) -> HalfSpace:
+    """normal·x ≥ b with x = hereᵀ-turned (y − p): (R n)·y ≥ b + (R n)·p."""
+    normal = here.rotation.apply(np.array(side.normal))
+    normal /= np.linalg.norm(normal)
+    return replace(side, normal=normal, offset=side.offset + float(normal @ here.translation))
+
+
+def _workspace(workspace: Workspace, here: RigidTransform) -> Workspace:
+    """A box becomes six half-spaces: it no longer lies along the axes."""
+    sides = list(workspace.half_spaces)
+    if workspace.min is not None and workspace.max is not None:
+        for axis, normal in enumerate(np.eye(3)):
+            sides.append(HalfSpace(normal, float(workspace.min[axis])))
+            sides.append(HalfSpace(-normal, -float(workspace.max[axis])))
+    return Workspace(half_spaces=tuple(_half_space(side, here) for side in sides))
+
+
+def shifted_motion(motion: FloatArray, turn: Rotation, w: float) -> FloatArray:
+    """Return R m(w + (1 − w)s) (3, k+1) by powers of s, highest first, of a motion m by powers of w."""
+    line = np.poly1d([1.0 - w, w])
+    rows = [np.atleast_1d(np.poly1d(row)(line).coeffs) for row in motion]
+    width = motion.shape[1]
+    aligned = np.array([np.concatenate([np.zeros(width - len(row)), row]) for row in rows])
+    shifted: FloatArray = turn.as_matrix() @ aligned
+    return shifted

@@ -1,0 +1,126 @@
+"""Plans that get better while there is time: the first that is certified, then only better ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Literal
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import finite_number
+from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.judged_plan import infeasible_plan, judged_plan
+from omniservo.planning.more_margin import paths_of_more_margin
+from omniservo.planning.plan import Plan
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_search import Found, ProblemSearch
+from omniservo.planning.time_budget import TimeBudget
+
+NOTABLY = 0.999
+"""A better path has at most this part of the energy of the one before."""
+
+Quality = Literal["effort", "margin"]
+"""effort: bending energy. margin: the smallest margin; where the end poses themselves leave little of a
+constraint, it is kept at that and does not hold the others back."""
+
+
+def improving_plans(
+    problem: PlanningProblem, *, quality: Quality = "effort", time_budget: float | None = None, seed: int = 0
+) -> Iterator[Plan]:
+    """Yield the first certified plan, then better ones, each certified, until starts or time are used up.
+
+    If there is none, the one plan that is yielded says why. Without a time budget, or where it is not used
+    up, the same problem and seed give the same plans.
+
+    Args:
+        problem: what to plan.
+        quality: what is better; see `Quality`.
+        time_budget: [s], looked at between starts, one of which takes tens of µs with few points and
+            obstacles and up to tens of ms with 1e5; at least one start is made. None: without end.
+        seed: turns the directions in which detours are tried.
+
+    Raises:
+        InputError: an argument that is not legal, or the visibility margin leaves nothing of the image.
+    """
+    budget = TimeBudget(time_budget)
+    checked_quality(quality)
+    finite_number("seed", seed, minimum=0)
+    return _improving(problem, quality, budget, int(seed))
+
+
+def checked_quality(quality: Any) -> None:
+    """Raise for a quality that there is not.
+
+    Raises:
+        InputError: not one of `Quality`.
+    """
+    if quality not in ("effort", "margin"):
+        raise InputError(f"quality: {quality!r} given; legal: 'effort', 'margin'")
+
+
+def _improving(problem: PlanningProblem, quality: str, budget: TimeBudget, seed: int) -> Iterator[Plan]:
+    reason = violation_at_end(problem)
+    if reason:
+        yield infeasible_plan(problem, budget.begin, "certified", reason)
+        return
+    search = ProblemSearch.of(problem, seed)
+    found, tried = first_proven(search, budget)
+    plan = judged_plan(problem, found.path, budget.begin, "certified", "", looked(tried, budget))
+    yield plan
+    if plan.status != "certified":
+        return
+    for better in paths_of_less_effort(search, found, tried, budget):
+        candidate = judged_plan(problem, better.path, budget.begin, "certified", "")
+        if candidate.status == "certified":
+            plan = candidate
+            if quality == "effort":
+                yield plan
+        if quality == "margin":
+            break
+    if quality == "margin":
+        yield from _with_more_margin(plan, budget, seed)
+
+
+def _with_more_margin(plan: Plan, budget: TimeBudget, seed: int) -> Iterator[Plan]:
+    for path in paths_of_more_margin(plan, budget, seed):
+        candidate = judged_plan(plan.problem, path, budget.begin, "certified", "")
+        if candidate.status == "certified":
+            yield candidate
+
+
+def first_proven(search: ProblemSearch, budget: TimeBudget, economised: int = 0) -> tuple[Found, int]:
+    """Return the first proven path, else the best attempt, and how many starts were tried.
+
+    With a bounded budget every start is a call of its own, and the budget is looked at between them.
+    """
+    if not budget.is_bounded:
+        found = search.run(0, search.starts, economised)
+        return found, found.number + 1 if found.proven else search.starts
+    best = search.run(0, 1, economised)
+    tried = 1
+    while not best.proven and tried < search.starts and not budget.is_used_up:
+        found = search.run(tried, tried + 1, economised)
+        tried += 1
+        if found.proven or found.worst > best.worst:
+            best = found
+    return best, tried
+
+
+def looked(tried: int, budget: TimeBudget) -> str:
+    """Return how far was looked, for a path that was not found."""
+    if budget.is_used_up:
+        return f"no path was found: time budget of {budget.seconds:g} s used up after {tried} starts"
+    return f"no path was found in {tried} starts"
+
+
+def paths_of_less_effort(
+    search: ProblemSearch, first: Found, tried: int, budget: TimeBudget
+) -> Iterator[Found]:
+    """Yield proven paths of less and less energy: near the first one, then near those of further starts."""
+    best = first.energy
+    for number in (first.number, *range(tried, search.starts)):
+        if budget.is_used_up or best <= first.least_energy:
+            return
+        found = search.run(number, number + 1, 1)
+        if found.proven and found.energy < NOTABLY * best:
+            best = found.energy
+            yield found

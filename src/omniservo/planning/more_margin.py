@@ -1,0 +1,118 @@
+"""Paths that keep more than the problem asks for.
+
+The problem is tightened: every constraint is to keep min(μ, nine tenths of what the end poses leave of it),
+as an angle (m over the target's mean distance, px over the focal length), and never less than the smallest
+margin of the plan in hand. μ is bisected between that margin and the most that any end pose leaves; where the
+tightened problem has a proven path, the path of least effort there is the better one. Without the cap nothing
+could be gained wherever an end pose leaves little. Not tightened are the domain and ‖φ‖, lines of sight past
+boxes and meshes, and the image of a distorted camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.checks import LARGEST
+from omniservo.planning.end_poses import end_margins
+from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.plan import Plan
+from omniservo.planning.planning_problem import Obstacle, PlanningProblem, Workspace
+from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search import FEW
+from omniservo.planning.time_budget import TimeBudget
+
+CAP = 0.9
+"""The part of what the end poses leave that a path is asked to keep on its whole way."""
+
+BISECTIONS = 10
+"""of μ; the last interval is 1/1024 of the first"""
+
+TINY = 1e-6
+"""A path may keep so much less than what it is compared with, as an angle: what rounding makes of it."""
+
+
+def paths_of_more_margin(plan: Plan, budget: TimeBudget, seed: int) -> Iterator[CameraPath]:
+    """Yield proven paths that keep more and more than those of a certified plan."""
+    if plan.certificate is None:
+        return
+    problem, units = plan.problem, angle_units(plan.problem)
+    kept = max(0.0, min(c.margin / units[c.unit] for c in plan.certificate.constraints))
+    ends = {
+        name: margin / units[unit]
+        for name, (margin, unit) in end_margins(problem).items()
+        if not name.startswith(("domain", "rotation"))
+    }
+    low, high = kept, CAP * max(ends.values())
+    for _ in range(BISECTIONS):
+        if budget.is_used_up or high - low <= TINY:
+            return
+        middle = 0.5 * (low + high)
+        asked = {name: max(min(middle, CAP * end), min(kept, end) - TINY, 0.0) for name, end in ends.items()}
+        try:
+            search = ProblemSearch.of(tightened(problem, asked), seed)
+        except InputError:  # the image, or the workspace, has nothing left
+            high = middle
+            continue
+        found = search.run(0, min(1 + FEW, search.starts), 1)
+        if found.proven:
+            low = middle
+            yield found.path
+        else:
+            high = middle
+
+
+def angle_units(problem: PlanningProblem) -> dict[str, float]:
+    """Return what a margin is divided by to be an angle: m by ℓ, px by the focal length."""
+    distance = float(np.linalg.norm(problem.points, axis=1).mean())
+    focal = min(abs(problem.camera.fx), abs(problem.camera.fy))
+    return {"m": max(distance, 1e-6), "px": focal, "rad": 1.0, "1": 1.0}
+
+
+def tightened(problem: PlanningProblem, asked: Mapping[str, float]) -> PlanningProblem:
+    """Return the problem with so much more asked for, as an angle, by name of the constraint.
+
+    Raises:
+        InputError: nothing is left of the workspace.
+    """
+    units = angle_units(problem)
+    image = [value for name, value in asked.items() if name.startswith(("visibility", "dead_zone"))]
+    metres = {name: value * units["m"] for name, value in asked.items()}
+    changes: dict[str, Any] = {
+        "obstacles": tuple(_larger(problem, o, i, metres) for i, o in enumerate(problem.obstacles)),
+        "least_distance": problem.least_distance + metres.get("least_distance", 0.0),
+        "visibility_margin": problem.visibility_margin + units["px"] * min(image, default=0.0),
+    }
+    if problem.workspace is not None:
+        changes["workspace"] = _smaller(problem.workspace, metres)
+    return replace(problem, **changes)
+
+
+def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mapping[str, float]) -> Obstacle:
+    """Return it with a larger clearance and, where it hides points and is round, a larger radius."""
+    own = problem.clearance if obstacle.clearance is None else obstacle.clearance
+    clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
+    radius = float(getattr(obstacle, "radius", 0.0))
+    grown = min(metres.get(f"occlusion obstacle {i}", 0.0), clearance) if radius > 0.0 else 0.0
+    changes: dict[str, Any] = {"clearance": min(clearance - grown, LARGEST)}
+    if grown > 0.0:
+        changes["radius"] = radius + grown
+    return replace(obstacle, **changes)
+
+
+def _smaller(workspace: Workspace, metres: Mapping[str, float]) -> Workspace:
+    """Return the workspace with every wall moved inward."""
+    sides = tuple(
+        HalfSpace(side.normal, side.offset + metres.get(f"workspace half-space {i}", 0.0))
+        for i, side in enumerate(workspace.half_spaces)
+    )
+    if workspace.min is None or workspace.max is None:
+        return Workspace(half_spaces=sides)
+    low = workspace.min + [metres.get(f"workspace {axis} min", 0.0) for axis in "xyz"]
+    high = workspace.max - [metres.get(f"workspace {axis} max", 0.0) for axis in "xyz"]
+    return Workspace(low, high, sides)
