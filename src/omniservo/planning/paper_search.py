@@ -75,7 +75,8 @@ def first_simplex(problem: PlanningProblem) -> FloatArray:
 
 def _maximise(value: _Objective, simplex: FloatArray) -> FloatArray:
     """Return the best point of Nelder–Mead on −G, stopped as soon as G > 0."""
-    best, most = simplex[0], value(simplex[0])
+    best: FloatArray = simplex[0]
+    most = value(best)
 
     def negative(v: FloatArray) -> float:
         nonlocal best, most
@@ -87,8 +88,12 @@ def _maximise(value: _Objective, simplex: FloatArray) -> FloatArray:
         return -g
 
     with contextlib.suppress(_Found):
-        options = {"maxfev": EVALUATIONS, "adaptive": True, "initial_simplex": simplex}
-        minimize(negative, simplex[0], method="Nelder-Mead", options=options)
+        minimize(
+            negative,
+            best,
+            method="Nelder-Mead",
+            options={"maxfev": EVALUATIONS, "adaptive": True, "initial_simplex": simplex},
+        )
     return best
 
 
