@@ -79,9 +79,14 @@ def plan(problem, path, margins=None, status="certified"):
         "problem": problem,
         "status": status,
         "path": path,
-        "certificate": {"constraints": lines, "worst": lines[0]["name"]},
+        "certificate": {"constraints": lines, "worst": worst(lines)},
         "seconds": 0.001,
     }
+
+
+def worst(lines):
+    """The line of the lengths with the smallest margin."""
+    return dict(min((line for line in lines if line["unit"] == "m"), key=lambda line: line["margin"]))
 
 
 def slack(margin):
@@ -125,8 +130,13 @@ def true_margins(problem, path, samples=20_001):
         found[name] = (float(values[k]), w[k[0]], None if values.ndim == 1 else int(k[1]))
 
     for i, o in enumerate(problem.get("obstacles", ())):
-        asked = o["radius"] + o.get("clearance", problem.get("clearance", 0.0))
-        note(f"clearance obstacle {i}", np.linalg.norm(t - o["center"], axis=1) - asked)
+        own = o.get("clearance", problem.get("clearance", 0.0))
+        seen = t - moved(o, w)
+        if o["type"] == "half_space":
+            note(f"clearance obstacle {i}", seen @ o["normal"] - o["offset"] - own)
+            continue
+        apart = np.min([np.linalg.norm(seen - c, axis=1) for c in centers(o)], axis=0)
+        note(f"clearance obstacle {i}", apart - o["radius"] - own)
     inside = problem.get("workspace", {})
     for axis, x in enumerate("xyz" if "min" in inside else ""):
         note(f"workspace {x} min", t[:, axis] - inside["min"][axis])
@@ -155,17 +165,40 @@ def true_margins(problem, path, samples=20_001):
     if camera["dead_zone"] is not None:
         zone = camera["dead_zone"]
         note("dead_zone", np.linalg.norm(pixels - zone["center"], axis=-1) - zone["radius"] - inset)
+    for i, corners in enumerate(camera.get("mask", ())):
+        note(f"visibility mask {i}", _beyond(pixels, np.array(corners, dtype=float)) - inset)
     note("least_distance", rho - problem.get("least_distance", 1e-3))
     if problem.get("occlusion", False):
         for i, o in enumerate(problem["obstacles"]):
-            if o["radius"] > 0:
-                note(f"occlusion obstacle {i}", _to_segments(t, problem["points"], o["center"]) - o["radius"])
+            if o.get("radius", 0) > 0:
+                centre = moved(o, w)[:, None]
+                sights = [_to_segments(t, problem["points"], c + centre) for c in centers(o)]
+                note(f"occlusion obstacle {i}", np.min(sights, axis=0) - o["radius"])
     return found
 
 
-def _to_segments(t, points, center):
+def centers(obstacle):
+    """Of a sphere or a cloud."""
+    return obstacle["points"] if obstacle["type"] == "cloud" else [obstacle["center"]]
+
+
+def moved(obstacle, w):
+    """(samples, 3) [m]"""
+    return np.array([np.polyval(row, w) + 0 * w for row in obstacle.get("motion", [[0.0]] * 3)]).T
+
+
+def _beyond(pixels, corners):
+    """How far pixels lie beyond the edge of a convex polygon that they are farthest beyond [px]."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    turn = np.sign(edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0])
+    normals = turn * np.column_stack([edges[:, 1], -edges[:, 0]])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return np.max([(pixels - c) @ n for c, n in zip(corners, normals, strict=True)], axis=0)
+
+
+def _to_segments(t, points, centers):
     along = np.asarray(points)[None] - t[:, None]
-    start = np.asarray(center)[None, None] - t[:, None]
+    start = centers - t[:, None]
     share = np.clip((start * along).sum(-1) / (along * along).sum(-1), 0, 1)
     return np.linalg.norm(start - share[..., None] * along, axis=-1)
 

@@ -7,6 +7,9 @@ from math import sqrt
 from typing import Protocol
 
 from omniservo.verification.fields import Vector
+from omniservo.verification.motion import Motion
+
+_HALVINGS = 60
 
 
 class Body(Protocol):
@@ -20,6 +23,10 @@ class Body(Protocol):
     def clearance(self) -> Fraction:
         """What the camera centre keeps from it [m]."""
 
+    @property
+    def motion(self) -> Motion | None:
+        """How it moves."""
+
     def support(self, normal: Vector) -> Fraction:
         """Return the greatest n·x over the core."""
 
@@ -28,6 +35,9 @@ class Body(Protocol):
 
     def from_core(self, x: Sequence[float]) -> tuple[float, tuple[float, ...]]:
         """Return x's distance to the core (negative: depth) and direction, in floating point: a hint only."""
+
+    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
+        """Return where on the segment it is nearest to the core, in floating point: a hint only."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +48,7 @@ class Box:
     axes: tuple[Vector, ...]
     half_extents: Vector
     clearance: Fraction
+    motion: Motion | None = None
     radius: Fraction = Fraction(0)
 
     def support(self, normal: Vector) -> Fraction:
@@ -68,6 +79,10 @@ class Box:
         signed = [-b if y < 0 else b for b, y in zip(weights, along, strict=True)]
         return size, tuple(sum(s * a[i] for s, a in zip(signed, axes, strict=True)) for i in range(3))
 
+    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
+        """Return where on the segment it is nearest to the box."""
+        return _lowest(self, start, end)
+
 
 @dataclass(frozen=True)
 class Capsule:
@@ -77,6 +92,7 @@ class Capsule:
     end: Vector
     radius: Fraction
     clearance: Fraction
+    motion: Motion | None = None
 
     def support(self, normal: Vector) -> Fraction:
         """max(n·start, n·end)."""
@@ -102,8 +118,12 @@ class Capsule:
         apart = tuple(o - share * a for o, a in zip(offset, along, strict=True))
         return sqrt(sum(a * a for a in apart)), apart
 
+    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
+        """Return where on the segment it is nearest to the capsule's own."""
+        return _lowest(self, start, end)
 
-def dot(a: Vector, b: Vector) -> Fraction:
+
+def dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     """Return a·b."""
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
 
@@ -118,3 +138,22 @@ def axes_of(quaternion: Vector) -> tuple[Vector, ...]:
         (2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w),
     )
     return tuple(tuple(a / squared for a in row) for row in rows)
+
+
+def between(start: Sequence[float], end: Sequence[float], share: float) -> list[float]:
+    """Return start + share·(end − start)."""
+    return [a + share * (b - a) for a, b in zip(start, end, strict=True)]
+
+
+def _lowest(body: Body, start: Sequence[float], end: Sequence[float]) -> float:
+    """Return where on the segment the distance to the core, which is convex along it, is smallest."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        third = (high - low) / 3
+        at = body.from_core(between(start, end, low + third))[0]
+        if at <= body.from_core(between(start, end, high - third))[0]:
+            high -= third
+        else:
+            low += third
+    shares = (low, high, (low + high) / 2)
+    return min(shares, key=lambda share: body.from_core(between(start, end, share))[0])

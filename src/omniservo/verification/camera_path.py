@@ -6,7 +6,6 @@ from fractions import Fraction
 from math import copysign, lcm, sqrt
 
 from omniservo.verification.fields import Vector
-from omniservo.verification.plan_file import Problem, Sphere
 from omniservo.verification.polynomials import Polynomial, combine, integers, squares, times, value
 
 
@@ -32,13 +31,9 @@ class CameraPath:
         """Return φ(w), unnormalised."""
         return tuple(value(p, w) / self.turn_scale for p in self.rotation)
 
-    def distance_squared(self, center: Vector) -> Polynomial:
-        """Return ‖t − center‖²·scale²."""
-        return squares(*self.offsets(center))
-
-    def offsets(self, center: Vector) -> list[Polynomial]:
-        """Return (t − center)·scale, one polynomial a coordinate."""
-        return [[p[0] - int(x * self.scale), *p[1:]] for p, x in zip(self.translation, center, strict=True)]
+    def offsets(self, point: Vector) -> list[Polynomial]:
+        """Return (t − point)·scale of a target point, one polynomial a coordinate."""
+        return [[p[0] - int(x * self.scale), *p[1:]] for p, x in zip(self.translation, point, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -69,12 +64,10 @@ class CameraPoint:
 
 
 def camera_path(
-    rotation: tuple[Vector, ...], translation: tuple[Vector, ...], problem: Problem
+    rotation: tuple[Vector, ...], translation: tuple[Vector, ...], points: tuple[Vector, ...]
 ) -> CameraPath:
     """Build the path from its rows of coefficients, highest power first, in the file's numbers."""
-    lengths = [*translation, *problem.points]
-    lengths += [obstacle.center for obstacle in problem.obstacles if isinstance(obstacle, Sphere)]
-    scale = lcm(*{x.denominator for vector in lengths for x in vector})
+    scale = lcm(*{x.denominator for vector in (*translation, *points) for x in vector})
     turns = integers(*(x for row in rotation for x in row))
     columns = len(rotation[0])
     turn_scale = lcm(*{x.denominator for row in rotation for x in row})

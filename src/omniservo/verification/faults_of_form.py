@@ -1,4 +1,4 @@
-"""The path's form: it starts at the identity, ends at the goal, and its degrees are among those allowed."""
+"""The path's form: start at the identity, with the velocity asked for; end at the goal; degrees allowed."""
 
 from fractions import Fraction
 from math import asin, sqrt
@@ -31,6 +31,32 @@ def faults_of_form(path: CameraPath, problem: Problem) -> list[str]:
             faults.append(
                 f"path {name} (w = {w}): turned by {angle:.6g} rad from where it must be; legal: 1e-9"
             )
+    return faults + _faults_of_velocity(path, problem.initial_velocity)
+
+
+def _faults_of_velocity(path: CameraPath, asked: Vector | None) -> list[str]:
+    """t′(0) is the linear and 2 vec(φ* ⊗ φ′)/‖φ‖² at 0 the angular velocity asked for."""
+    if asked is None:
+        return []
+    linear = [Fraction(p[1], path.scale) if len(p) > 1 else Fraction(0) for p in path.translation]
+    x, y, z, s = (p[0] for p in path.rotation)
+    dx, dy, dz, ds = (p[1] if len(p) > 1 else 0 for p in path.rotation)
+    squared = x * x + y * y + z * z + s * s
+    if squared == 0:
+        return ["path start (w = 0): the quaternion is 0, it has no velocity"]
+    turned = (
+        s * dx - ds * x - (y * dz - z * dy),
+        s * dy - ds * y - (z * dx - x * dz),
+        s * dz - ds * z - (x * dy - y * dx),
+    )
+    faults = []
+    angular = [Fraction(2 * a, squared) for a in turned]
+    pairs = ("linear", "m", linear, asked[:3]), ("angular", "rad", angular, asked[3:])
+    for what, unit, found, wanted in pairs:
+        apart = _squared([a - b for a, b in zip(found, wanted, strict=True)])
+        if apart > _NEAR**2:
+            by = f"{what} velocity {sqrt(apart):.6g} {unit} from initial_velocity"
+            faults.append(f"path start (w = 0): {by}; legal: 1e-9")
     return faults
 
 

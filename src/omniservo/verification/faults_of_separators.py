@@ -1,12 +1,12 @@
-"""The list of separating planes: one for each constraint about a box or a capsule, and no other."""
+"""The list of separating planes: one for each constraint about a box, capsule or mesh, and no other."""
 
-from omniservo.verification.bodies import Box, Capsule
+from omniservo.verification.obstacles import SEPARATED
 from omniservo.verification.plan_file import PlanFile
 
 
 def faults_of_separators(file: PlanFile) -> list[str]:
     """Return what a certified plan lacks, and what stands for no constraint; the first of each."""
-    bodies = [i for i, o in enumerate(file.problem.obstacles) if isinstance(o, Box | Capsule)]
+    bodies = [i for i, o in enumerate(file.problem.obstacles) if isinstance(o, SEPARATED)]
     points = range(len(file.problem.points)) if file.problem.occlusion else ()
     unknown = next((key for key in file.separators if not _asked(key, bodies, len(points))), None)
     faults = []

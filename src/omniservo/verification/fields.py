@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from math import inf, sqrt
 from typing import Any
 
 Vector = tuple[Fraction, ...]
 _MISSING = object()
+_NEAR_UNIT = Fraction(1, 10**6)
 
 
 class PlanFileError(ValueError):
@@ -39,6 +41,21 @@ def numbers(value: Any, count: int, where: str) -> Vector:
     if not isinstance(value, list | tuple) or len(value) != count:
         raise Malformed(f"{where}: {value!r:.60} given; {count} numbers are needed")
     return tuple(number(item, f"{where}[{i}]") for i, item in enumerate(value))
+
+
+def near_unit(vector: Vector, where: str) -> Vector:
+    """Return the vector, whose length must be 1 within 1e-6; only its direction is used from here on."""
+    squared = sum(x * x for x in vector)
+    if not (1 - _NEAR_UNIT) ** 2 <= squared <= (1 + _NEAR_UNIT) ** 2:
+        raise Malformed(f"{where}: length {_length(squared):.9g}; legal: 1 within 1e-6")
+    return vector
+
+
+def _length(squared: Fraction | int) -> float:
+    try:
+        return sqrt(squared)
+    except OverflowError:
+        return inf
 
 
 class Fields:

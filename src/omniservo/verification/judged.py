@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from omniservo.verification.bodies import Box, Capsule
 from omniservo.verification.camera_path import CameraPath, CameraPoint, camera_points
 from omniservo.verification.clearance import clearance
 from omniservo.verification.constraint import Constraint
@@ -14,6 +13,9 @@ from omniservo.verification.decision import HOLDS, Finding
 from omniservo.verification.domain import domain
 from omniservo.verification.fields import NotJudged, Vector
 from omniservo.verification.least_distance import least_distance
+from omniservo.verification.mask import masks
+from omniservo.verification.mesh import Mesh
+from omniservo.verification.obstacles import SEPARATED
 from omniservo.verification.occlusion import occlusion
 from omniservo.verification.plan_file import Problem, Separators
 from omniservo.verification.rotation import rotation
@@ -24,7 +26,9 @@ MOST_WORK = 300_000_000
 """Target points times limits on each times the degree squared: more is not judged."""
 _SAMPLES = 128
 _BODY = 300
-"""What a line of sight past a box or a capsule costs, in limits."""
+"""What a line of sight past a box, capsule or mesh costs, in limits."""
+MOST_SUPPORTS = 50_000_000
+"""Planes times the vertices of the meshes that they are about."""
 
 
 @dataclass
@@ -82,12 +86,14 @@ def judged(
 
     on_points = [
         _prepared(c, margins)
-        for family in (domain, lambda p: visibility(p, polygon), dead_zone, least_distance, hidden)
+        for family in (domain, lambda p: visibility(p, polygon), masks, dead_zone, least_distance, hidden)
         for c in family(problem)
     ]
     work = len(problem.points) * _effort(problem, path, len(on_points) + len(polygon or ()))
     if work > MOST_WORK:
         raise NotJudged(f"{len(problem.points)} points under {len(on_points)} limits: more than is judged")
+    if _support_work(problem, separators) > MOST_SUPPORTS:
+        raise NotJudged("certificate.separators: more planes times vertices than are judged")
     for case, judges in on_path:
         case.judge(judges, path, None)
     for j, point in enumerate(camera_points(path, problem.points)):
@@ -100,9 +106,19 @@ def _effort(problem: Problem, path: CameraPath, limits: int) -> int:
     """Return how much one point costs: degrees squared; a distorted dead zone has ten times the degree."""
     degree = 4 * (len(path.rotation[0]) - 1) + 2 * (len(path.translation[0]) - 1)
     slow = 3000 if problem.camera.dead_zone is not None and any(problem.camera.distortion) else 0
+    slow += sum(map(len, problem.camera.mask))
     if problem.occlusion:
-        slow += _BODY * sum(isinstance(o, Box | Capsule) for o in problem.obstacles)
+        slow += _BODY * sum(isinstance(o, SEPARATED) for o in problem.obstacles)
     return (limits + slow) * max(1, degree**2)
+
+
+def _support_work(problem: Problem, separators: Separators) -> int:
+    planes: dict[str, int] = {}
+    for (name, _), pieces in separators.items():
+        index = name.rpartition(" ")[2]
+        planes[index] = planes.get(index, 0) + len(pieces)
+    meshes = ((str(i), o) for i, o in enumerate(problem.obstacles) if isinstance(o, Mesh))
+    return sum(planes.get(index, 0) * len(mesh.vertices) for index, mesh in meshes)
 
 
 def _prepared(constraint: Constraint[Any], margins: Mapping[str, Fraction]) -> tuple[Case, list[Any]]:

@@ -8,21 +8,30 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from omniservo.verification.bodies import Box, Capsule, axes_of
-from omniservo.verification.fields import Fields, Malformed, NotJudged, PlanFileError, Vector, numbers
+from omniservo.verification.fields import (
+    Fields,
+    Malformed,
+    NotJudged,
+    PlanFileError,
+    Vector,
+    near_unit,
+    numbers,
+)
+from omniservo.verification.obstacles import HalfSpace, Obstacle, half_space, obstacle
+from omniservo.verification.polynomials import integers
 
 MOST_BYTES = 16 << 20
 MOST_POINTS = MOST_OBSTACLES = 100_000
 MOST_VERTICES = MOST_HALF_SPACES = 1000
 MOST_PIECES = 200_000
+MOST_MASKS, FEWEST_CORNERS, MOST_CORNERS = 64, 3, 64
 HIGHEST_DEGREE = 20
 STATUSES = ("certified", "refuted", "undecided", "infeasible", "not_found")
 _LEAST_FOCAL = Fraction(1, 10**6)
 _PROBLEM = (
     "format camera points goal obstacles clearance least_distance "
-    "visibility_margin occlusion workspace degrees"
+    "visibility_margin occlusion workspace degrees initial_velocity"
 )
-_NEAR_UNIT = Fraction(1, 10**6)
 
 
 @dataclass(frozen=True)
@@ -41,27 +50,8 @@ class Camera:
     max_angle: Fraction | None
     dead_zone: tuple[Fraction, Fraction, Fraction] | None
     """(u₀, v₀, radius) [px]"""
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """The ball ‖x − center‖ ≤ radius; of radius 0 a point, which hides nothing."""
-
-    center: Vector
-    radius: Fraction
-    clearance: Fraction
-
-
-@dataclass(frozen=True)
-class HalfSpace:
-    """The solid normal·x < offset, the normal taken as a unit vector."""
-
-    normal: Vector
-    offset: Fraction
-    clearance: Fraction
-
-
-Obstacle = Sphere | HalfSpace | Box | Capsule
+    mask: tuple[tuple[Vector, ...], ...]
+    """convex polygons [px] in which the camera sees itself or nothing; corners in either order"""
 
 
 @dataclass(frozen=True)
@@ -92,6 +82,8 @@ class Problem:
     workspace: tuple[Vector, Vector] | None
     workspace_half_spaces: tuple[HalfSpace, ...]
     degrees: tuple[int, int]
+    initial_velocity: Vector | None
+    """the twist at w = 0: linear [m], angular [rad] per unit of w"""
 
 
 @dataclass(frozen=True)
@@ -112,6 +104,8 @@ class PlanFile:
     rotation: tuple[Vector, ...] | None
     translation: tuple[Vector, ...] | None
     stated: tuple[Stated, ...] | None
+    worst: Stated | str | None
+    """the line, or the name alone, that the plan calls its worst"""
     polygon: tuple[Vector, ...] | None
     separators: Separators
 
@@ -162,15 +156,18 @@ def _plan(plan: Fields) -> PlanFile:
     if not (status == "infeasible" and plan.get("path") is None):
         path = plan.table("path")
         rotation, translation = _rows(path, "rotation", 4), _rows(path, "translation", 3)
-    stated = polygon = None
+    stated = polygon = worst = None
     separators: Separators = {}
     if status == "certified" or plan.get("certificate") is not None:
         certificate = plan.table("certificate")
         stated = tuple(_stated(line) for line in certificate.tables("constraints"))
+        worst = certificate.get("worst")
+        if worst is not None and not isinstance(worst, str):
+            worst = _stated(certificate.table("worst"))
         if certificate.get("polygon") is not None:
             polygon = certificate.vectors("polygon", 2, MOST_VERTICES)
         separators = _separators(certificate)
-    return PlanFile(_problem(plan), status, rotation, translation, stated, polygon, separators)
+    return PlanFile(_problem(plan), status, rotation, translation, stated, worst, polygon, separators)
 
 
 def _separators(certificate: Fields) -> Separators:
@@ -226,18 +223,19 @@ def _problem(plan: Fields) -> Problem:
         points=points,
         goal_translation=goal.vector("translation", 3),
         goal_quaternion=near_unit(goal.vector("quaternion", 4), f"{goal.where}.quaternion"),
-        obstacles=tuple(_obstacle(fields, clearance) for fields in obstacles),
+        obstacles=tuple(obstacle(fields, clearance) for fields in obstacles),
         least_distance=problem.number("least_distance", default=1e-3, least=0),
         visibility_margin=problem.number("visibility_margin", default=0, least=0),
         occlusion=problem.flag("occlusion", default=False),
         workspace=_workspace(problem),
         workspace_half_spaces=_workspace_half_spaces(problem),
         degrees=_degrees(problem),
+        initial_velocity=_velocity(problem),
     )
 
 
 def _camera(problem: Fields) -> Camera:
-    known = "model fx fy cx cy skew xi distortion width height max_angle dead_zone"
+    known = "model fx fy cx cy skew xi distortion width height max_angle dead_zone mask"
     camera = problem.table("camera", known)
     camera.exactly("model", "unified")
     fx, fy = camera.number("fx"), camera.number("fy")
@@ -248,6 +246,10 @@ def _camera(problem: Fields) -> Camera:
     angle = camera.number("max_angle", above=0) if camera.get("max_angle") is not None else None
     if angle is not None and angle > Fraction(math.pi):
         raise Malformed(f"problem.camera.max_angle: {float(angle)} given; legal: up to pi")
+    distortion = numbers(camera.get("distortion", (0, 0, 0, 0)), 4, "problem.camera.distortion")
+    mask = _mask(camera)
+    if mask and any(distortion):
+        raise NotJudged("problem.camera.mask: this verifier does not judge a mask of a distorted camera")
     return Camera(
         fx=fx,
         fy=fy,
@@ -255,11 +257,12 @@ def _camera(problem: Fields) -> Camera:
         cy=camera.number("cy"),
         skew=camera.number("skew", default=0),
         xi=camera.number("xi", least=0),
-        distortion=numbers(camera.get("distortion", (0, 0, 0, 0)), 4, "problem.camera.distortion"),
+        distortion=distortion,
         width=camera.number("width", above=0),
         height=camera.number("height", above=0),
         max_angle=angle,
         dead_zone=_dead_zone(camera),
+        mask=mask,
     )
 
 
@@ -271,34 +274,32 @@ def _dead_zone(camera: Fields) -> tuple[Fraction, Fraction, Fraction] | None:
     return u, v, zone.number("radius", above=0)
 
 
-def _obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
-    kind = fields.get("type")
-    if kind not in ("sphere", "box", "capsule", "half_space"):
-        raise NotJudged(f"{fields.where}: this verifier does not judge obstacles of type {kind!r}")
-    if fields.get("clearance") is not None:
-        clearance = fields.number("clearance", least=0)
-    if kind == "sphere":
-        fields.only("type center radius clearance")
-        return Sphere(fields.vector("center", 3), fields.number("radius", least=0), clearance)
-    if kind == "box":
-        fields.only("type center quaternion half_extents clearance")
-        extents = fields.vector("half_extents", 3)
-        if min(extents) <= 0:
-            raise Malformed(f"{fields.where}.half_extents: {fields.get('half_extents')} given; legal: > 0")
-        axes = axes_of(near_unit(fields.vector("quaternion", 4), f"{fields.where}.quaternion"))
-        return Box(fields.vector("center", 3), axes, extents, clearance)
-    if kind == "capsule":
-        fields.only("type from to radius clearance")
-        return Capsule(
-            fields.vector("from", 3), fields.vector("to", 3), fields.number("radius", above=0), clearance
-        )
-    fields.only("type normal offset clearance")
-    return _half_space(fields, clearance)
+def _mask(camera: Fields) -> tuple[tuple[Vector, ...], ...]:
+    if camera.get("mask") is None:
+        return ()
+    polygons = []
+    for i, corners in enumerate(camera.items("mask", MOST_MASKS)):
+        where = f"{camera.where}.mask[{i}]"
+        if not isinstance(corners, list | tuple) or not FEWEST_CORNERS <= len(corners) <= MOST_CORNERS:
+            raise Malformed(f"{where}: {FEWEST_CORNERS} to {MOST_CORNERS} corners are needed")
+        polygon = tuple(numbers(corner, 2, f"{where}[{k}]") for k, corner in enumerate(corners))
+        if not _strictly_convex(polygon):
+            raise Malformed(f"{where}: not convex, or a corner that is none; legal: convex polygons")
+        polygons.append(polygon)
+    return tuple(polygons)
 
 
-def _half_space(fields: Fields, clearance: Fraction) -> HalfSpace:
-    normal = near_unit(fields.vector("normal", 3), f"{fields.where}.normal")
-    return HalfSpace(normal, fields.number("offset"), clearance)
+def _strictly_convex(polygon: tuple[Vector, ...]) -> bool:
+    """True where every corner but a side's own two lies on the same side of it, and none on it."""
+    n, flat = len(polygon), integers(*(x for corner in polygon for x in corner))
+    corners = list(zip(flat[::2], flat[1::2], strict=True))
+    turns = set()
+    for i, (x, y) in enumerate(corners):
+        dx, dy = corners[(i + 1) % n][0] - x, corners[(i + 1) % n][1] - y
+        others = (corners[(i + k) % n] for k in range(2, n))
+        crosses = [dx * (v - y) - dy * (u - x) for u, v in others]
+        turns |= {(cross > 0) - (cross < 0) for cross in crosses}
+    return turns in ({1}, {-1})
 
 
 def _workspace(problem: Fields) -> tuple[Vector, Vector] | None:
@@ -316,7 +317,11 @@ def _workspace_half_spaces(problem: Fields) -> tuple[HalfSpace, ...]:
     sides = problem.table("workspace").tables("half_spaces", MOST_HALF_SPACES, default=())
     for fields in sides:
         fields.only("normal offset")
-    return tuple(_half_space(fields, Fraction(0)) for fields in sides)
+    return tuple(half_space(fields, Fraction(0)) for fields in sides)
+
+
+def _velocity(problem: Fields) -> Vector | None:
+    return problem.vector("initial_velocity", 6) if problem.get("initial_velocity") is not None else None
 
 
 def _degrees(problem: Fields) -> tuple[int, int]:
@@ -324,11 +329,3 @@ def _degrees(problem: Fields) -> tuple[int, int]:
         return 2, 2
     degrees = problem.table("degrees", "rotation translation")
     return int(degrees.number("rotation", least=1)), int(degrees.number("translation", least=1))
-
-
-def near_unit(vector: Vector, where: str) -> Vector:
-    """Return the vector, whose length must be 1 within 1e-6; only its direction is used from here on."""
-    squared = sum(x * x for x in vector)
-    if not (1 - _NEAR_UNIT) ** 2 <= squared <= (1 + _NEAR_UNIT) ** 2:
-        raise Malformed(f"{where}: length {math.sqrt(squared):.9g}; legal: 1 within 1e-6")
-    return vector
