@@ -50,7 +50,7 @@ class Camera:
     max_angle: Fraction | None
     dead_zone: tuple[Fraction, Fraction, Fraction] | None
     """(u₀, v₀, radius) [px]"""
-    mask: tuple[tuple[Vector, ...], ...]
+    mask: tuple[tuple[Vector, ...], ...] = ()
     """convex polygons [px] in which the camera sees itself or nothing; corners in either order"""
 
 
