@@ -70,6 +70,17 @@ def test_a_false_plan_is_refuted_with_exit_code_1_and_a_reason(capsys, tmp_path)
     assert err.startswith("omniservo: refuted: ")
 
 
+def test_a_plan_of_more_margin_within_a_time_budget(capsys, tmp_path):
+    source = written(tmp_path / "problem.json", problem())
+    plans = []
+    for more in ((), ("--quality", "margin", "--time-budget", "60")):
+        code, out, err = call(capsys, "plan", source, "--json", *more)
+        assert (code, err) == (0, "")
+        constraints = json.loads(out)["certificate"]["constraints"]
+        plans.append(next(c["margin"] for c in constraints if c["name"].startswith("clearance")))
+    assert plans[1] > plans[0] + 0.01
+
+
 def test_an_impossible_problem_is_exit_code_1_and_says_why(capsys, tmp_path):
     obstacle = {"type": "sphere", "center": [0.2, 0, 0.1], "radius": 0.01}
     code, out, err = call(
@@ -96,6 +107,8 @@ def test_an_impossible_problem_is_exit_code_1_and_says_why(capsys, tmp_path):
         ("camera", "show", "{dir}/broken.json"),
         ("camera", "convert", "{dir}/broken.json", "{dir}/new.yaml", "--to", "own"),
         ("plan", "{dir}/problem.json", "--method", "magic"),
+        ("plan", "{dir}/problem.json", "--time-budget", "0"),
+        ("plan", "{dir}/problem.json", "--quality", "speed"),
     ],
 )
 def test_wrong_input_is_one_message_and_exit_code_2_and_leaves_nothing(capsys, tmp_path, arguments):

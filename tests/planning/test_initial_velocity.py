@@ -121,6 +121,15 @@ def test_the_base_bends_least_and_energies_add(random_problems, degree):
         assert np.allclose(path(0.0, 1), problem.initial_velocity, atol=1e-12)
 
 
+@pytest.mark.parametrize("degree", [2, 5])
+def test_the_velocity_of_the_straight_path_gives_the_straight_path(random_problems, degree):
+    problem = random_problems("fisheye", 1)[0]
+    angular = 2.0 * problem.goal_quaternion[:3]
+    straight = moving(problem, np.array([*problem.goal_translation, *angular]), degree)
+    family = path_family(ends_of(straight), degree, degree)
+    assert path_energy(family, 0.5, np.zeros(unknowns(family))) == pytest.approx(0.0, abs=1e-30)
+
+
 def test_a_straight_line_bends_nothing():
     controls = np.zeros((3, 6))
     end = np.array([0.1, -0.2, 0.7])

@@ -10,7 +10,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.box import Box
-from omniservo.planning.capsule import Capsule
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.planning_problem import (
     HIGHEST_DEGREE,
@@ -19,10 +18,13 @@ from omniservo.planning.planning_problem import (
     PlanningProblem,
     Workspace,
 )
-from omniservo.planning.sphere import Sphere
 
 FREE_DEGREE = 3
 """A path that leaves with a given velocity has freedom from this degree on."""
+
+
+_POINTS = ("center", "start", "end", "vertices", "points")
+"""Attributes of obstacles that are points, (3,) or (k, 3) [m]."""
 
 
 def problem_from(
@@ -58,25 +60,25 @@ def problem_from(
 
 
 def seen_from(obstacle: Obstacle, here: RigidTransform, w: float) -> Obstacle:
-    """Return an obstacle in another frame, its coordinates there those here times ``here``."""
-    changes: dict[str, Any] = {}
+    """Return an obstacle, of any type, in another frame and from w on: x there is ``here`` times x."""
+    changes: dict[str, Any] = {
+        name: here.apply(getattr(obstacle, name)) for name in _POINTS if hasattr(obstacle, name)
+    }
     if isinstance(obstacle, Box):
-        turned = here.rotation * Rotation.from_quat(obstacle.quaternion)
-        changes = {"center": here.apply(obstacle.center), "quaternion": turned.as_quat()}
-    elif isinstance(obstacle, Sphere):
-        changes = {"center": here.apply(obstacle.center)}
-    elif isinstance(obstacle, Capsule):
-        changes = {"start": here.apply(obstacle.start), "end": here.apply(obstacle.end)}
+        changes["quaternion"] = (here.rotation * Rotation.from_quat(obstacle.quaternion)).as_quat()
     elif isinstance(obstacle, HalfSpace):
-        return _half_space(obstacle, here)
+        changes = _turned_side(obstacle, here)
+    motion = getattr(obstacle, "motion", None)
+    if motion is not None:
+        changes["motion"] = shifted_motion(motion, here.rotation, w)
     return replace(obstacle, **changes)
 
 
-def _half_space(side: HalfSpace, here: RigidTransform) -> HalfSpace:
-    """normal·x ≥ b with x = hereᵀ-turned (y − p): (R n)·y ≥ b + (R n)·p."""
+def _turned_side(side: HalfSpace, here: RigidTransform) -> dict[str, Any]:
+    """n·x ≥ b and y = R x + p: (R n)·y ≥ b + (R n)·p."""
     normal = here.rotation.apply(np.array(side.normal))
     normal /= np.linalg.norm(normal)
-    return replace(side, normal=normal, offset=side.offset + float(normal @ here.translation))
+    return {"normal": normal, "offset": side.offset + float(normal @ here.translation)}
 
 
 def _workspace(workspace: Workspace, here: RigidTransform) -> Workspace:
@@ -86,7 +88,7 @@ def _workspace(workspace: Workspace, here: RigidTransform) -> Workspace:
         for axis, normal in enumerate(np.eye(3)):
             sides.append(HalfSpace(normal, float(workspace.min[axis])))
             sides.append(HalfSpace(-normal, -float(workspace.max[axis])))
-    return Workspace(half_spaces=tuple(_half_space(side, here) for side in sides))
+    return Workspace(half_spaces=tuple(replace(side, **_turned_side(side, here)) for side in sides))
 
 
 def shifted_motion(motion: FloatArray, turn: Rotation, w: float) -> FloatArray:
