@@ -165,6 +165,8 @@ def test_the_margin_is_at_least_that_of_least_effort(random_problems, look, kind
         thrifty, wide = plan_path(problem), plan_path(problem, quality="margin")
         assert wide.status == "certified"
         assert worst(wide) >= worst(thrifty) - 2e-6
+        steps = [worst(plan) for plan in improving_plans(problem, quality="margin")]
+        assert all(b >= a - 2e-6 for a, b in pairwise(steps))
         assert min(look(problem, wide.path, np.linspace(0, 1, 2001)).values()) >= 0.0
         gained += worst(wide) > worst(thrifty) + 1e-3
     assert gained >= 3

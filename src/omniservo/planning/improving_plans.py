@@ -9,7 +9,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import finite_number
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
-from omniservo.planning.more_margin import paths_of_more_margin
+from omniservo.planning.more_margin import TINY, paths_of_more_margin, smallest_margin
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_search import Found, ProblemSearch
@@ -34,8 +34,9 @@ def improving_plans(
     Args:
         problem: what to plan.
         quality: what is better; see `Quality`.
-        time_budget: [s], looked at between starts, one of which takes tens of µs with few points and
-            obstacles and up to tens of ms with 1e5; at least one start is made. None: without end.
+        time_budget: [s], looked at between starts, or for more margin between groups of 13; one takes tens
+            of µs with few points and obstacles and up to tens of ms with 1e5. One is always made. None:
+            without end.
         seed: turns the directions in which detours are tried.
 
     Raises:
@@ -68,22 +69,29 @@ def _improving(problem: PlanningProblem, quality: str, budget: TimeBudget, seed:
     yield plan
     if plan.status != "certified":
         return
-    for better in paths_of_less_effort(search, found, tried, budget):
-        candidate = judged_plan(problem, better.path, budget.begin, "certified", "")
-        if candidate.status == "certified":
-            plan = candidate
-            if quality == "effort":
-                yield plan
-        if quality == "margin":
-            break
-    if quality == "margin":
-        yield from _with_more_margin(plan, budget, seed)
+    if quality == "effort":
+        for better in paths_of_less_effort(search, found, tried, budget):
+            candidate = judged_plan(problem, better.path, budget.begin, "certified", "")
+            if candidate.status == "certified":
+                yield candidate
+    else:
+        yield from _plans_of_more_margin(search, found, plan, budget, seed)
 
 
-def _with_more_margin(plan: Plan, budget: TimeBudget, seed: int) -> Iterator[Plan]:
+def _plans_of_more_margin(
+    search: ProblemSearch, found: Found, plan: Plan, budget: TimeBudget, seed: int
+) -> Iterator[Plan]:
+    """Yield certified plans of more and more margin, and never a smaller smallest one."""
+    least = smallest_margin(plan)
+    thrifty = search.run(found.number, found.number + 1, 1)
+    candidate = judged_plan(plan.problem, thrifty.path, budget.begin, "certified", "")
+    if candidate.status == "certified" and smallest_margin(candidate) > least:
+        plan, least = candidate, smallest_margin(candidate)
+        yield plan
     for path in paths_of_more_margin(plan, budget, seed):
         candidate = judged_plan(plan.problem, path, budget.begin, "certified", "")
-        if candidate.status == "certified":
+        if candidate.status == "certified" and smallest_margin(candidate) >= least - 2.0 * TINY:
+            least = max(least, smallest_margin(candidate))
             yield candidate
 
 

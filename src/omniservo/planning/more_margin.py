@@ -10,6 +10,7 @@ boxes and meshes, and the image of a distorted camera.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -33,20 +34,20 @@ CAP = 0.9
 BISECTIONS = 10
 """of μ; the last interval is 1/1024 of the first"""
 
+UNTIGHTENED = ("domain", "rotation")
+"""Constraints that nobody asks more of: the image's own limits and the ends keep them."""
+
 TINY = 1e-6
 """A path may keep so much less than what it is compared with, as an angle: what rounding makes of it."""
 
 
 def paths_of_more_margin(plan: Plan, budget: TimeBudget, seed: int) -> Iterator[CameraPath]:
     """Yield proven paths that keep more and more than those of a certified plan."""
-    if plan.certificate is None:
-        return
-    problem, units = plan.problem, angle_units(plan.problem)
-    kept = max(0.0, min(c.margin / units[c.unit] for c in plan.certificate.constraints))
+    problem, units, kept = plan.problem, angle_units(plan.problem), max(0.0, smallest_margin(plan))
     ends = {
         name: margin / units[unit]
         for name, (margin, unit) in end_margins(problem).items()
-        if not name.startswith(("domain", "rotation"))
+        if not name.startswith(UNTIGHTENED)
     }
     low, high = kept, CAP * max(ends.values())
     for _ in range(BISECTIONS):
@@ -65,6 +66,14 @@ def paths_of_more_margin(plan: Plan, budget: TimeBudget, seed: int) -> Iterator[
             yield found.path
         else:
             high = middle
+
+
+def smallest_margin(plan: Plan) -> float:
+    """Return the smallest margin of a plan's certificate as an angle; −∞ where there is none."""
+    if plan.certificate is None:
+        return -math.inf
+    units, found = angle_units(plan.problem), plan.certificate.constraints
+    return min(c.margin / units[c.unit] for c in found if not c.name.startswith(UNTIGHTENED))
 
 
 def angle_units(problem: PlanningProblem) -> dict[str, float]:
