@@ -5,6 +5,7 @@ from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.capsule import Capsule
 from omniservo.planning.certificate import Certificate, ConstraintMargin, Separator
 from omniservo.planning.certify import certify
+from omniservo.planning.cloud import Cloud
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.plan import Plan
@@ -18,6 +19,7 @@ __all__ = [
     "CameraPath",
     "Capsule",
     "Certificate",
+    "Cloud",
     "ConstraintMargin",
     "Degrees",
     "HalfSpace",

@@ -10,6 +10,8 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.planning.constraints.cloud import push_off_clouds
+from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import push_to_free_side
@@ -33,10 +35,10 @@ def groups(demands: Demands) -> int:
     """Return how many targets there are.
 
     Limits, dead zone, least distance, spheres' clearances and sights, walls, bodies' clearances and sights,
-    half-spaces.
+    half-spaces, clouds' clearances and sights.
     """
-    solids = 2 * (demands.obstacles.shape[0] + demands.bodies.shape[0]) + demands.planes.shape[0]
-    return int(demands.limits.shape[0] + solids + 8)
+    hiding = demands.obstacles.shape[0] + demands.bodies.shape[0] + demands.clouds.shape[0]
+    return int(demands.limits.shape[0] + 2 * hiding + demands.planes.shape[0] + 8)
 
 
 @kernel
@@ -64,6 +66,12 @@ def push_all(
         push_off_bodies(bodies, hidden, poses, ell, first, targets, least, systems, costs)
     first += 2 * bodies.shape[0]
     push_to_free_side(demands.planes, poses, ell, first, targets, least, systems, costs)
+    first += demands.planes.shape[0]
+    if demands.clouds.shape[0] > 0:
+        push_off_clouds(demands, poses, first, targets, least, systems, costs)
+        if demands.numbers[1] > 0.0:
+            first += demands.clouds.shape[0]
+            push_sights_off_clouds(demands, poses, first, targets, least, systems, costs)
 
 
 @kernel

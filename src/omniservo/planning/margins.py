@@ -10,8 +10,11 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
+from omniservo.planning.ball_tree import nearest_point
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
 from omniservo.planning.constraints.body_gap import segment_gap
+from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, prove_off_cloud
+from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
@@ -25,8 +28,11 @@ from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place
 from omniservo.planning.path_family import set_basis
 
-EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, BODY_SIGHT, CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY = range(12)
-"""Kinds. Index: the limit, wall, or obstacle among its kind.
+EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, BODY_SIGHT, CLOUD_SIGHT = range(8)
+"""Kinds of entries about a target point."""
+
+CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY, CLOUD = range(8, 14)
+"""Kinds that are not. Index: the limit, wall, or obstacle among its kind.
 
 Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
 
@@ -71,7 +77,7 @@ def camera_margin(
 
 @kernel
 def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> float:
-    """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE or BODY entry leaves at a pose (13,)."""
+    """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY or CLOUD entry leaves at a pose (13,)."""
     if kind == ROTATION:
         return float(pose[12] - ROTATION_FLOOR)
     if kind == WALL:
@@ -84,6 +90,10 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
         body = demands.bodies[index]
         x, y, z = pose[9], pose[10], pose[11]
         return float(segment_gap(body, x, y, z, x, y, z)[3] - body[16])
+    if kind == CLOUD:
+        t = pose[9], pose[10], pose[11]
+        points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+        return float(nearest_point(points, nodes, t, t, math.inf)[1] - demands.clouds[index, 5])
     o = demands.obstacles[index]
     x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
     return math.sqrt(x * x + y * y + z * z) - float(o[4])
@@ -103,7 +113,7 @@ def smallest_at(
     ``c`` (n, 4) are these points in the camera frame and 1/distance.
     """
     kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
-    if kind > BODY_SIGHT:
+    if kind >= CLEARANCE:
         return centre_margin(kind, index, demands, pose), 0
     least, about = math.inf, 0
     if kind == SIGHT:
@@ -121,6 +131,15 @@ def smallest_at(
             if value < least:
                 least, about = value, j
         return least - float(body[15]), about
+    if kind == CLOUD_SIGHT:
+        cloud, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+        t = pose[9], pose[10], pose[11]
+        for j in range(points.shape[0]):
+            h = points[j, 0], points[j, 1], points[j, 2]
+            k, value = nearest_point(cloud, nodes, t, h, least)
+            if k >= 0:
+                least, about = value, j
+        return least - float(demands.clouds[index, 4]), about
     limit = demands.limits[index]
     for j in range(points.shape[0]):
         value = camera_margin(kind, limit, scale, demands, optics, c, j)
@@ -251,6 +270,8 @@ def prove_space(
 ) -> tuple[int, float, int]:
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
     kind, index = int(entry[0]), int(entry[1])
+    if kind in (CLOUD, CLOUD_SIGHT):
+        return prove_cloud(kind, index, margin, demands, centre, square, raised, size)
     if kind in (FREE_SIDE, BODY, BODY_SIGHT):
         return prove_solid(kind, index, margin, demands, centre, size)
     if kind == LEAST:
@@ -289,6 +310,29 @@ def prove_solid(
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0
+
+
+@kernel
+def prove_cloud(
+    kind: int,
+    index: int,
+    margin: float,
+    demands: Demands,
+    centre: FloatArray,
+    square: FloatArray,
+    raised: FloatArray,
+    size: float,
+) -> tuple[int, float, int]:
+    """Decide a CLOUD or CLOUD_SIGHT entry with ``margin`` to spare: status, w, point."""
+    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    if kind == CLOUD_SIGHT:
+        radius = demands.clouds[index, 4] + margin
+        return prove_sights_past_cloud(centre, size, demands.points, points, nodes, radius)
+    reach = demands.clouds[index, 5] + margin
+    if reach <= 0.0:
+        return PROVEN, 0.0, 0
+    status, w = prove_off_cloud(square, raised, size, points, nodes, reach)
+    return status, w, 0
 
 
 @kernel

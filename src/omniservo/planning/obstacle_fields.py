@@ -8,6 +8,7 @@ from typing import Any
 from omniservo.errors import InputError
 from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
+from omniservo.planning.cloud import Cloud
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.planning_problem import Obstacle
 from omniservo.planning.sphere import Sphere
@@ -17,6 +18,7 @@ _FIELDS = {
     "box": (Box, {"center": "center", "quaternion": "quaternion", "half_extents": "half_extents"}),
     "capsule": (Capsule, {"from": "start", "to": "end", "radius": "radius"}),
     "half_space": (HalfSpace, {"normal": "normal", "offset": "offset"}),
+    "cloud": (Cloud, {"points": "points", "radius": "radius"}),
 }
 """type: class, and the attribute of each field; every type may have its own clearance as well"""
 

@@ -17,10 +17,11 @@ from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
 from omniservo.planning.checks import LARGEST, bounded_array
+from omniservo.planning.cloud import MOST_CLOUD_POINTS, Cloud
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.sphere import Sphere
 
-Obstacle = Sphere | Box | Capsule | HalfSpace
+Obstacle = Sphere | Box | Capsule | HalfSpace | Cloud
 
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""
@@ -177,7 +178,12 @@ class PlanningProblem:
         for i, obstacle in enumerate(obstacles):
             if not isinstance(obstacle, Obstacle):
                 kind = type(obstacle).__name__
-                raise InputError(f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace")
+                raise InputError(f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Cloud")
+        count = sum(len(o.points) for o in obstacles if isinstance(o, Cloud))
+        if count > MOST_CLOUD_POINTS:
+            raise InputError(
+                f"obstacles: clouds of {count} points together given; legal: at most {MOST_CLOUD_POINTS}"
+            )
         object.__setattr__(self, "obstacles", obstacles)
 
     @cached_property

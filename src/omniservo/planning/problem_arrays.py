@@ -14,7 +14,9 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import margins
 from omniservo.planning.box import Box
+from omniservo.planning.ball_tree import BallTree
 from omniservo.planning.capsule import Capsule
+from omniservo.planning.cloud import Cloud
 from omniservo.planning.constraints.body_gap import BODY_SIZE
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.half_space import HalfSpace
@@ -33,6 +35,7 @@ _CLEARANCES: dict[type, int] = {
     HalfSpace: margins.FREE_SIDE,
     Box: margins.BODY,
     Capsule: margins.BODY,
+    Cloud: margins.CLOUD,
 }
 
 
@@ -53,6 +56,7 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     rows = np.column_stack([limits.normals, limits.kappas])
     rows = rows / np.linalg.norm(limits.normals, axis=1, keepdims=True)
     distances = np.sqrt(np.einsum("ij,ij->i", problem.points, problem.points))
+    clouds, trees = _clouds(problem)
     box = np.array([[-math.inf] * 3, [math.inf] * 3])
     if problem.workspace is not None and problem.workspace.min is not None:
         box = np.array([problem.workspace.min, problem.workspace.max])
@@ -63,6 +67,9 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         obstacles=_spheres(problem),
         bodies=_bodies(problem),
         planes=_planes(problem),
+        clouds=clouds,
+        cloud_points=trees.points,
+        cloud_nodes=trees.nodes,
         box=box,
         numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
     )
@@ -125,6 +132,18 @@ def _bodies(problem: PlanningProblem) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, BODY_SIZE)
 
 
+def _clouds(problem: PlanningProblem) -> tuple[FloatArray, BallTree]:
+    clouds = [o for o in problem.obstacles if isinstance(o, Cloud)]
+    points, nodes = [c.tree.points for c in clouds], [c.tree.nodes for c in clouds]
+    ends = np.cumsum([(0, 0)] + [(len(k), len(p)) for k, p in zip(nodes, points, strict=True)], axis=0)
+    rows = [
+        (ends[i, 0], ends[i + 1, 0], ends[i, 1], ends[i + 1, 1], o.radius, o.radius + _clearance(problem, o))
+        for i, o in enumerate(clouds)
+    ]
+    joined = BallTree(np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 7)), *nodes]))
+    return np.array(rows, dtype=np.float64).reshape(-1, 6), joined
+
+
 def box_axes(quaternion: FloatArray) -> FloatArray:
     """Return the axes of a box, row by row (3, 3): columns of Λ(q)/‖q‖² (20), within 10 roundings each."""
     x, y, z, w = quaternion
@@ -164,7 +183,7 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     """
     metre, entries = 1e-9 * ell, []
     for i, (o, about) in enumerate(_among_its_kind(problem)):
-        kind, step = _CLEARANCES[type(o)], metre if isinstance(o, Sphere | HalfSpace) else COARSE
+        kind, step = _CLEARANCES[type(o)], metre if isinstance(o, Sphere | HalfSpace | Cloud) else COARSE
         entries.append(Entry(f"clearance obstacle {i}", "m", False, kind, about, 1.0, step))
     if not problem.camera.is_distorted:
         entries += _image_entries(problem.camera, limits)
@@ -175,8 +194,9 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
             name = f"occlusion obstacle {i}"
             if isinstance(o, Box | Capsule):
                 entries.append(Entry(name, "m", True, margins.BODY_SIGHT, about, 1.0, COARSE))
-            elif isinstance(o, Sphere) and o.radius > 0.0:
-                entries.append(Entry(name, "m", True, margins.SIGHT, about, 1.0, metre))
+            elif isinstance(o, Sphere | Cloud) and o.radius > 0.0:
+                kind = margins.SIGHT if isinstance(o, Sphere) else margins.CLOUD_SIGHT
+                entries.append(Entry(name, "m", True, kind, about, 1.0, metre))
     if problem.workspace is not None:
         entries += _workspace_entries(problem, problem.workspace, metre)
     entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
@@ -198,7 +218,7 @@ def _workspace_entries(problem: PlanningProblem, workspace: Workspace, metre: fl
 
 
 def _among_its_kind(problem: PlanningProblem) -> list[tuple[Obstacle, int]]:
-    """Return every obstacle with its row in the array of its kind: spheres, half-spaces, or bodies."""
+    """Return every obstacle with its row in the array of its kind: spheres, half-spaces, bodies, or clouds."""
     seen: dict[int, int] = {}
     found = []
     for o in problem.obstacles:

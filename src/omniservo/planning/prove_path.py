@@ -4,6 +4,8 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
+from omniservo.planning.constraints.cloud import prove_clouds_clear
+from omniservo.planning.constraints.cloud_sight import prove_unclouded
 from omniservo.planning.constraints.collision import prove_collision_free
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import prove_free_sides
@@ -51,4 +53,12 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
         status, w = prove_unoccluded(centre, size, demands.points, demands.obstacles)
         if status != PROVEN:
             return status, w
+    if demands.clouds.shape[0] > 0:
+        status, w = prove_clouds_clear(demands, square, raised, size)
+        if status != PROVEN:
+            return status, w
+        if demands.numbers[1] > 0.0:
+            status, w = prove_unclouded(demands, centre, size)
+            if status != PROVEN:
+                return status, w
     return prove_rotation(rotation, ROTATION_FLOOR)

@@ -21,6 +21,13 @@ class Demands(NamedTuple):
     planes: FloatArray
     """half-spaces (p, 5): unit n, offset + clearance, clearance [m]; free where n·x ≥ offset; the obstacles',
     then the workspace's"""
+    clouds: FloatArray
+    """point clouds (q, 6): first and end of its rows in ``cloud_nodes``, then in ``cloud_points``, radius,
+    radius + clearance [m]"""
+    cloud_points: FloatArray
+    """of all clouds (P, 3) [m], in the order of their trees"""
+    cloud_nodes: FloatArray
+    """of all trees (N, 7), see `ball_tree`; rows in it count from the cloud's own first"""
     box: FloatArray
     """workspace (2, 3): least and greatest camera centre [m]; ±∞ where free"""
     numbers: FloatArray

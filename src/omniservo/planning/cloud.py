@@ -1,0 +1,60 @@
+"""A point cloud as an obstacle: what a depth camera or a scanner saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.ball_tree import BallTree, ball_tree
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
+
+MOST_CLOUD_POINTS = 100_000
+"""Points of a cloud, and of all clouds of a problem together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Balls of one radius about many points, in the initial camera frame.
+
+    Raises:
+        InputError: no point or too many, a coordinate that is not finite (how many, and the first), a
+            negative radius or clearance, or a number beyond 1e6 m.
+    """
+
+    points: FloatArray
+    """(p, 3) [m], 1 ≤ p ≤ 1e5, read-only"""
+    radius: float = 0.0
+    """[m], ≥ 0; a cloud of radius 0 hides nothing"""
+    clearance: float | None = None
+    """what the camera centre keeps from every ball's surface [m]; None: the problem's clearance"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", _checked_points(self.points))
+        object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
+        object.__setattr__(self, "clearance", own_clearance(self.clearance))
+
+    @cached_property
+    def tree(self) -> BallTree:
+        """The points in a tree of balls: how kernels find those that matter."""
+        return ball_tree(self.points)
+
+
+def _checked_points(value: npt.ArrayLike) -> FloatArray:
+    count = len(value) if hasattr(value, "__len__") else 1
+    if not 1 <= count <= MOST_CLOUD_POINTS:
+        raise InputError(f"points: {count} given; legal: 1 to {MOST_CLOUD_POINTS}")
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind == "f":
+        broken = np.flatnonzero(~np.isfinite(value).all(axis=1))
+    else:
+        broken = np.zeros(0)
+    if len(broken):
+        raise InputError(
+            f"points: {len(broken)} of {count} are not finite, the first is points[{broken[0]}] = "
+            f"{np.asarray(value)[broken[0]].tolist()}; remove them"
+        )
+    return bounded_array("points", value, (None, 3))

@@ -1,0 +1,160 @@
+"""Point clouds: the camera centre stays outside balls about many points, ‖t − p‖² − R² ≥ 0, degree 2τ.
+
+The points of a node of the cloud's tree lie in a ball (c, ρ): a piece of the path that stays R + ρ away from
+c stays R away from all of them. So a node is decided like one sphere, and entered only where that fails.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import (
+    MAX_LEVEL,
+    MAX_PIECES,
+    PROVEN,
+    REFUTED,
+    TINY,
+    UNDECIDED,
+    UNIT,
+    copy_into,
+    halve,
+)
+from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.push import ASLEEP, push_centre
+
+
+@kernel
+def cloud_points(demands: Demands, index: int) -> FloatArray:
+    """Return the points (p, 3) of cloud ``index``, in the order of its tree."""
+    return demands.cloud_points[int(demands.clouds[index, 2]) : int(demands.clouds[index, 3])]
+
+
+@kernel
+def cloud_nodes(demands: Demands, index: int) -> FloatArray:
+    """Return the tree (k, 7) of cloud ``index``."""
+    return demands.cloud_nodes[int(demands.clouds[index, 0]) : int(demands.clouds[index, 1])]
+
+
+@kernel
+def squared_gap(piece: FloatArray, k: int, o: FloatArray, reach: float) -> float:
+    """Return coefficient k of ‖t − o‖² − reach²; ``piece`` (4, 2τ+1): t raised, then ‖t‖²."""
+    x, y, z = o[0], o[1], o[2]
+    inner = x * piece[0, k] + y * piece[1, k] + z * piece[2, k]
+    return float(piece[3, k] - 2.0 * inner + (x * x + y * y + z * z - reach * reach))
+
+
+@kernel
+def keeps_off(piece: FloatArray, o: FloatArray, reach: float, bound: float) -> bool:
+    """Tell whether every coefficient of ‖t − o‖² − reach² is at least ``bound``."""
+    for k in range(piece.shape[1]):
+        if not squared_gap(piece, k, o, reach) >= bound:
+            return False
+    return True
+
+
+@kernel
+def first_near(piece: FloatArray, points: FloatArray, nodes: FloatArray, reach: float, bound: float) -> int:
+    """Return the first point of a tree that a piece is not shown to keep off; −1: there is none."""
+    i = 0
+    while i < nodes.shape[0]:
+        node = nodes[i]
+        if keeps_off(piece, node, reach + node[RADIUS], bound):
+            i = int(node[NEXT])
+            continue
+        i += 1
+        if node[NEXT] == i:
+            for k in range(int(node[FIRST]), int(node[END])):
+                if not keeps_off(piece, points[k], reach, bound):
+                    return k
+    return -1
+
+
+@kernel
+def farthest(nodes: FloatArray) -> float:
+    """Return what no coordinate of a tree's points and centres exceeds."""
+    return float(max(abs(nodes[0, 0]), abs(nodes[0, 1]), abs(nodes[0, 2])) + nodes[0, RADIUS])
+
+
+@kernel
+def prove_off_cloud(
+    square: FloatArray, raised: FloatArray, size: float, points: FloatArray, nodes: FloatArray, reach: float
+) -> tuple[int, float]:
+    """Decide ‖t(w) − p‖ ≥ reach on [0, 1] for all points, with `squares` of t and its magnitude ``size``.
+
+    Counts and magnitude are those of one sphere, + 2 for reach + ρ, and 2τ for every halving.
+    """
+    m = square.shape[1]
+    stack, start = np.empty((MAX_LEVEL + 2, 4, m)), np.zeros(MAX_LEVEL + 2)
+    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
+    copy_into(raised, stack[0])
+    copy_into(square, stack[0, 3:])
+    total, largest = size + farthest(nodes), reach + nodes[0, RADIUS]
+    error = UNIT * (3.0 * total * total + largest * largest)
+    top, pieces = 0, 0
+    while top >= 0:
+        piece = stack[top]
+        bound = (3.0 * (m - 1) + 22.0 + (m - 1.0) * level[top]) * error + TINY
+        near = first_near(piece, points, nodes, reach, bound)
+        if near < 0:
+            top -= 1
+            continue
+        width = 0.5 ** level[top]
+        for end in range(2):
+            if squared_gap(piece, (m - 1) * end, points[near], reach) < -bound:
+                return REFUTED, start[top] + width * end
+        pieces += 1
+        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
+            return UNDECIDED, start[top]
+        halve(piece, stack[top + 1], piece)
+        start[top + 1] = start[top]
+        start[top] += 0.5 * width
+        level[top] += 1
+        level[top + 1] = level[top]
+        top += 1
+    return PROVEN, 0.0
+
+
+@kernel
+def prove_clouds_clear(demands: Demands, square: FloatArray, raised: FloatArray, size: float) -> tuple[int, float]:
+    """Decide the clearance of every cloud; one whose reach is 0 asks for nothing."""
+    for i in range(demands.clouds.shape[0]):
+        if demands.clouds[i, 5] > 0.0:
+            points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
+            status, w = prove_off_cloud(square, raised, size, points, nodes, demands.clouds[i, 5])
+            if status != PROVEN:
+                return status, w
+    return PROVEN, 0.0
+
+
+@kernel
+def push_off_clouds(
+    demands: Demands,
+    poses: FloatArray,
+    first: int,
+    targets: FloatArray,
+    least: FloatArray,
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Push the centre off the nearest point: g = (‖t − p‖ − reach)/max(reach, ℓ/20) (see `push`)."""
+    for i in range(demands.clouds.shape[0]):
+        group, reach = first + i, demands.clouds[i, 5]
+        if reach <= 0.0 or targets[group] == ASLEEP:
+            continue
+        points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
+        unit = max(reach, 0.05 * demands.numbers[2])
+        for s in range(poses.shape[0]):
+            t = poses[s, 9], poses[s, 10], poses[s, 11]
+            limit = reach + unit * max(targets[group], least[group])
+            k, distance = nearest_point(points, nodes, t, t, limit)
+            if k < 0:
+                continue
+            g = (distance - reach) / unit
+            least[group] = min(least[group], g)
+            if g < targets[group]:
+                f = 1.0 / (unit * max(distance, 1e-9 * unit))
+                x, y, z = t[0] - points[k, 0], t[1] - points[k, 1], t[2] - points[k, 2]
+                push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)
