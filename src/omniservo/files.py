@@ -28,17 +28,45 @@ def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
     Raises:
         InputError: missing, a folder, unreadable, larger than ``max_bytes``, or not text.
     """
+    try:
+        return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file (UTF-8)") from None
+
+
+def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
+    """Return what a file holds.
+
+    Raises:
+        InputError: missing, a folder, unreadable, or larger than ``max_bytes``.
+    """
     file = Path(path)
     try:
         if not file.is_file():
             raise InputError(f"{path}: no such file" if not file.exists() else f"{path}: not a file")
         if file.stat().st_size > max_bytes:
             raise InputError(f"{path}: {file.stat().st_size} bytes; at most {max_bytes} are read")
-        return file.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file (UTF-8)") from None
+        return file.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
+
+
+def file_inside(field: str, value: str, folder: Path | None) -> Path:
+    """Return the path of a file that ``field`` of a document names; ``folder`` is the document's own.
+
+    Raises:
+        InputError: absolute, outside the folder (links followed), or there is no folder.
+    """
+    if folder is None:
+        raise InputError(f"{field}: the path {value!r:.80} given, but no folder that it is relative to")
+    root = folder.resolve()
+    try:
+        file = (root / value).resolve()
+    except (OSError, RuntimeError, ValueError):
+        file = Path("/")
+    if Path(value).is_absolute() or not file.is_relative_to(root):
+        raise InputError(f"{field}: {value!r:.80} given; legal: a relative path inside the file's folder")
+    return file
 
 
 def read_document(path: str | Path) -> Any:

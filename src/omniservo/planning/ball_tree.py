@@ -138,9 +138,7 @@ def nearest_point(
 
 
 @kernel
-def segment_distance(
-    o: FloatArray, t: tuple[float, float, float], h: tuple[float, float, float]
-) -> float:
+def segment_distance(o: FloatArray, t: tuple[float, float, float], h: tuple[float, float, float]) -> float:
     """Return the distance of o (3,) or longer from the segment from t to h."""
     lx, ly, lz = h[0] - t[0], h[1] - t[1], h[2] - t[2]
     x, y, z = t[0] - o[0], t[1] - o[1], t[2] - o[2]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
@@ -44,17 +44,18 @@ class Cloud:
         return ball_tree(self.points)
 
 
-def _checked_points(value: npt.ArrayLike) -> FloatArray:
+def _checked_points(value: Any) -> FloatArray:
     count = len(value) if hasattr(value, "__len__") else 1
     if not 1 <= count <= MOST_CLOUD_POINTS:
         raise InputError(f"points: {count} given; legal: 1 to {MOST_CLOUD_POINTS}")
-    if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind == "f":
-        broken = np.flatnonzero(~np.isfinite(value).all(axis=1))
-    else:
-        broken = np.zeros(0)
-    if len(broken):
+    try:
+        finite = np.isfinite(np.asarray(value, dtype=np.float64)).reshape(count, -1).all(axis=1)
+    except (TypeError, ValueError, OverflowError):
+        finite = np.ones(count, dtype=bool)  # no numbers at all: the next check says so
+    if not finite.all():
+        first = int(np.argmin(finite))
         raise InputError(
-            f"points: {len(broken)} of {count} are not finite, the first is points[{broken[0]}] = "
-            f"{np.asarray(value)[broken[0]].tolist()}; remove them"
+            f"points: {count - int(finite.sum())} of {count} are not finite, the first is number {first}: "
+            f"{np.asarray(value[first]).tolist()}; leave them out"
         )
     return bounded_array("points", value, (None, 3))

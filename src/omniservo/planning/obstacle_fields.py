@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from omniservo.errors import InputError
+from omniservo.files import file_inside
 from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
 from omniservo.planning.cloud import Cloud
+from omniservo.planning.cloud_file import read_cloud
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.planning_problem import Obstacle
 from omniservo.planning.sphere import Sphere
@@ -33,8 +36,8 @@ def obstacle_fields(obstacle: Obstacle) -> dict[str, Any]:
     return fields if obstacle.clearance is None else {**fields, "clearance": obstacle.clearance}
 
 
-def obstacle_from_fields(value: Any) -> Obstacle:
-    """Return the obstacle of a file's fields.
+def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
+    """Return the obstacle of a file's fields; ``folder`` is where a file that it names is looked up.
 
     Raises:
         InputError: a field is missing, unknown or not legal.
@@ -43,11 +46,28 @@ def obstacle_from_fields(value: Any) -> Obstacle:
     if isinstance(value, Mapping) and not (isinstance(kind, str) and kind in _FIELDS):
         legal = ", ".join(map(repr, _FIELDS))
         raise InputError(f"type: {kind!r:.40} given; legal: {legal} (a sphere of radius 0 is a point)")
+    if kind == "cloud" and "file" in value:
+        value = _with_points(value, folder)
     make, names = _FIELDS[kind or "sphere"]
     fields = only_fields(value, ("type", *names), ("clearance",))
     given = {attribute: fields[field] for field, attribute in names.items()}
     obstacle: Obstacle = make(**given, clearance=fields.get("clearance"))
     return obstacle
+
+
+def _with_points(value: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+    """Return the fields of a cloud with the points of its file in place of the file."""
+    name = value["file"]
+    if "points" in value:
+        raise InputError("file: given beside points; legal: one of the two")
+    if not isinstance(name, str):
+        raise InputError(f"file: {name!r:.40} given; a path is needed")
+    path = file_inside("file", name, folder)
+    try:
+        points = read_cloud(path)
+    except InputError as error:
+        raise InputError(f"file: {error}") from None
+    return {k: v for k, v in value.items() if k != "file"} | {"points": points}
 
 
 def only_fields(fields: Any, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:

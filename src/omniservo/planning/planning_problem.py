@@ -178,7 +178,9 @@ class PlanningProblem:
         for i, obstacle in enumerate(obstacles):
             if not isinstance(obstacle, Obstacle):
                 kind = type(obstacle).__name__
-                raise InputError(f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Cloud")
+                raise InputError(
+                    f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Cloud"
+                )
         count = sum(len(o.points) for o in obstacles if isinstance(o, Cloud))
         if count > MOST_CLOUD_POINTS:
             raise InputError(

@@ -13,8 +13,8 @@ from omniservo.cameras.model_domain import model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import margins
-from omniservo.planning.box import Box
 from omniservo.planning.ball_tree import BallTree
+from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
 from omniservo.planning.cloud import Cloud
 from omniservo.planning.constraints.body_gap import BODY_SIZE
@@ -218,7 +218,7 @@ def _workspace_entries(problem: PlanningProblem, workspace: Workspace, metre: fl
 
 
 def _among_its_kind(problem: PlanningProblem) -> list[tuple[Obstacle, int]]:
-    """Return every obstacle with its row in the array of its kind: spheres, half-spaces, bodies, or clouds."""
+    """Return every obstacle with its row in its kind's array: spheres, half-spaces, bodies, clouds."""
     seen: dict[int, int] = {}
     found = []
     for o in problem.obstacles:

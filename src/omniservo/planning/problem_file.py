@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.calibration import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.files import read_document, write_whole
+from omniservo.files import file_inside, read_document, write_whole
 from omniservo.geometry.arrays import finite_array
 from omniservo.planning.checks import unit_vector
 from omniservo.planning.half_space import HalfSpace
@@ -82,7 +82,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
             camera=_camera(fields["camera"], folder),
             points=_listed("points", fields["points"], MOST_POINTS),
             initial_T_goal=_goal(fields["goal"]),
-            obstacles=_obstacles(fields.get("obstacles", ())),
+            obstacles=_obstacles(fields.get("obstacles", ()), folder),
             **given,
         )
     except InputError as error:
@@ -146,12 +146,7 @@ def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
         return value
     if not isinstance(value, str):
         return UnifiedCamera.from_dict(value, "camera")
-    if folder is None:
-        raise InputError(f"camera: the path {value!r:.80} given, but no folder that it is relative to")
-    root = folder.resolve()
-    file = (root / value).resolve()
-    if Path(value).is_absolute() or not file.is_relative_to(root):
-        raise InputError(f"camera: {value!r:.80} given; legal: a relative path inside the file's folder")
+    file = file_inside("camera", value, folder)
     camera: UnifiedCamera = _within("camera: ", lambda: load_camera(file))
     return camera
 
@@ -163,9 +158,9 @@ def _goal(value: Any) -> RigidTransform:
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
 
 
-def _obstacles(value: Any) -> tuple[Obstacle, ...]:
+def _obstacles(value: Any, folder: Path | None) -> tuple[Obstacle, ...]:
     return tuple(
-        _within(f"obstacles[{i}]", lambda item=item: obstacle_from_fields(item))
+        _within(f"obstacles[{i}]", lambda item=item: obstacle_from_fields(item, folder))
         for i, item in enumerate(_listed("obstacles", value, MOST_POINTS))
     )
 

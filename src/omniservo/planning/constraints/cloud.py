@@ -4,8 +4,6 @@ The points of a node of the cloud's tree lie in a ball (c, ρ): a piece of the p
 c stays R away from all of them. So a node is decided like one sphere, and entered only where that fails.
 """
 
-import math
-
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
@@ -49,10 +47,10 @@ def squared_gap(piece: FloatArray, k: int, o: FloatArray, reach: float) -> float
 @kernel
 def keeps_off(piece: FloatArray, o: FloatArray, reach: float, bound: float) -> bool:
     """Tell whether every coefficient of ‖t − o‖² − reach² is at least ``bound``."""
-    for k in range(piece.shape[1]):
-        if not squared_gap(piece, k, o, reach) >= bound:
-            return False
-    return True
+    k, count = 0, piece.shape[1]
+    while k < count and squared_gap(piece, k, o, reach) >= bound:
+        k += 1
+    return bool(k == count)
 
 
 @kernel
@@ -118,7 +116,9 @@ def prove_off_cloud(
 
 
 @kernel
-def prove_clouds_clear(demands: Demands, square: FloatArray, raised: FloatArray, size: float) -> tuple[int, float]:
+def prove_clouds_clear(
+    demands: Demands, square: FloatArray, raised: FloatArray, size: float
+) -> tuple[int, float]:
     """Decide the clearance of every cloud; one whose reach is 0 asks for nothing."""
     for i in range(demands.clouds.shape[0]):
         if demands.clouds[i, 5] > 0.0:
