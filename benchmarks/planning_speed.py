@@ -1,4 +1,4 @@
-"""Time of planning the shipped tasks, from their true motion and structure.
+"""Time of planning: the shipped tasks, from their true motion and structure, and larger ones.
 
 Run: ``python -m benchmarks.planning_speed``. "Kernel": arrays in, coefficients and verdict out, first proven
 path. "Economised": the same, then least effort, proven again. "Public": `plan_path`, a problem in, a plan
@@ -8,7 +8,7 @@ with every margin out. "Paper": the paper's own search in NumPy. Warm; medians o
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 
@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import PlanningProblem, plan_path
+from omniservo.planning import Cloud, PlanningProblem, Sphere, plan_path
+from omniservo.planning.ball_tree import ball_tree
 from omniservo.planning.paper_search import paper_path
 from omniservo.planning.problem_search import ProblemSearch
 from omniservo.runs.plan_task import problem_of
@@ -38,9 +39,38 @@ def shipped_problem(name: str) -> PlanningProblem:
     return problem_of(task, Truth(task.teach.initial_T_goal.transform, points))
 
 
+def many_targets(count: int) -> PlanningProblem:
+    """Return the paper's example 1 with ``count`` target points, spread where its dots are."""
+    problem = shipped_problem("paper-example-1")
+    low, high = problem.points.min(axis=0), problem.points.max(axis=0)
+    points = np.random.default_rng(count).uniform(low, high, (count, 3))
+    return replace(problem, points=points)
+
+
+def beside_a_board(count: int) -> PlanningProblem:
+    """Return the paper's example 1 with a scan beside the path: ``count`` points of radius 2 mm."""
+    problem = shipped_problem("paper-example-1")
+    rng = np.random.default_rng(count)
+    scan = np.column_stack([rng.normal(0.12, 0.002, count), rng.uniform(-0.4, 0.2, (count, 2))])
+    return replace(problem, obstacles=(*problem.obstacles, Cloud(scan, 0.002)))
+
+
+def among_spheres(count: int) -> PlanningProblem:
+    """Return the same with a sphere for each point."""
+    problem = beside_a_board(count)
+    cloud = problem.obstacles[-1]
+    assert isinstance(cloud, Cloud)
+    return replace(problem, obstacles=(*problem.obstacles[:-1], *(Sphere(p, 0.002) for p in cloud.points)))
+
+
 def kernel_microseconds(name: str, *, economised: int = 0, calls: int = 500) -> float:
     """Return the median time of the compiled search [µs], on a shipped task; ``economised``: see `search`."""
-    search = ProblemSearch.of(shipped_problem(name))
+    return search_microseconds(shipped_problem(name), economised, calls)
+
+
+def search_microseconds(problem: PlanningProblem, economised: int, calls: int) -> float:
+    """Return the median time of the compiled search [µs]."""
+    search = ProblemSearch.of(problem)
     return 1e6 * median_seconds(partial(search.kernel, 0, search.starts, economised), calls)
 
 
@@ -78,3 +108,13 @@ if __name__ == "__main__":
             paper_microseconds(name),
         )
         print(f"{name:<20} {times[0]:>10.1f} {times[1]:>11.1f} {times[2]:>10.1f} {times[3]:>10.1f}")
+    larger = {f"{n} target points": many_targets(n) for n in (9, 50, 200, 1000)}
+    larger |= {f"cloud of {n}": beside_a_board(n) for n in (10_000, 100_000)}
+    larger |= {f"{n} spheres": among_spheres(n) for n in (1000,)}
+    for name, problem in larger.items():
+        plan = plan_path(problem)
+        kernel, economised = (search_microseconds(problem, e, 100) for e in (0, 1))
+        public = 1e6 * median_seconds(partial(plan_path, problem), 20)
+        print(f"{name:<20} {kernel:>10.1f} {economised:>11.1f} {public:>10.1f} {plan.status:>10}")
+    scan = np.array(larger["cloud of 10000"].obstacles[-1].points)
+    print(f"tree of 10 000 points, once a cloud: {1e6 * median_seconds(partial(ball_tree, scan), 20):.0f} µs")

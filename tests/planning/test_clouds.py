@@ -15,6 +15,7 @@ from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.cloud import prove_off_cloud
 from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
 from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.frame_change import problem_from
 
 FINE = np.linspace(0.0, 1.0, 2001)
 POINTS = np.array([[-0.1, -0.1, 0.6], [0.1, -0.1, 0.55], [0.1, 0.1, 0.6], [-0.1, 0.1, 0.62], [0, 0, 0.58]])
@@ -257,6 +258,14 @@ def test_an_end_pose_in_a_cloud_is_named():
     hidden = np.concatenate([points[:-1], [0.5 * POINTS[4] + [0.001, 0.0, 0.0]]])
     says = violation_at_end(asked(Cloud(hidden, 0.002), occlusion=True))
     assert "start pose (w = 0) violates occlusion obstacle 0 (point 4): falls short by 0.001 m" in says
+
+
+def test_a_cloud_seen_from_a_pose_on_the_way_keeps_its_place():
+    points = shell(np.random.default_rng(15), 30)
+    pose = RigidTransform.from_components([0.1, 0.2, -0.3], Rotation.from_rotvec([0.3, -0.5, 1.0]))
+    moved = problem_from(asked(Cloud(points, 0.002, 0.03)), pose, 0.0, None).obstacles[0]
+    assert np.abs(pose.apply(moved.points) - points).max() < 1e-15
+    assert (moved.radius, moved.clearance) == (0.002, 0.03)
 
 
 BAD_CLOUDS = {
