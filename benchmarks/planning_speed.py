@@ -3,6 +3,7 @@
 Run: ``python -m benchmarks.planning_speed``. "Kernel": arrays in, coefficients and verdict out, first proven
 path. "Economised": the same, then least effort, proven again. "Public": `plan_path`, a problem in, a plan
 with every margin out. "Paper": the paper's own search in NumPy. Warm; medians of many calls.
+Planning again on the way has its own, `benchmarks.replanning_speed`.
 """
 
 from __future__ import annotations

@@ -104,6 +104,12 @@ def of_set(name: str, change: str, count: int) -> Iterator[Replanned | None]:
             yield replanned(plan, rng.uniform(0.1, 0.8), CHANGES[change](rng, problem))
 
 
+def kernel_microseconds(count: int = 25) -> float:
+    """Return the median over problems, ``count`` of each set with each change, of the kernel's time [µs]."""
+    results = [r for name in SETS for change in CHANGES for r in of_set(name, change, count)]
+    return float(np.median([r.kernel for r in results if r is not None]))
+
+
 def row(name: str, change: str, results: list[Replanned | None]) -> str:
     """Return a line of the table."""
     found = [r for r in results if r is not None]

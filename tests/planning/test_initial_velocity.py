@@ -5,10 +5,11 @@ import pytest
 from scipy.interpolate import BPoly
 
 from omniservo.errors import InputError
-from omniservo.planning import CameraPath, PlanningProblem, certify, plan_path
+from omniservo.planning import CameraPath, Plan, PlanningProblem, certify, plan_path
 from omniservo.planning.bending import least_bent
 from omniservo.planning.path_family import offsets, path_controls, path_energy, path_family, unknowns
 from omniservo.planning.problem_search import ends_of
+from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)
 
@@ -38,6 +39,7 @@ def test_paths_leave_with_the_velocity_and_hold_everywhere(random_problems, look
         if plan.status == "certified":
             certified += 1
             assert min(look(asked, plan.path, FINE).values()) >= 0.0
+            assert verify_plan(plan).status == "certified"
     assert certified >= 12
 
 
@@ -56,8 +58,10 @@ def test_a_path_with_another_velocity_is_no_path_of_the_problem(random_problems,
     kept = moving(problem, twist)
     assert certify(kept, path)[0] == "certified"
     twist[order] += 1.1e-9
+    other = moving(problem, twist)
     with pytest.raises(InputError, match="velocity at w = 0 misses initial_velocity"):
-        certify(moving(problem, twist), path)
+        certify(other, path)
+    assert verify_plan(Plan(other, "undecided", path, None, 0.0, "certified")).status == "refuted"
 
 
 def test_degree_two_leaves_the_one_path_and_degree_one_none(random_problems):

@@ -79,6 +79,7 @@ def test_a_replan_can_be_replanned_and_is_verified(random_problems):
                 break
             assert new.problem.degrees == Degrees(3, 3)
             assert certify(new.problem, new.path)[0] == "certified"
+            assert verify_plan(new).status == "certified"
             assert np.allclose(new.path(0.0, 1), 0.75 * plan.path(0.25, 1), rtol=0.0, atol=1e-9)
             plan = new
         assert plan.status == "certified"
