@@ -42,6 +42,7 @@ $(STAMP): pyproject.toml requirements.lock
 lock:
 	$(PYTHON) -m pip install --quiet uv
 	$(PYTHON) -m uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --no-emit-index-url --output-file requirements.lock
+	$(PYTHON) -m uv pip compile --group bench --constraint requirements.lock --universal --python-version 3.11 --no-emit-index-url --output-file requirements-bench.lock
 
 clean-cache:
 	find src benchmarks -name '*.nbi' -delete -o -name '*.nbc' -delete
