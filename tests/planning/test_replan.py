@@ -206,6 +206,7 @@ BAD = {
     "w: nan given": {"w": float("nan")},
     "velocity": {"velocity": [0.0] * 5},
     "pose": {"pose": np.eye(4)},
+    "problem: dict given": {"problem": {}},
     "time_budget": {"time_budget": 0.0},
     "seed": {"seed": -1},
 }

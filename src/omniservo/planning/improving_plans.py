@@ -34,9 +34,9 @@ def improving_plans(
     Args:
         problem: what to plan.
         quality: what is better; see `Quality`.
-        time_budget: [s], looked at between starts, or for more margin between groups of 13; one takes tens
-            of µs with few points and obstacles and up to tens of ms with 1e5. One is always made. None:
-            without end.
+        time_budget: [s] from this call on, looked at between starts, or for more margin between groups of
+            13. A start takes about 0.2 ms with 9 points, 4 ms with 1000, 1 s with 1e5. One is always made.
+            None: without end.
         seed: turns the directions in which detours are tried.
 
     Raises:

@@ -62,6 +62,8 @@ def replan(
     if old is None:
         raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
     problem = plan.problem if problem is None else problem
+    if not isinstance(problem, PlanningProblem):
+        raise InputError(f"problem: {type(problem).__name__} given; a PlanningProblem or None is needed")
     pose = _pose(old, w, pose)
     rest = problem_from(problem, pose, w, _velocity(old, w, problem, velocity))
     reason = violation_at_end(rest)
