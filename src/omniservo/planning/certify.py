@@ -95,8 +95,15 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
             pose = "the identity" if place == "start" else "the goal"
             raise InputError(f"path: its {place} misses {pose} by {error:.3g}; legal: {ENDS_MEET:g}")
     if problem.initial_velocity is not None:
-        error = float(np.abs(path(0.0, 1) - problem.initial_velocity).max())
+        error = float(np.abs(_start_velocity(path) - problem.initial_velocity).max())
         if error > ENDS_MEET:
             raise InputError(
                 f"path: its velocity at w = 0 misses initial_velocity by {error:.3g}; legal: {ENDS_MEET:g}"
             )
+
+
+def _start_velocity(path: CameraPath) -> FloatArray:
+    """Return t′(0) and 2 vec(φ*⊗φ′)/‖φ‖² at 0, (6,), of a path of degrees ≥ 1 that starts at the identity."""
+    phi, slope = path.rotation[:, -1], path.rotation[:, -2]
+    turn = phi[3] * slope[:3] - slope[3] * phi[:3] - np.cross(phi[:3], slope[:3])
+    return np.concatenate([path.translation[:, -2], 2.0 * turn / (phi @ phi)])
