@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench readme lock clean clean-cache wheel
+.PHONY: demo test check bench bench-planning readme lock clean clean-cache wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -24,6 +24,11 @@ check: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.table
+
+# Ours beside what people use today, into docs/benchmark-planning.md.   ARGS=--quick: a part of it, into runs/
+bench-planning: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
+	$(BIN)/python -m benchmarks.planning $(ARGS)
 
 # The README's table and animation, from runs made now.
 readme: $(STAMP)

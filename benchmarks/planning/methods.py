@@ -7,15 +7,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
+from typing import Any, NamedTuple
 
 from benchmarks.planning.attempt import Attempt
 from benchmarks.planning.neutral import Neutral
 
-from omniservo.planning import CameraPath, PlanningProblem, plan_path
+from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
+from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.paper_search import paper_path
 from omniservo.planning.problem_search import ProblemSearch
 
 Solve = Callable[[PlanningProblem, Neutral, float], Attempt]
+
+BEST_PEER = "snopt-best"
+"""The method that least effort is compared with."""
 
 SEVERAL = 8
 """Starts that "best of several" economises."""
@@ -48,12 +53,17 @@ def kernel(economised: int, problem: PlanningProblem, neutral: Neutral, budget: 
     return Attempt(found.proven, found.path, seconds, facts={"start": float(found.number)})
 
 
-def public(problem: PlanningProblem, neutral: Neutral, budget: float) -> Attempt:
+def public(plan_of: Callable[[PlanningProblem], Plan], problem: PlanningProblem, *_: object) -> Attempt:
     """Ours, a problem in, a plan with every margin out."""
     begin = perf_counter()
-    plan = plan_path(problem)
+    plan = plan_of(problem)
     seconds = perf_counter() - begin
     return Attempt(plan.status == "certified", plan.path, seconds, plan.reason)
+
+
+def first_plan(problem: PlanningProblem) -> Plan:
+    """Return the first of ever better plans."""
+    return next(improving_plans(problem))
 
 
 def many_starts(problem: PlanningProblem) -> CameraPath | None:
@@ -73,19 +83,42 @@ def paper_numpy(problem: PlanningProblem, neutral: Neutral, budget: float) -> At
     return Attempt(sampled_value(problem, path) > 0.0, path, seconds, note)
 
 
-_PEERS: tuple[tuple[str, str, str, str | None, int | None, float], ...] = (
-    ("paper-compiled", "the paper's search, compiled", "paper_compiled", None, None, 10.0),
-    ("slsqp", "SLSQP, 100 samples", "slsqp", "DENSE", None, 5.0),
-    ("slsqp-margin", "SLSQP, 100 samples, margin 0.005", "slsqp", "DENSE_WITH_MARGIN", None, 5.0),
-    ("snopt-first", "SNOPT, any path, 25 samples", "snopt", "FIRST_WITH_MARGIN", None, 5.0),
-    ("snopt", "SNOPT, least effort, 25 samples", "snopt", "EFFORT", None, 5.0),
-    ("snopt-margin", "SNOPT, 25 samples, margin 0.005", "snopt", "EFFORT_WITH_MARGIN", None, 5.0),
-    ("snopt-best", "SNOPT, 100 samples, best of 8 starts", "snopt", "DENSE_BEST", 100, 10.0),
-    ("ipopt", "IPOPT, 25 samples", "ipopt", "EFFORT", 30, 20.0),
-    ("ipopt-dense", "IPOPT, 100 samples", "ipopt", "DENSE", 10, 30.0),
-    ("rrtconnect", "RRTConnect, Python checker", "rrtconnect", None, 100, 5.0),
+class Peer(NamedTuple):
+    """A method of `benchmarks.planning.peers`."""
+
+    name: str
+    label: str
+    module: str
+    settings: dict[str, Any] | None = None
+    """of `peers.local_search.Settings`; None: ``function`` is called as it is"""
+    most: int | None = None
+    budget: float = 5.0
+    function: str = "solve"
+
+
+_ANY = {"effort": False, "margin": 0.005}
+_BEST = {"samples": 100, "all_starts": True}
+
+
+def _descents(solver: str, label: str, most: int | None) -> list[Peer]:
+    """Return a descending solver's variants: any path, least effort, and least effort off the limits."""
+    return [
+        Peer(f"{solver}-first", f"{label}, any path, margin 0.005", solver, _ANY, most),
+        Peer(solver, f"{label}, least effort", solver, {}, most),
+        Peer(f"{solver}-margin", f"{label}, least effort, margin 0.005", solver, {"margin": 0.005}, most),
+    ]
+
+
+_PEERS = (
+    Peer("paper-compiled", "the paper's search, compiled", "paper_compiled"),
+    Peer("slsqp", "SLSQP, 100 samples", "slsqp", {"samples": 100}),
+    Peer("slsqp-margin", "SLSQP, 100 samples, margin 0.005", "slsqp", {"samples": 100, "margin": 0.005}),
+    *_descents("snopt", "SNOPT, 25 samples", 200),
+    Peer(BEST_PEER, "SNOPT, 100 samples, best of 8 starts", "snopt", _BEST, 60),
+    *_descents("ipopt", "IPOPT, 25 samples", 20),
+    Peer("rrtconnect", "RRTConnect, compiled checker", "rrtconnect", most=200),
+    Peer("rrtconnect-numpy", "RRTConnect, Python checker", "rrtconnect", most=50, function="solve_numpy"),
 )
-"""name, label, module, settings in `peers.local_search`, problems of a set, budget [s]"""
 
 NEEDS_SPHERES = frozenset({"paper-numpy", "paper-compiled"})
 """Methods that are not given sets with other obstacles."""
@@ -97,23 +130,35 @@ def ours() -> list[Method]:
         Method("first", "ours, first path (kernel)", "Numba", partial(kernel, 0)),
         Method("effort", "ours, least effort (kernel)", "Numba", partial(kernel, 1)),
         Method("best", f"ours, best of {SEVERAL} starts (kernel)", "Numba", partial(kernel, SEVERAL)),
-        Method("public", "ours, least effort (`plan_path`)", "Numba", public),
+        Method("public-first", "ours, first path (`improving_plans`)", "Numba", partial(public, first_plan)),
+        Method("public", "ours, least effort (`plan_path`)", "Numba", partial(public, plan_path)),
     ]
 
 
 def all_methods() -> tuple[list[Method], dict[str, str]]:
     """Return every method whose library is there, and why the others are not: name → reason."""
-    found, missing = ours(), {}
+    found: list[Method] = ours()
+    missing: dict[str, str] = {}
     found.append(Method("paper-numpy", "the paper's search, NumPy", "NumPy", paper_numpy, 200))
-    for name, label, module, settings, most, budget in _PEERS:
+    for peer in _PEERS:
         try:
-            peer = importlib.import_module(f"benchmarks.planning.peers.{module}")
-            solve = peer.solve
-            if settings is not None:
-                common = importlib.import_module("benchmarks.planning.peers.local_search")
-                solve = partial(peer.solve, settings=getattr(common, settings))
+            found.append(_loaded(peer))
         except ImportError as error:
-            missing[name] = str(error)
-            continue
-        found.append(Method(name, label, peer.CALLBACKS, solve, most, budget))
+            missing[peer.name] = str(error)
     return found, missing
+
+
+def _loaded(peer: Peer) -> Method:
+    """Return a peer's method.
+
+    Raises:
+        ImportError: its library is not there.
+    """
+    module = importlib.import_module(f"benchmarks.planning.peers.{peer.module}")
+    solve, callbacks = getattr(module, peer.function), module.CALLBACKS
+    if peer.settings is not None:
+        common = importlib.import_module("benchmarks.planning.peers.local_search")
+        solve = partial(solve, settings=common.Settings(**peer.settings))
+    if peer.function != "solve":
+        callbacks = getattr(module, peer.function.replace("solve", "CALLBACKS").upper())
+    return Method(peer.name, peer.label, callbacks, solve, peer.most, peer.budget)

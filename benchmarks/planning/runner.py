@@ -90,7 +90,10 @@ def run_set(name: str, methods: Sequence[Method], count: int) -> Iterator[Row]:
 
 
 def _row(name: str, index: int, method: Method, one: PlanningProblem, neutral: Neutral) -> Row:
-    attempt, calls = measured(method, one, neutral)
+    try:
+        attempt, calls = measured(method, one, neutral)
+    except Exception as error:  # a peer that fails is a row, not the end of the run
+        attempt, calls = Attempt(False, None, np.nan, f"{type(error).__name__}: {error}"), 1
     judged = score(one, neutral, attempt)
     return Row(name, index, method.name, attempt.seconds, calls, attempt.note, attempt.facts, judged)
 
