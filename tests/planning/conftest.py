@@ -1,6 +1,8 @@
 """Problems that more than one file plans."""
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.planning import CameraPath, PlanningProblem, Sphere
 from omniservo.planning.end_poses import violation_at_end
+
+sys.path.insert(0, str(Path(__file__).parent))  # importlib mode adds no folder: solids.py
 
 CAMERAS = {
     "fisheye": ("fe185", 1.2, 90.0),

@@ -5,14 +5,13 @@ import re
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear, minimize_scalar
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
+from solids import FINE, POINTS, asked, detour, distances, margins_of, sight_distance, true_clearance
 
-from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.planning import (
     Box,
-    CameraPath,
     Capsule,
     HalfSpace,
     Plan,
@@ -25,9 +24,6 @@ from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.problem_arrays import demands_of, image_limits
 from omniservo.verification import verify_plan
 
-FINE = np.linspace(0.0, 1.0, 5001)
-POINTS = np.array([[-0.1, -0.1, 0.6], [0.1, -0.1, 0.55], [0.1, 0.1, 0.6], [-0.1, 0.1, 0.62], [0, 0, 0.58]])
-GOAL = np.array([0.0, -0.10, 0.20])
 TILTED = [0.1, 0.7, -0.1, 0.7]
 
 BODIES = {
@@ -35,63 +31,6 @@ BODIES = {
     "capsule": Capsule([-0.1, -0.055, 0.1], [0.08, -0.045, 0.11], 0.015),
     "half-space": HalfSpace([0.0, 0.6, 0.8], -0.075),
 }
-
-
-def asked(*obstacles, points=POINTS, goal=GOAL, turn=(0.0, 0.0, 0.0), **changes):
-    fields = {"clearance": 0.01, "least_distance": 0.02} | changes
-    pose = RigidTransform.from_components(np.array(goal), Rotation.from_rotvec(turn))
-    return PlanningProblem(preset("fe185"), points, pose, obstacles, **fields)
-
-
-def distances(obstacle, x):
-    """Signed distances of points x (…, 3) to the surface: the definition, in NumPy."""
-    if isinstance(obstacle, HalfSpace):
-        return x @ obstacle.normal - obstacle.offset
-    if isinstance(obstacle, Capsule):
-        along = obstacle.end - obstacle.start
-        share = np.clip((x - obstacle.start) @ along / (along @ along), 0.0, 1.0)
-        return np.linalg.norm(x - obstacle.start - share[..., None] * along, axis=-1) - obstacle.radius
-    axes = Rotation.from_quat(obstacle.quaternion).as_matrix()
-    beyond = np.abs((x - obstacle.center) @ axes) - obstacle.half_extents
-    return np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) + np.minimum(beyond.max(axis=-1), 0.0)
-
-
-def sight_distance(obstacle, t, h):
-    """Distance of the segment from t to h to the surface, by SciPy's bounded least squares."""
-    if isinstance(obstacle, Capsule):
-        columns, center = [obstacle.end - obstacle.start], obstacle.start
-        low, high, radius = [0.0], [1.0], obstacle.radius
-    else:
-        columns, center = list(Rotation.from_quat(obstacle.quaternion).as_matrix().T), obstacle.center
-        low, high, radius = list(-obstacle.half_extents), list(obstacle.half_extents), 0.0
-    system = np.column_stack([h - t, *(-c for c in columns)])
-    found = lsq_linear(system, center - t, bounds=([0.0, *low], [1.0, *high]), method="bvls")
-    return np.sqrt(2.0 * found.cost) - radius
-
-
-def margins_of(certificate):
-    return {c.name.split(" (")[0]: c.margin for c in certificate.constraints}
-
-
-def true_clearance(obstacle, path):
-    """The smallest distance along the path, refined beyond the samples."""
-    values = distances(obstacle, path.positions(FINE))
-    k = int(np.argmin(values))
-    around = FINE[max(k - 1, 0)], FINE[min(k + 1, len(FINE) - 1)]
-    best = minimize_scalar(
-        lambda w: float(distances(obstacle, path.positions(w))),
-        bounds=around,
-        method="bounded",
-        options={"xatol": 1e-13},
-    )
-    return min(float(best.fun), float(values.min()))
-
-
-def detour(dip):
-    """A path to GOAL that bends by ``dip``."""
-    bend = np.array(dip)
-    rotation = np.array([[0.0, 0.0]] * 3 + [[0.0, 1.0]])
-    return CameraPath(rotation, np.column_stack([-4.0 * bend, GOAL + 4.0 * bend, np.zeros(3)]))
 
 
 @pytest.mark.parametrize("occlusion", [False, True])

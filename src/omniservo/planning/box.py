@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.checks import bounded_array, own_clearance, unit_vector
+from omniservo.planning.checks import bounded_array, own_clearance, own_motion, unit_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,8 @@ class Box:
     """box axes in the initial camera frame (4,), (x, y, z, w), unit, read-only"""
     clearance: float | None = None
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+    motion: FloatArray | None = None
+    """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
@@ -38,9 +40,13 @@ class Box:
         object.__setattr__(self, "half_extents", extents)
         object.__setattr__(self, "quaternion", unit_vector("quaternion", self.quaternion, 4))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+        object.__setattr__(self, "motion", own_motion(self.motion))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
+
+        Where it stands without its motion.
+        """
         beyond = np.abs(Rotation.from_quat(self.quaternion).apply(points - self.center, inverse=True))
         beyond -= self.half_extents
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)

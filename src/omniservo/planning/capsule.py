@@ -8,7 +8,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,8 @@ class Capsule:
     """[m], > 0"""
     clearance: float | None = None
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+    motion: FloatArray | None = None
+    """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", bounded_array("from", self.start, (3,)))
@@ -36,9 +38,13 @@ class Capsule:
             raise InputError(f"radius: {radius:g} given; legal: > 0")
         object.__setattr__(self, "radius", radius)
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+        object.__setattr__(self, "motion", own_motion(self.motion))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
+
+        Where it stands without its motion.
+        """
         along = self.end - self.start
         square = float(along @ along)
         part = (points - self.start) @ along / square if square > 0.0 else np.zeros(len(points))

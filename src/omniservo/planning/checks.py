@@ -27,6 +27,26 @@ def bounded_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) 
     return array
 
 
+HIGHEST_MOTION = 16
+"""Highest degree of an obstacle's motion."""
+
+
+def own_motion(value: npt.ArrayLike | None) -> FloatArray | None:
+    """Return an obstacle's displacement m(w) as a read-only array (3, k+1), highest power first [m].
+
+    Raises:
+        InputError: not finite, of another shape, of a degree above 16, or a coefficient beyond 1e6 m.
+    """
+    if value is None:
+        return None
+    motion = bounded_array("motion", value, (3, None))
+    if not 1 <= motion.shape[1] <= HIGHEST_MOTION + 1:
+        raise InputError(
+            f"motion: {motion.shape[1]} coefficients an axis given; legal: 1 to {HIGHEST_MOTION + 1}"
+        )
+    return motion
+
+
 NEAR_UNIT = 1e-6
 """Unit vectors are accepted within this and normalised."""
 

@@ -32,11 +32,17 @@ class Cloud:
     """[m], ≥ 0; a cloud of radius 0 hides nothing"""
     clearance: float | None = None
     """what the camera centre keeps from every ball's surface [m]; None: the problem's clearance"""
+    motion: FloatArray | None = None
+    """must be None: clouds that move are not planned yet"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _checked_points(self.points))
         object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+        if self.motion is not None:
+            raise InputError(
+                "motion: given for a cloud; legal: spheres, boxes, capsules, half-spaces that move"
+            )
 
     @cached_property
     def tree(self) -> BallTree:

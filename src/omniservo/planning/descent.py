@@ -63,9 +63,9 @@ def push_all(
     first, bodies = k + 8 + 2 * m, demands.bodies
     if bodies.shape[0] > 0:
         hidden = points if demands.numbers[1] > 0.0 else points[:0]
-        push_off_bodies(bodies, hidden, poses, ell, first, targets, least, systems, costs)
+        push_off_bodies(bodies, demands.motions, hidden, poses, ell, first, targets, least, systems, costs)
     first += 2 * bodies.shape[0]
-    push_to_free_side(demands.planes, poses, ell, first, targets, least, systems, costs)
+    push_to_free_side(demands.planes, demands.motions, poses, ell, first, targets, least, systems, costs)
     first += demands.planes.shape[0]
     if demands.clouds.shape[0] > 0:
         push_off_clouds(demands, poses, first, targets, least, systems, costs)
@@ -85,7 +85,7 @@ def place(
     camera_points: FloatArray,
     turn: FloatArray,
 ) -> None:
-    """Write pose (13,), camera points (n, 4) and ∂angular/∂φ (3, 4) of the path at one sample."""
+    """Write pose (14,) but for its w, camera points (n, 4) and ∂angular/∂φ (3, 4) of the path at a sample."""
     x, y, z, w = 0.0, 0.0, 0.0, 0.0
     for k in range(rotation_basis.shape[0]):
         b = rotation_basis[k]
@@ -184,7 +184,7 @@ def linearise(
     """Return the cost at x; write ``least`` over the samples and the normal equations (nx, nx+1)."""
     ell, count, n = demands.numbers[2], family.samples[0], demands.points.shape[0]
     phi, t = path_controls(family, ell, x)
-    poses, turns = np.empty((count, 13)), np.empty((count, 3, 4))
+    poses, turns = np.empty((count, 14)), np.empty((count, 3, 4))
     camera_points, systems, costs = np.empty((count, n, 4)), np.zeros((count, 6, 7)), np.zeros(count)
     fill(least, math.inf)
     for row in range(normal.shape[0]):
@@ -192,6 +192,7 @@ def linearise(
     for s in range(count):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
         place(phi, t, rb, tb, demands.points, poses[s], camera_points[s], turns[s])
+        poses[s, 13] = family.places[s]
     push_all(demands, poses, camera_points, targets, least, systems, costs)
     cost = _add_bending(family, x, pull, normal)
     for s in range(count):

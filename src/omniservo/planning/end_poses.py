@@ -59,7 +59,8 @@ def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:
         (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
         (problem.goal_quaternion, problem.goal_translation),
     )
-    return entries, np.array([pose_margins(demands, optics, table, *pose) for pose in poses])
+    found = [pose_margins(demands, optics, table, *pose, float(w)) for w, pose in enumerate(poses)]
+    return entries, np.array(found)
 
 
 def _named(entry: Entry, point: int) -> str:

@@ -68,9 +68,8 @@ def seen_from(obstacle: Obstacle, here: RigidTransform, w: float) -> Obstacle:
         changes["quaternion"] = (here.rotation * Rotation.from_quat(obstacle.quaternion)).as_quat()
     elif isinstance(obstacle, HalfSpace):
         changes = _turned_side(obstacle, here)
-    motion = getattr(obstacle, "motion", None)
-    if motion is not None:
-        changes["motion"] = shifted_motion(motion, here.rotation, w)
+    if obstacle.motion is not None:
+        changes["motion"] = shifted_motion(obstacle.motion, here.rotation, w)
     return replace(obstacle, **changes)
 
 

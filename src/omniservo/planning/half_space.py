@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.checks import LARGEST, own_clearance, unit_vector
+from omniservo.planning.checks import LARGEST, own_clearance, own_motion, unit_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,19 @@ class HalfSpace:
     """[m]"""
     clearance: float | None = None
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+    motion: FloatArray | None = None
+    """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "normal", unit_vector("normal", self.normal, 3))
         offset = finite_number("offset", self.offset, minimum=-LARGEST, maximum=LARGEST)
         object.__setattr__(self, "offset", offset)
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+        object.__setattr__(self, "motion", own_motion(self.motion))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
+
+        Where it stands without its motion.
+        """
         return np.asarray(points @ self.normal - self.offset)

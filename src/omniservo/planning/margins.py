@@ -20,6 +20,7 @@ from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import free_side_gap, prove_free_side
 from omniservo.planning.constraints.least_distance import prove_least_distance
+from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
 from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.separation import separate
@@ -77,7 +78,7 @@ def camera_margin(
 
 @kernel
 def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> float:
-    """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY or CLOUD entry leaves at a pose (13,)."""
+    """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY or CLOUD entry leaves at a pose (14,)."""
     if kind == ROTATION:
         return float(pose[12] - ROTATION_FLOOR)
     if kind == WALL:
@@ -85,10 +86,11 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
         gap = float(pose[9 + axis] - demands.box[side, axis])
         return gap if side == 0 else -gap
     if kind == FREE_SIDE:
-        return free_side_gap(pose[9], pose[10], pose[11], demands.planes[index])
+        x, y, z = centre_from_body(pose, demands.motions, demands.planes[index, 5])
+        return free_side_gap(x, y, z, demands.planes[index])
     if kind == BODY:
         body = demands.bodies[index]
-        x, y, z = pose[9], pose[10], pose[11]
+        x, y, z = centre_from_body(pose, demands.motions, body[17])
         return float(segment_gap(body, x, y, z, x, y, z)[3] - body[16])
     if kind == CLOUD:
         t = pose[9], pose[10], pose[11]
@@ -100,6 +102,13 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
 
 
 @kernel
+def centre_from_body(pose: FloatArray, motions: FloatArray, motion: float) -> tuple[float, float, float]:
+    """Return t − m of a pose (14,)."""
+    x, y, z = displacement(motions, motion, pose[13])
+    return pose[9] - x, pose[10] - y, pose[11] - z
+
+
+@kernel
 def smallest_at(
     entry: FloatArray,
     demands: Demands,
@@ -108,7 +117,7 @@ def smallest_at(
     c: FloatArray,
     points: FloatArray,
 ) -> tuple[float, int]:
-    """Return an entry's smallest margin over ``points`` (n, 3) at a pose (13,), and which point has it.
+    """Return an entry's smallest margin over ``points`` (n, 3) at a pose (14,), and which point has it.
 
     ``c`` (n, 4) are these points in the camera frame and 1/distance.
     """
@@ -125,9 +134,10 @@ def smallest_at(
         return least - float(o[3]), about
     if kind == BODY_SIGHT:
         body = demands.bodies[index]
+        mx, my, mz = displacement(demands.motions, body[17], pose[13])
+        x, y, z = pose[9] - mx, pose[10] - my, pose[11] - mz
         for j in range(points.shape[0]):
-            h = points[j]
-            value = segment_gap(body, pose[9], pose[10], pose[11], h[0], h[1], h[2])[3]
+            value = segment_gap(body, x, y, z, points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz)[3]
             if value < least:
                 least, about = value, j
         return least - float(body[15]), about
@@ -157,7 +167,7 @@ def refine(
     Three places around the smallest so far give a parabola; its lowest place is looked at next, and the
     places move closer together.
     """
-    scratch = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1])), np.empty(13), np.empty((1, 4))
+    scratch = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1])), np.empty(14), np.empty((1, 4))
     turn, point = np.empty((3, 4)), demands.points[j : j + 1]
     values, places = np.empty(4), np.empty(4)
     best, at, width = math.inf, w, 0.25 / LOOKS
@@ -173,6 +183,7 @@ def refine(
             set_basis(scratch[0], 0, places[k])
             set_basis(scratch[1], 0, places[k])
             place(phi, t, scratch[0][0], scratch[1][0], point, scratch[2], scratch[3], turn)
+            scratch[2][13] = places[k]
             values[k] = smallest_at(entry, demands, optics, scratch[2], scratch[3], point)[0]
             if values[k] < best:
                 best, at = values[k], places[k]
@@ -191,7 +202,7 @@ def look(
 ) -> None:
     """Write (margin, w, point) of every entry's smallest margin at LOOKS + 1 places into ``table`` (e, 4)."""
     count = entries.shape[0]
-    pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
     rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
     for e in range(count):
         table[e, 0] = math.inf
@@ -200,6 +211,7 @@ def look(
         set_basis(rotation_basis, 0, w)
         set_basis(translation_basis, 0, w)
         place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
+        pose[13] = w
         for e in range(count):
             margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
             if not margin >= table[e, 0]:
@@ -264,6 +276,7 @@ def prove_space(
     demands: Demands,
     rotation: FloatArray,
     centre: FloatArray,
+    translation: FloatArray,
     square: FloatArray,
     raised: FloatArray,
     size: float,
@@ -273,7 +286,7 @@ def prove_space(
     if kind in (CLOUD, CLOUD_SIGHT):
         return prove_cloud(kind, index, margin, demands, centre, square, raised, size)
     if kind in (FREE_SIDE, BODY, BODY_SIGHT):
-        return prove_solid(kind, index, margin, demands, centre, size)
+        return prove_solid(kind, index, margin, demands, centre, translation, size)
     if kind == LEAST:
         return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
     if kind == SIGHT:
@@ -295,18 +308,29 @@ def prove_space(
 
 @kernel
 def prove_solid(
-    kind: int, index: int, margin: float, demands: Demands, centre: FloatArray, size: float
+    kind: int,
+    index: int,
+    margin: float,
+    demands: Demands,
+    centre: FloatArray,
+    translation: FloatArray,
+    size: float,
 ) -> tuple[int, float, int]:
     """Decide a FREE_SIDE, BODY or BODY_SIGHT entry with ``margin`` to spare: status, w, point."""
+    motions = demands.motions
     if kind == FREE_SIDE:
-        status, w = prove_free_side(centre, size, demands.planes[index], margin)
+        plane = demands.planes[index]
+        path, largest = seen_from_body(centre, translation, size, motions, plane[5])
+        status, w = prove_free_side(path, largest, plane, margin)
         return status, w, 0
     body, planes = demands.bodies[index], np.empty((0, 5))
+    path, largest = seen_from_body(centre, translation, size, motions, body[17])
     if kind == BODY:
-        status, w, _ = separate(centre, size, demands.points[:0], body, body[16] + margin, planes)
+        status, w, _ = separate(path, largest, np.empty((3, 0)), body, body[16] + margin, planes)
         return status, w, 0
     for j in range(demands.points.shape[0]):
-        status, w, _ = separate(centre, size, demands.points[j : j + 1], body, body[15] + margin, planes)
+        h = point_from_body(demands.points[j], motions, body[17])
+        status, w, _ = separate(path, largest, h, body, body[15] + margin, planes)
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0
@@ -374,7 +398,9 @@ def path_margins(
             if entry[0] <= DISC:
                 status, w, j = prove_view(entry, target, demands, optics, controls, errors, count)
             else:
-                status, w, j = prove_space(entry, target, demands, rotation, centre, square, raised, size)
+                status, w, j = prove_space(
+                    entry, target, demands, rotation, centre, translation, square, raised, size
+                )
             if status == PROVEN:
                 row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
                 break
@@ -389,16 +415,22 @@ def path_margins(
 
 @kernel
 def pose_margins(
-    demands: Demands, optics: FloatArray, entries: FloatArray, quaternion: FloatArray, translation: FloatArray
+    demands: Demands,
+    optics: FloatArray,
+    entries: FloatArray,
+    quaternion: FloatArray,
+    translation: FloatArray,
+    w: float,
 ) -> FloatArray:
-    """Return a row (margin, point) for every entry at a pose: unit quaternion (4,), t (3,) [m]."""
+    """Return a row (margin, point) for every entry at a pose: unit quaternion (4,), t (3,) [m], w."""
     phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
     for i in range(4):
         phi[i, 0] = quaternion[i]
     for i in range(3):
         t[i, 0] = translation[i]
-    pose, c, turn = np.empty(13), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
     place(phi, t, one, one, demands.points, pose, c, turn)
+    pose[13] = w
     table = np.empty((entries.shape[0], 2))
     for e in range(entries.shape[0]):
         margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)

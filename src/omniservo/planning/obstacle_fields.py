@@ -23,7 +23,7 @@ _FIELDS = {
     "half_space": (HalfSpace, {"normal": "normal", "offset": "offset"}),
     "cloud": (Cloud, {"points": "points", "radius": "radius"}),
 }
-"""type: class, and the attribute of each field; every type may have its own clearance as well"""
+"""type: class, and the attribute of each field; every type may have its own clearance and a motion as well"""
 
 
 def obstacle_fields(obstacle: Obstacle) -> dict[str, Any]:
@@ -33,7 +33,11 @@ def obstacle_fields(obstacle: Obstacle) -> dict[str, Any]:
     for field, attribute in names.items():
         value = getattr(obstacle, attribute)
         fields[field] = value.tolist() if hasattr(value, "tolist") else value
-    return fields if obstacle.clearance is None else {**fields, "clearance": obstacle.clearance}
+    if obstacle.clearance is not None:
+        fields["clearance"] = obstacle.clearance
+    if obstacle.motion is not None:
+        fields["motion"] = obstacle.motion.tolist()
+    return fields
 
 
 def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
@@ -49,9 +53,9 @@ def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
     if kind == "cloud" and "file" in value:
         value = _with_points(value, folder)
     make, names = _FIELDS[kind or "sphere"]
-    fields = only_fields(value, ("type", *names), ("clearance",))
+    fields = only_fields(value, ("type", *names), ("clearance", "motion"))
     given = {attribute: fields[field] for field, attribute in names.items()}
-    obstacle: Obstacle = make(**given, clearance=fields.get("clearance"))
+    obstacle: Obstacle = make(**given, clearance=fields.get("clearance"), motion=fields.get("motion"))
     return obstacle
 
 

@@ -42,13 +42,16 @@ def paper_path(problem: PlanningProblem) -> tuple[CameraPath, str]:
     the image take its place.
 
     Raises:
-        InputError: an obstacle that is not a sphere: the paper has points and spheres only; or an initial
-            velocity, which (25) does not know.
+        InputError: an obstacle that is not a sphere, or moves: the paper has spheres that stand; or
+            an initial velocity, which (25) does not know.
     """
     if problem.initial_velocity is not None:
         raise InputError('method: "paper" given; legal: "certified", where there is an initial_velocity')
     if not all(isinstance(o, Sphere) for o in problem.obstacles):
         raise InputError('method: "paper" given; legal: "certified", where an obstacle is not a sphere')
+    for i, obstacle in enumerate(problem.obstacles):
+        if obstacle.motion is not None:
+            raise InputError(f'method: "paper" given; legal: "certified", where obstacle {i} moves')
     sigma, tau = problem.degrees.rotation, problem.degrees.translation
     box = virtual_box(problem.camera)
     view = _ExactView(problem) if box is None else _VirtualPlaneView(problem.camera, box)

@@ -49,6 +49,8 @@ class Family(NamedTuple):
     """Bernstein polynomials at the samples (MAX_SAMPLES, σ+1)"""
     translation_basis: FloatArray
     """(MAX_SAMPLES, τ+1)"""
+    places: FloatArray
+    """w of every sample (MAX_SAMPLES,)"""
     samples: IntArray
     """how many samples there are (1,)"""
 
@@ -78,6 +80,7 @@ def path_family(ends: Ends, sigma: int, tau: int) -> Family:
         bending_form(tau, fixed),
         np.empty((MAX_SAMPLES, sigma + 1)),
         np.empty((MAX_SAMPLES, tau + 1)),
+        np.empty(MAX_SAMPLES),
         np.zeros(1, dtype=np.int64),
     )
 
@@ -91,6 +94,7 @@ def add_sample(family: Family, w: float) -> bool:
     family.samples[0] = index + 1
     set_basis(family.rotation_basis, index, w)
     set_basis(family.translation_basis, index, w)
+    family.places[index] = w
     return True
 
 

@@ -64,7 +64,7 @@ class Workspace:
     max: FloatArray | None = None
     """(3,) [m], read-only"""
     half_spaces: tuple[HalfSpace, ...] = ()
-    """free is normal·t ≥ offset: no clearance is added, so theirs must be None"""
+    """free is normal·t ≥ offset: no clearance is added, so theirs must be None; nor do they move"""
 
     def __post_init__(self) -> None:
         self._check_half_spaces()
@@ -94,11 +94,15 @@ class Workspace:
                 f"workspace.half_spaces: {len(half_spaces)} given; legal: at most {MOST_HALF_SPACES}"
             )
         for i, side in enumerate(half_spaces):
-            if not isinstance(side, HalfSpace) or side.clearance is not None:
-                what = "with a clearance" if isinstance(side, HalfSpace) else type(side).__name__
-                raise InputError(
-                    f"workspace.half_spaces[{i}]: {what} given; legal: a HalfSpace without clearance"
-                )
+            if not isinstance(side, HalfSpace):
+                what = type(side).__name__
+            elif side.clearance is not None or side.motion is not None:
+                what = "with a clearance" if side.motion is None else "with a motion"
+            else:
+                continue
+            raise InputError(
+                f"workspace.half_spaces[{i}]: {what} given; legal: a HalfSpace without clearance and motion"
+            )
         object.__setattr__(self, "half_spaces", half_spaces)
 
 

@@ -28,15 +28,15 @@ TIGHTER_PX = 3e-7
 
 
 COARSE = 1e-4
-"""Margins of boxes and capsules are claimed so much below the smallest seen [m]: closer takes more planes."""
+"""Margins about bodies are claimed so much below the smallest seen [m]: closer takes more planes."""
 
-_CLEARANCES: dict[type, int] = {
-    Sphere: margins.CLEARANCE,
-    HalfSpace: margins.FREE_SIDE,
-    Box: margins.BODY,
-    Capsule: margins.BODY,
-    Cloud: margins.CLOUD,
+
+_SIGHTS = {
+    margins.CLEARANCE: margins.SIGHT,
+    margins.BODY: margins.BODY_SIGHT,
+    margins.CLOUD: margins.CLOUD_SIGHT,
 }
+"""kind of an obstacle's lines of sight, by that of its clearance"""
 
 
 class Entry(NamedTuple):
@@ -49,6 +49,8 @@ class Entry(NamedTuple):
     about: int
     scale: float
     step: float
+    shows_planes: bool = False
+    """the separating planes that prove it are stored with the plan"""
 
 
 def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
@@ -70,6 +72,7 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         clouds=clouds,
         cloud_points=trees.points,
         cloud_nodes=trees.nodes,
+        motions=_motions(problem),
         box=box,
         numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
     )
@@ -95,6 +98,32 @@ def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
     return np.array([camera.fx, camera.skew, camera.fy, camera.cx - u, camera.cy - v, zone.radius, camera.xi])
 
 
+def _motions(problem: PlanningProblem) -> FloatArray:
+    """Return the motions of the obstacles that move, in their order, all with as many coefficients."""
+    moving = [o.motion for o in problem.obstacles if o.motion is not None]
+    longest = max((m.shape[1] for m in moving), default=1)
+    table = np.zeros((len(moving), 3, longest))
+    for row, motion in zip(table, moving, strict=True):
+        row[:, longest - motion.shape[1] :] = motion
+    return table
+
+
+def _motion_indices(problem: PlanningProblem) -> list[float]:
+    """Return every obstacle's row among the motions, −1 where it stands still."""
+    moving = np.cumsum([o.motion is not None for o in problem.obstacles])
+    return [
+        -1.0 if o.motion is None else float(k - 1) for o, k in zip(problem.obstacles, moving, strict=True)
+    ]
+
+
+def _clearance_kind(obstacle: Obstacle) -> int:
+    """Return the kind of an obstacle's clearance: a sphere that moves is a body."""
+    if isinstance(obstacle, HalfSpace | Cloud):
+        return margins.FREE_SIDE if isinstance(obstacle, HalfSpace) else margins.CLOUD
+    still = isinstance(obstacle, Sphere) and obstacle.motion is None
+    return margins.CLEARANCE if still else margins.BODY
+
+
 def _clearance(problem: PlanningProblem, obstacle: Obstacle) -> float:
     return problem.clearance if obstacle.clearance is None else obstacle.clearance
 
@@ -103,32 +132,34 @@ def _spheres(problem: PlanningProblem) -> FloatArray:
     rows = [
         (*o.center, o.radius, o.radius + _clearance(problem, o))
         for o in problem.obstacles
-        if isinstance(o, Sphere)
+        if isinstance(o, Sphere) and o.motion is None
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def _planes(problem: PlanningProblem) -> FloatArray:
     rows = [
-        (*o.normal, o.offset + _clearance(problem, o), _clearance(problem, o))
-        for o in problem.obstacles
+        (*o.normal, o.offset + _clearance(problem, o), _clearance(problem, o), motion)
+        for o, motion in zip(problem.obstacles, _motion_indices(problem), strict=True)
         if isinstance(o, HalfSpace)
     ]
     if problem.workspace is not None:
-        rows += [(*side.normal, side.offset, 0.0) for side in problem.workspace.half_spaces]
-    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+        rows += [(*side.normal, side.offset, 0.0, -1.0) for side in problem.workspace.half_spaces]
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
 
 
 def _bodies(problem: PlanningProblem) -> FloatArray:
     rows = []
-    for o in problem.obstacles:
-        if isinstance(o, Box):
+    for o, motion in zip(problem.obstacles, _motion_indices(problem), strict=True):
+        if isinstance(o, Sphere) and o.motion is not None:
+            center, axes, extents, radius = o.center, np.eye(3), np.zeros(3), o.radius
+        elif isinstance(o, Box):
             center, axes, extents, radius = o.center, box_axes(o.quaternion), o.half_extents, 0.0
         elif isinstance(o, Capsule):
             center, axes, extents, radius = *_rod(o), o.radius
         else:
             continue
-        rows.append([*center, *axes.ravel(), *extents, radius, radius + _clearance(problem, o)])
+        rows.append([*center, *axes.ravel(), *extents, radius, radius + _clearance(problem, o), motion])
     return np.array(rows, dtype=np.float64).reshape(-1, BODY_SIZE)
 
 
@@ -183,8 +214,10 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     """
     metre, entries = 1e-9 * ell, []
     for i, (o, about) in enumerate(_among_its_kind(problem)):
-        kind, step = _CLEARANCES[type(o)], metre if isinstance(o, Sphere | HalfSpace | Cloud) else COARSE
-        entries.append(Entry(f"clearance obstacle {i}", "m", False, kind, about, 1.0, step))
+        kind = _clearance_kind(o)
+        step = COARSE if kind == margins.BODY else metre
+        name, planes = f"clearance obstacle {i}", kind == margins.BODY and not isinstance(o, Sphere)
+        entries.append(Entry(name, "m", False, kind, about, 1.0, step, planes))
     if not problem.camera.is_distorted:
         entries += _image_entries(problem.camera, limits)
     entries.append(Entry("domain", "rad", True, margins.DOMAIN, 0, 1.0, 1e-9))
@@ -192,11 +225,12 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     if problem.occlusion:
         for i, (o, about) in enumerate(_among_its_kind(problem)):
             name = f"occlusion obstacle {i}"
-            if isinstance(o, Box | Capsule):
-                entries.append(Entry(name, "m", True, margins.BODY_SIGHT, about, 1.0, COARSE))
-            elif isinstance(o, Sphere | Cloud) and o.radius > 0.0:
-                kind = margins.SIGHT if isinstance(o, Sphere) else margins.CLOUD_SIGHT
-                entries.append(Entry(name, "m", True, kind, about, 1.0, metre))
+            if isinstance(o, HalfSpace) or (isinstance(o, Sphere | Cloud) and o.radius == 0.0):
+                continue
+            kind = _SIGHTS[_clearance_kind(o)]
+            step = COARSE if kind == margins.BODY_SIGHT else metre
+            planes = kind == margins.BODY_SIGHT and not isinstance(o, Sphere)
+            entries.append(Entry(name, "m", True, kind, about, 1.0, step, planes))
     if problem.workspace is not None:
         entries += _workspace_entries(problem, problem.workspace, metre)
     entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
@@ -222,7 +256,7 @@ def _among_its_kind(problem: PlanningProblem) -> list[tuple[Obstacle, int]]:
     seen: dict[int, int] = {}
     found = []
     for o in problem.obstacles:
-        kind = _CLEARANCES[type(o)]
+        kind = _clearance_kind(o)
         found.append((o, seen.get(kind, 0)))
         seen[kind] = seen.get(kind, 0) + 1
     return found

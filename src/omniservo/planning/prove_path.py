@@ -41,12 +41,13 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
     if status != PROVEN:
         return status, w
     if demands.planes.shape[0] > 0:
-        status, w = prove_free_sides(centre, size, demands.planes)
+        status, w = prove_free_sides(centre, translation, size, demands.planes, demands.motions)
         if status != PROVEN:
             return status, w
     if demands.bodies.shape[0] > 0:
         hidden = demands.points if demands.numbers[1] > 0.0 else demands.points[:0]
-        status, w = prove_bodies_clear(centre, size, demands.bodies, hidden)
+        bodies, motions = demands.bodies, demands.motions
+        status, w = prove_bodies_clear(centre, translation, size, bodies, motions, hidden)
         if status != PROVEN:
             return status, w
     if demands.numbers[1] > 0.0:

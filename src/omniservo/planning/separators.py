@@ -6,9 +6,9 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
-from omniservo.planning import margins
 from omniservo.planning.certificate import Separator
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.motion import point_from_body, seen_from_body
 from omniservo.planning.constraints.separation import MOST_PLANES, separate
 from omniservo.planning.problem_arrays import Entry
 
@@ -17,11 +17,10 @@ def separators_of(
     demands: Demands, entries: list[Entry], table: FloatArray, translation: FloatArray
 ) -> tuple[Separator, ...]:
     """Return the planes that prove each margin of ``table`` (rows of `margins.path_margins`)."""
-    kinds = (margins.BODY, margins.BODY_SIGHT)
     proven = [
         (entry, float(row[0]))
         for entry, row in zip(entries, table, strict=True)
-        if entry.kind in kinds and row[3] == PROVEN
+        if entry.shows_planes and row[3] == PROVEN
     ]
     if not proven:
         return ()
@@ -29,10 +28,13 @@ def separators_of(
     planes = np.empty((MOST_PLANES, 5))
     found = []
     for entry, margin in proven:
-        body = demands.bodies[entry.about]
+        body, motions = demands.bodies[entry.about], demands.motions
+        path, largest = seen_from_body(centre, translation, size, motions, body[17])
         for point in range(len(demands.points)) if entry.about_point else (None,):
-            h = demands.points[:0] if point is None else demands.points[point : point + 1]
+            h = np.empty((3, 0))
+            if point is not None:
+                h = point_from_body(demands.points[point], motions, body[17])
             reach = float(body[16 if point is None else 15]) + margin
-            count = separate(centre, size, h, body, reach, planes)[2]
+            count = separate(path, largest, h, body, reach, planes)[2]
             found.append(Separator(entry.name, point, frozen(planes[:count])))
     return tuple(found)

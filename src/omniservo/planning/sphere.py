@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +24,18 @@ class Sphere:
     """[m], ≥ 0; a sphere of radius 0 is a point and hides nothing"""
     clearance: float | None = None
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
+    motion: FloatArray | None = None
+    """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))
         object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
+        object.__setattr__(self, "motion", own_motion(self.motion))
 
     def distance(self, points: FloatArray) -> FloatArray:
-        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside."""
+        """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
+
+        Where it stands without its motion.
+        """
         return np.asarray(np.linalg.norm(points - self.center, axis=1) - self.radius)

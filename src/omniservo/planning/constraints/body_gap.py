@@ -1,7 +1,8 @@
 """How far a segment is from a box with rounded edges: boxes and capsules are both of this kind.
 
-A body is a row (17,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance.
-It is the ball of radius r moved over the box; a box has r = 0, a capsule e = (half length, 0, 0).
+A body is a row (18,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance,
+motion (see `motion`). It is the ball of radius r moved over the box; a box has r = 0, a capsule
+e = (half length, 0, 0), a sphere that moves e = 0.
 """
 
 import math
@@ -9,11 +10,17 @@ import math
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
-BODY_SIZE = 17
+BODY_SIZE = 18
 """Numbers of a row."""
 
 _TOUCHING = 1e-14
 """Below this part of the distances involved, a gap's direction is only rounding."""
+
+
+@kernel
+def is_solid(body: FloatArray) -> bool:
+    """Tell whether a body has volume: a point hides nothing."""
+    return bool(body[15] > 0.0 or body[12] > 0.0)
 
 
 @kernel

@@ -15,12 +15,14 @@ class Demands(NamedTuple):
     disc: FloatArray
     """dead zone (7,): fx, skew, fy, cu − u₀, cv − v₀, radius [px], ξ; (0,) where there is none"""
     obstacles: FloatArray
-    """spheres (m, 5): centre, radius, radius + clearance [m]"""
+    """spheres that stand still (m, 5): centre, radius, radius + clearance [m]"""
     bodies: FloatArray
-    """boxes and capsules (b, 17), see `body_gap`"""
+    """boxes, capsules and spheres that move (b, 18), see `body_gap`"""
     planes: FloatArray
-    """half-spaces (p, 5): unit n, offset + clearance, clearance [m]; free where n·x ≥ offset; the obstacles',
-    then the workspace's"""
+    """half-spaces (p, 6): unit n, offset + clearance, clearance [m], motion; free where n·x ≥ offset; the
+    obstacles', then the workspace's"""
+    motions: FloatArray
+    """(M, 3, K+1) [m], see `motion`"""
     clouds: FloatArray
     """point clouds (q, 6): first and end of its rows in ``cloud_nodes``, then in ``cloud_points``, radius,
     radius + clearance [m]"""

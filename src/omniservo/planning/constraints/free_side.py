@@ -1,22 +1,23 @@
-"""Half-spaces as obstacles: the camera centre stays on the free side, n·t ≥ b + d, degree τ."""
+"""Half-spaces as obstacles: the camera centre stays on the free side, n·(t − m) ≥ b + d, degree max(τ, k)."""
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.motion import displacement, seen_from_body
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
 @kernel
 def free_side_gap(x: float, y: float, z: float, plane: FloatArray) -> float:
-    """Return n·(x, y, z) − (b + d) of a ``plane`` (5,): unit n, b + clearance d, reach (see `Demands`)."""
+    """Return n·(x, y, z) − (b + d) of a ``plane`` (6,) (see `Demands`)."""
     return float(plane[0] * x + plane[1] * y + plane[2] * z - plane[3])
 
 
 @kernel
 def prove_free_side(controls: FloatArray, size: float, plane: FloatArray, margin: float) -> tuple[int, float]:
-    """Decide n·t ≥ b + d + margin on [0, 1]; controls of t (3, τ+1).
+    """Decide n·t ≥ b + d + margin on [0, 1]; controls of t, or t − m (3, n+1), from `seen_from_body`.
 
     The normal's length differs from 1 by rounding only; its 1e-15 is among the counts.
     """
@@ -28,10 +29,13 @@ def prove_free_side(controls: FloatArray, size: float, plane: FloatArray, margin
 
 
 @kernel
-def prove_free_sides(controls: FloatArray, size: float, planes: FloatArray) -> tuple[int, float]:
-    """Decide every half-space (p, 5)."""
+def prove_free_sides(
+    controls: FloatArray, translation: FloatArray, size: float, planes: FloatArray, motions: FloatArray
+) -> tuple[int, float]:
+    """Decide every half-space (p, 6); control points and powers of t (3, τ+1)."""
     for i in range(planes.shape[0]):
-        status, w = prove_free_side(controls, size, planes[i], 0.0)
+        path, largest = seen_from_body(controls, translation, size, motions, planes[i, 5])
+        status, w = prove_free_side(path, largest, planes[i], 0.0)
         if status != PROVEN:
             return status, w
     return PROVEN, 0.0
@@ -40,6 +44,7 @@ def prove_free_sides(controls: FloatArray, size: float, planes: FloatArray) -> t
 @kernel
 def push_to_free_side(
     planes: FloatArray,
+    motions: FloatArray,
     poses: FloatArray,
     ell: float,
     first: int,
@@ -56,7 +61,8 @@ def push_to_free_side(
         f = 1.0 / max(plane[4], 0.05 * ell)
         x, y, z = f * plane[0], f * plane[1], f * plane[2]
         for s in range(poses.shape[0]):
-            g = f * free_side_gap(poses[s, 9], poses[s, 10], poses[s, 11], plane)
+            mx, my, mz = displacement(motions, plane[5], poses[s, 13])
+            g = f * free_side_gap(poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz, plane)
             least[group] = min(least[group], g)
             if g < targets[group]:
                 push_centre(systems, costs, s, poses, x, y, z, targets[group] - g)

@@ -5,9 +5,9 @@ With g ≈ g + a·ξ for a small camera motion ξ = (linear, angular) in the cam
 one normal equation a sample: ``systems[s]`` (6, 7) = [Σ a aᵀ, Σ a r], upper triangle. A row's price does not
 depend on the degree of the path. ``costs[s]`` is Σ r²/2.
 
-``poses[s]`` (13,) is R row by row, then t, then ‖φ‖². ``targets`` and ``least``, the smallest g so far, hold
-all groups of constraints (`descent.groups`); a family is told where its own begin. A group whose target is
-ASLEEP is not looked at.
+``poses[s]`` (14,) is R row by row, then t, then ‖φ‖², then w. ``targets`` and ``least``, the smallest g so
+far, hold all groups of constraints (`descent.groups`); a family is told where its own begin. A group whose
+target is ASLEEP is not looked at.
 """
 
 from omniservo.geometry.arrays import FloatArray

@@ -1,9 +1,10 @@
-"""Boxes and capsules: separating planes, one for a piece of the path (convex hull property).
+"""Boxes, capsules and what moves: separating planes, one for a piece of the path (convex hull property).
 
 On [w₀, w₁] the path lies in the hull of its control points T_k there. Where one direction n has
 n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) = n·c + Σ e_k|n·a_k| + r‖n‖ the body's support, the camera centre
-keeps the distance d. A line of sight from t to h is clear if n·T_k ≥ s(n) and n·h ≥ s(n). Pieces are halved
-until each has its plane; the planes are the proof (docs/verification.md). Bodies: see `body_gap`.
+keeps the distance d. A line of sight from t to h is clear if n·T_k ≥ s(n) and n·h ≥ s(n). Of a body that
+moves T_k are the control points of t − m and h those of h − m, all beyond the plane (`motion`). Pieces are
+halved until each has its plane; the planes are the proof (docs/verification.md). Bodies: see `body_gap`.
 """
 
 import math
@@ -13,7 +14,8 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import MAX_LEVEL, PROVEN, REFUTED, TINY, UNDECIDED, UNIT, copy_into, halve
-from omniservo.planning.constraints.body_gap import segment_gap
+from omniservo.planning.constraints.body_gap import is_solid, segment_gap
+from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.constraints.visibility import sum_of_controls
 
@@ -28,7 +30,7 @@ _STEPS = 4
 def plane_of_piece(
     piece: FloatArray, h: FloatArray, body: FloatArray, reach: float, bound: float, normal: FloatArray
 ) -> bool:
-    """Write the normal of a plane that keeps control points (3, n+1) and h (0 or 1, 3) off the body.
+    """Write the normal of a plane that keeps control points (3, n+1) and h (3, k+1 or 0) off the body.
 
     False where none is found. Normals point from the body to the hull's point nearest to it, approached by
     Gilbert's algorithm: step to the nearest point of the segment to the vertex that lies least far along.
@@ -38,18 +40,18 @@ def plane_of_piece(
     mx, my, mz = sum_of_controls(piece)
     x, y, z = mx * part, my * part, mz * part
     vx, vy, vz = x, y, z
-    if h.shape[0] > 0:
-        vx, vy, vz = h[0, 0], h[0, 1], h[0, 2]
+    if h.shape[1] > 0:
+        vx, vy, vz = h[0, 0], h[1, 0], h[2, 0]
     for _ in range(_STEPS):
         nx, ny, nz, gap, s = segment_gap(body, x, y, z, vx, vy, vz)
         if not gap >= reach + bound:
             return False
         x, y, z = x + s * (vx - x), y + s * (vy - y), z + s * (vz - z)
         least = math.inf
-        for k in range(n + h.shape[0]):
-            px = h[0, 0] if k == n else piece[0, k]
-            py = h[0, 1] if k == n else piece[1, k]
-            pz = h[0, 2] if k == n else piece[2, k]
+        for k in range(n + h.shape[1]):
+            px = piece[0, k] if k < n else h[0, k - n]
+            py = piece[1, k] if k < n else h[1, k - n]
+            pz = piece[2, k] if k < n else h[2, k - n]
             along = nx * (px - body[0]) + ny * (py - body[1]) + nz * (pz - body[2])
             if not along >= least:
                 least, vx, vy, vz = along, px, py, pz
@@ -70,31 +72,32 @@ def separate(
     """Decide whether path, or lines of sight from it, stay ``reach`` away from the body's box on [0, 1].
 
     Args:
-        centre: control points of t (3, τ+1) with count τ + 2 and magnitude ``size``.
-        size: see above.
-        h: the target point at the other end (1, 3), or (0, 3): the path alone.
-        body: (17,), see `body_gap`.
+        centre: control points of t, or t − m (3, n+1), from `seen_from_body`.
+        size: their magnitude.
+        h: control points of the other end of the lines of sight (3, k+1), from `point_from_body`; (3, 0): the
+            path alone.
+        body: (18,), see `body_gap`.
         reach: distance to keep from the box [m].
         planes: a row (w₀, w₁, n) for each piece is written here as far as there is room, (…, 5).
 
     Returns:
         status, the w where it fails, and the number of pieces.
     """
-    n = centre.shape[1] - 1
-    far = abs(body[0]) + abs(body[1]) + abs(body[2]) + body[12] + body[13] + body[14]
-    if h.shape[0] > 0:
-        far += max(abs(h[0, 0]), abs(h[0, 1]), abs(h[0, 2]))
-    error = UNIT * (2.0 * size + far + abs(reach))
-    stack = np.empty((MAX_LEVEL + 2, 3, n + 1))
+    if reach <= 0.0 and not is_solid(body):
+        return PROVEN, 0.0, 0
+    n = max(centre.shape[1], h.shape[1]) - 1
+    error = UNIT * (2.0 * size + _extent(body, h) + abs(reach))
+    stack, far_stack = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 3, h.shape[1]))
     start = np.zeros(MAX_LEVEL + 2)
     level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
     normal = np.empty(3)
     copy_into(centre, stack[0])
+    copy_into(h, far_stack[0])
     top, count = 0, 0
     while top >= 0:
-        piece, width = stack[top], 0.5 ** level[top]
+        piece, ends, width = stack[top], far_stack[top], 0.5 ** level[top]
         bound = (2.0 * n * (1.0 + level[top]) + 60.0) * error + TINY
-        if plane_of_piece(piece, h, body, reach, bound, normal):
+        if plane_of_piece(piece, ends, body, reach, bound, normal):
             if count < planes.shape[0]:
                 planes[count, 0], planes[count, 1] = start[top], start[top] + width
                 planes[count, 2], planes[count, 3], planes[count, 4] = normal[0], normal[1], normal[2]
@@ -102,11 +105,12 @@ def separate(
             top -= 1
             continue
         for end in range(2):
-            if distance_at(piece, n * end, h, body) < reach - bound:
+            if distance_at(piece, ends, end, body) < reach - bound:
                 return REFUTED, start[top] + width * end, count
         if level[top] == MAX_LEVEL or count + top >= MOST_PLANES:
             return UNDECIDED, start[top], count
         halve(piece, stack[top + 1], piece)
+        halve(ends, far_stack[top + 1], ends)
         start[top + 1] = start[top]
         start[top] += 0.5 * width
         level[top] += 1
@@ -116,27 +120,51 @@ def separate(
 
 
 @kernel
-def distance_at(piece: FloatArray, k: int, h: FloatArray, body: FloatArray) -> float:
-    """Return the distance of control point k, or of its line of sight, to the body's box; negative: depth."""
+def _extent(body: FloatArray, h: FloatArray) -> float:
+    """Return the part of the magnitude that comes from the body and the far ends h (3, k+1 or 0)."""
+    far = 0.0
+    for c in range(3):
+        for k in range(h.shape[1]):
+            far = max(far, abs(h[c, k]))
+    return float(far + abs(body[0]) + abs(body[1]) + abs(body[2]) + body[12] + body[13] + body[14])
+
+
+@kernel
+def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray) -> float:
+    """Return the distance of one end (0 or 1) of a piece, or of its line of sight, to the body's box.
+
+    Negative: the depth.
+    """
+    k, j = end * (piece.shape[1] - 1), end * (h.shape[1] - 1)
     x, y, z = piece[0, k], piece[1, k], piece[2, k]
-    if h.shape[0] > 0:
-        return float(segment_gap(body, x, y, z, h[0, 0], h[0, 1], h[0, 2])[3])
+    if h.shape[1] > 0:
+        return float(segment_gap(body, x, y, z, h[0, j], h[1, j], h[2, j])[3])
     return float(segment_gap(body, x, y, z, x, y, z)[3])
 
 
 @kernel
 def prove_bodies_clear(
-    centre: FloatArray, size: float, bodies: FloatArray, points: FloatArray
+    centre: FloatArray,
+    translation: FloatArray,
+    size: float,
+    bodies: FloatArray,
+    motions: FloatArray,
+    points: FloatArray,
 ) -> tuple[int, float]:
-    """Decide the clearance of every body and, past each body, the lines of sight to ``points``."""
-    planes = np.empty((0, 5))
+    """Decide the clearance of every body and, past each body, the lines of sight to ``points``.
+
+    ``centre`` are the control points of t, ``translation`` its powers, ``size`` the magnitude of both.
+    """
+    planes, nothing = np.empty((0, 5)), np.empty((3, 0))
     for i in range(bodies.shape[0]):
         body = bodies[i]
-        status, w, _ = separate(centre, size, points[:0], body, body[16], planes)
+        path, largest = seen_from_body(centre, translation, size, motions, body[17])
+        status, w, _ = separate(path, largest, nothing, body, body[16], planes)
         if status != PROVEN:
             return status, w
         for j in range(points.shape[0]):
-            status, w, _ = separate(centre, size, points[j : j + 1], body, body[15], planes)
+            h = point_from_body(points[j], motions, body[17])
+            status, w, _ = separate(path, largest, h, body, body[15], planes)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -145,6 +173,7 @@ def prove_bodies_clear(
 @kernel
 def push_off_bodies(
     bodies: FloatArray,
+    motions: FloatArray,
     points: FloatArray,
     poses: FloatArray,
     ell: float,
@@ -164,15 +193,16 @@ def push_off_bodies(
         body = bodies[i]
         for kind in range(2 if points.shape[0] > 0 else 1):
             group, reach = first + i + m * kind, body[16 - kind]
-            if targets[group] == ASLEEP:
+            if targets[group] == ASLEEP or (reach <= 0.0 and not is_solid(body)):
                 continue
             unit = max(reach, 0.05 * ell)
             for s in range(poses.shape[0]):
-                x, y, z = poses[s, 9], poses[s, 10], poses[s, 11]
+                mx, my, mz = displacement(motions, body[17], poses[s, 13])
+                x, y, z = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
                 for j in range(points.shape[0] if kind == 1 else 1):
                     hx, hy, hz = x, y, z
                     if kind == 1:
-                        hx, hy, hz = points[j, 0], points[j, 1], points[j, 2]
+                        hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
                     nx, ny, nz, gap, part = segment_gap(body, x, y, z, hx, hy, hz)
                     g = (gap - reach) / unit
                     least[group] = min(least[group], g)
