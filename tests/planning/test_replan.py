@@ -200,6 +200,33 @@ def test_a_motion_goes_on_from_where_it_is():
         assert np.allclose([np.polyval(row, s) for row in again], turn.apply(then), atol=1e-14)
 
 
+@pytest.mark.parametrize("w", [0.0, 0.35])
+def test_a_moving_obstacle_goes_on_from_where_it_is(paper, w):
+    """A sphere, a box and a wall that move: the rest of the path keeps what it kept, and is verified."""
+    rng = np.random.default_rng(4)
+    motions = [0.05 * rng.normal(size=(3, k)) for k in (2, 4, 3)]
+    obstacles = (
+        Sphere([-0.03, -0.06, 0.09], 0.0, motion=0.2 * motions[0]),
+        Box([0.4, 0.1, 0.2], [0.05, 0.1, 0.02], [0.1, 0.2, 0.3, np.sqrt(0.86)], motion=motions[1]),
+        HalfSpace([0.6, 0.0, 0.8], -0.5, motion=motions[2]),
+    )
+    problem = replace(paper(1), obstacles=obstacles)
+    plan = plan_path(problem)
+    assert plan.status == "certified"
+    new = replan(plan, w)
+    assert new.status == "certified"
+    assert verify_plan(new).status == "certified"
+    here = plan.path(w).inv()
+    for s in (0.0, 0.3, 1.0):
+        then = w + (1.0 - w) * s
+        assert np.allclose((plan.path(w) * new.path(s)).as_matrix(), plan.path(then).as_matrix(), atol=1e-9)
+        for old, seen in zip(obstacles[:2], new.problem.obstacles[:2], strict=True):
+            expected = here.apply(old.center + [np.polyval(row, then) for row in old.motion])
+            assert np.allclose(
+                seen.center + [np.polyval(row, s) for row in seen.motion], expected, rtol=0.0, atol=1e-12
+            )
+
+
 BAD = {
     "w: 1 given": {"w": 1.0},
     "w: -0.1 given": {"w": -0.1},
