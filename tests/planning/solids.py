@@ -1,11 +1,11 @@
 """Solid obstacles as test references: distances by definition or by SciPy, and problems about them."""
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize_scalar
+from scipy.optimize import lsq_linear, minimize_scalar, nnls
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
-from omniservo.planning import CameraPath, Capsule, HalfSpace, PlanningProblem, Sphere
+from omniservo.planning import CameraPath, Capsule, HalfSpace, Mesh, PlanningProblem, Sphere
 
 FINE = np.linspace(0.0, 1.0, 5001)
 POINTS = np.array([[-0.1, -0.1, 0.6], [0.1, -0.1, 0.55], [0.1, 0.1, 0.6], [-0.1, 0.1, 0.62], [0, 0, 0.58]])
@@ -22,6 +22,9 @@ def distances(obstacle, x):
     """Signed distances of points x (…, 3) to the surface: the definition, in NumPy."""
     if isinstance(obstacle, Sphere):
         return np.linalg.norm(x - obstacle.center, axis=-1) - obstacle.radius
+    if isinstance(obstacle, Mesh):
+        flat = [hull_distance(obstacle.vertices, p, p) for p in np.reshape(x, (-1, 3))]
+        return np.reshape(flat, np.shape(x)[:-1])
     if isinstance(obstacle, HalfSpace):
         return x @ obstacle.normal - obstacle.offset
     if isinstance(obstacle, Capsule):
@@ -35,6 +38,8 @@ def distances(obstacle, x):
 
 def sight_distance(obstacle, t, h):
     """Distance of the segment from t to h to the surface, by SciPy's bounded least squares."""
+    if isinstance(obstacle, Mesh):
+        return hull_distance(obstacle.vertices, t, h)
     if isinstance(obstacle, Sphere):
         columns, center, low, high, radius = [], obstacle.center, [], [], obstacle.radius
     elif isinstance(obstacle, Capsule):
@@ -46,6 +51,17 @@ def sight_distance(obstacle, t, h):
     system = np.column_stack([h - t, *(-c for c in columns)])
     found = lsq_linear(system, center - t, bounds=([0.0, *low], [1.0, *high]), method="bvls")
     return np.sqrt(2.0 * found.cost) - radius
+
+
+def hull_distance(vertices, t, h):
+    """Distance of the segment from t to h to the hull of vertices: SciPy's non-negative least squares."""
+    heavy, n = 1e3, len(vertices)
+    system = np.zeros((5, n + 2))
+    system[:3] = np.column_stack([vertices.T, -t, -h])
+    system[3, :n] = system[4, n:] = heavy
+    weights = nnls(system, np.array([0.0, 0.0, 0.0, heavy, heavy]))[0]
+    near = vertices.T @ weights[:n] / weights[:n].sum()
+    return np.linalg.norm(near - (weights[n] * t + weights[n + 1] * h) / weights[n:].sum())
 
 
 def margins_of(certificate):
@@ -64,9 +80,10 @@ def true_clearance(obstacle, path):
     def away(w):
         return distances(obstacle, path.positions(w) - displaced(obstacle, w))
 
-    values = away(FINE)
+    w = FINE[::25] if isinstance(obstacle, Mesh) else FINE
+    values = away(w)
     k = int(np.argmin(values))
-    around = FINE[max(k - 1, 0)], FINE[min(k + 1, len(FINE) - 1)]
+    around = w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)]
     best = minimize_scalar(
         lambda w: float(away(w)),
         bounds=around,

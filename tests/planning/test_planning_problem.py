@@ -124,9 +124,9 @@ BAD = {
         {"goal": {"translation": [0, 0, 0], "quaternion": [0, 0, 1]}},
         r"goal.quaternion: shape \(3,\) given",
     ),
-    "mesh": (
-        {"obstacles": [{"type": "mesh", "file": "a.stl"}]},
-        r"obstacles\[0\].type: 'mesh' given; legal: 'sphere', 'box'",
+    "torus": (
+        {"obstacles": [{"type": "torus", "file": "a.stl"}]},
+        r"obstacles\[0\].type: 'torus' given; legal: 'sphere', 'box'",
     ),
     "no type": ({"obstacles": [{"center": [0, 0, 1], "radius": 1}]}, r"obstacles\[0\].type: None given"),
     "obstacle text": ({"obstacles": ["sphere"]}, r"obstacles\[0\]"),

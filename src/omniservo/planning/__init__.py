@@ -8,6 +8,7 @@ from omniservo.planning.certify import certify
 from omniservo.planning.cloud import Cloud
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.improving_plans import improving_plans
+from omniservo.planning.mesh import Mesh
 from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import Degrees, PlanningProblem, Workspace
@@ -23,6 +24,7 @@ __all__ = [
     "ConstraintMargin",
     "Degrees",
     "HalfSpace",
+    "Mesh",
     "Plan",
     "PlanningProblem",
     "Separator",

@@ -63,7 +63,8 @@ def push_all(
     first, bodies = k + 8 + 2 * m, demands.bodies
     if bodies.shape[0] > 0:
         hidden = points if demands.numbers[1] > 0.0 else points[:0]
-        push_off_bodies(bodies, demands.motions, hidden, poses, ell, first, targets, least, systems, costs)
+        hulls, motions = demands.hulls, demands.motions
+        push_off_bodies(bodies, hulls, motions, hidden, poses, ell, first, targets, least, systems, costs)
     first += 2 * bodies.shape[0]
     push_to_free_side(demands.planes, demands.motions, poses, ell, first, targets, least, systems, costs)
     first += demands.planes.shape[0]

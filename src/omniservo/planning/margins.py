@@ -12,7 +12,6 @@ from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
 from omniservo.planning.ball_tree import nearest_point
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
-from omniservo.planning.constraints.body_gap import segment_gap
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, prove_off_cloud
 from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
 from omniservo.planning.constraints.collision import prove_outside_ball
@@ -24,6 +23,7 @@ from omniservo.planning.constraints.motion import displacement, point_from_body,
 from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
 from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.separation import separate
+from omniservo.planning.constraints.solid_gap import hull_of, solid_gap
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place
@@ -91,7 +91,7 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
     if kind == BODY:
         body = demands.bodies[index]
         x, y, z = centre_from_body(pose, demands.motions, body[17])
-        return float(segment_gap(body, x, y, z, x, y, z)[3] - body[16])
+        return float(solid_gap(body, hull_of(body, demands.hulls), x, y, z, x, y, z)[3] - body[16])
     if kind == CLOUD:
         t = pose[9], pose[10], pose[11]
         points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
@@ -134,10 +134,12 @@ def smallest_at(
         return least - float(o[3]), about
     if kind == BODY_SIGHT:
         body = demands.bodies[index]
+        hull = hull_of(body, demands.hulls)
         mx, my, mz = displacement(demands.motions, body[17], pose[13])
         x, y, z = pose[9] - mx, pose[10] - my, pose[11] - mz
         for j in range(points.shape[0]):
-            value = segment_gap(body, x, y, z, points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz)[3]
+            hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
+            value = solid_gap(body, hull, x, y, z, hx, hy, hz)[3]
             if value < least:
                 least, about = value, j
         return least - float(body[15]), about
@@ -323,14 +325,14 @@ def prove_solid(
         path, largest = seen_from_body(centre, translation, size, motions, plane[5])
         status, w = prove_free_side(path, largest, plane, margin)
         return status, w, 0
-    body, planes = demands.bodies[index], np.empty((0, 5))
+    body, hulls, planes = demands.bodies[index], demands.hulls, np.empty((0, 5))
     path, largest = seen_from_body(centre, translation, size, motions, body[17])
     if kind == BODY:
-        status, w, _ = separate(path, largest, np.empty((3, 0)), body, body[16] + margin, planes)
+        status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[16] + margin, planes)
         return status, w, 0
     for j in range(demands.points.shape[0]):
         h = point_from_body(demands.points[j], motions, body[17])
-        status, w, _ = separate(path, largest, h, body, body[15] + margin, planes)
+        status, w, _ = separate(path, largest, h, body, hulls, body[15] + margin, planes)
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0

@@ -13,6 +13,8 @@ from omniservo.planning.capsule import Capsule
 from omniservo.planning.cloud import Cloud
 from omniservo.planning.cloud_file import read_cloud
 from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.mesh import Mesh
+from omniservo.planning.mesh_fields import meshes_of_file
 from omniservo.planning.planning_problem import Obstacle
 from omniservo.planning.sphere import Sphere
 
@@ -21,6 +23,7 @@ _FIELDS = {
     "box": (Box, {"center": "center", "quaternion": "quaternion", "half_extents": "half_extents"}),
     "capsule": (Capsule, {"from": "start", "to": "end", "radius": "radius"}),
     "half_space": (HalfSpace, {"normal": "normal", "offset": "offset"}),
+    "mesh": (Mesh, {"vertices": "vertices"}),
     "cloud": (Cloud, {"points": "points", "radius": "radius"}),
 }
 """type: class, and the attribute of each field; every type may have its own clearance and a motion as well"""
@@ -38,6 +41,20 @@ def obstacle_fields(obstacle: Obstacle) -> dict[str, Any]:
     if obstacle.motion is not None:
         fields["motion"] = obstacle.motion.tolist()
     return fields
+
+
+def obstacles_from_fields(value: Any, folder: Path | None = None) -> tuple[Obstacle, ...]:
+    """Return the obstacle of a file's fields, or the meshes of a file that it names inside ``folder``.
+
+    Raises:
+        InputError: a field is missing, unknown or not legal.
+    """
+    if isinstance(value, Mapping) and value.get("type") == "mesh" and "file" in value:
+        if "vertices" in value:
+            raise InputError("file: given beside vertices; legal: one of the two")
+        places = ("translation", "quaternion", "scale")
+        return meshes_of_file(only_fields(value, ("type", "file"), (*places, "clearance", "motion")), folder)
+    return (obstacle_from_fields(value, folder),)
 
 
 def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:

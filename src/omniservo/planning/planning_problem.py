@@ -19,9 +19,10 @@ from omniservo.planning.capsule import Capsule
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.cloud import MOST_CLOUD_POINTS, Cloud
 from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.mesh import Mesh
 from omniservo.planning.sphere import Sphere
 
-Obstacle = Sphere | Box | Capsule | HalfSpace | Cloud
+Obstacle = Sphere | Box | Capsule | HalfSpace | Mesh | Cloud
 
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""
@@ -183,7 +184,7 @@ class PlanningProblem:
             if not isinstance(obstacle, Obstacle):
                 kind = type(obstacle).__name__
                 raise InputError(
-                    f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Cloud"
+                    f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Mesh, Cloud"
                 )
         count = sum(len(o.points) for o in obstacles if isinstance(o, Cloud))
         if count > MOST_CLOUD_POINTS:

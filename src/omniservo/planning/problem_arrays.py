@@ -14,10 +14,8 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import margins
 from omniservo.planning.ball_tree import BallTree
-from omniservo.planning.box import Box
-from omniservo.planning.capsule import Capsule
+from omniservo.planning.body_arrays import bodies_of, clearance_of, hulls_of, motion_indices, motions_of
 from omniservo.planning.cloud import Cloud
-from omniservo.planning.constraints.body_gap import BODY_SIZE
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.half_space import HalfSpace
 from omniservo.planning.planning_problem import Obstacle, PlanningProblem, Workspace
@@ -67,12 +65,13 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         limits=np.ascontiguousarray(rows),
         disc=_disc(problem.camera, limits),
         obstacles=_spheres(problem),
-        bodies=_bodies(problem),
+        bodies=bodies_of(problem),
+        hulls=hulls_of(problem),
         planes=_planes(problem),
         clouds=clouds,
         cloud_points=trees.points,
         cloud_nodes=trees.nodes,
-        motions=_motions(problem),
+        motions=motions_of(problem),
         box=box,
         numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
     )
@@ -98,24 +97,6 @@ def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
     return np.array([camera.fx, camera.skew, camera.fy, camera.cx - u, camera.cy - v, zone.radius, camera.xi])
 
 
-def _motions(problem: PlanningProblem) -> FloatArray:
-    """Return the motions of the obstacles that move, in their order, all with as many coefficients."""
-    moving = [o.motion for o in problem.obstacles if o.motion is not None]
-    longest = max((m.shape[1] for m in moving), default=1)
-    table = np.zeros((len(moving), 3, longest))
-    for row, motion in zip(table, moving, strict=True):
-        row[:, longest - motion.shape[1] :] = motion
-    return table
-
-
-def _motion_indices(problem: PlanningProblem) -> list[float]:
-    """Return every obstacle's row among the motions, −1 where it stands still."""
-    moving = np.cumsum([o.motion is not None for o in problem.obstacles])
-    return [
-        -1.0 if o.motion is None else float(k - 1) for o, k in zip(problem.obstacles, moving, strict=True)
-    ]
-
-
 def _clearance_kind(obstacle: Obstacle) -> int:
     """Return the kind of an obstacle's clearance: a sphere that moves is a body."""
     if isinstance(obstacle, HalfSpace | Cloud):
@@ -124,13 +105,9 @@ def _clearance_kind(obstacle: Obstacle) -> int:
     return margins.CLEARANCE if still else margins.BODY
 
 
-def _clearance(problem: PlanningProblem, obstacle: Obstacle) -> float:
-    return problem.clearance if obstacle.clearance is None else obstacle.clearance
-
-
 def _spheres(problem: PlanningProblem) -> FloatArray:
     rows = [
-        (*o.center, o.radius, o.radius + _clearance(problem, o))
+        (*o.center, o.radius, o.radius + clearance_of(problem, o))
         for o in problem.obstacles
         if isinstance(o, Sphere) and o.motion is None
     ]
@@ -139,8 +116,8 @@ def _spheres(problem: PlanningProblem) -> FloatArray:
 
 def _planes(problem: PlanningProblem) -> FloatArray:
     rows = [
-        (*o.normal, o.offset + _clearance(problem, o), _clearance(problem, o), motion)
-        for o, motion in zip(problem.obstacles, _motion_indices(problem), strict=True)
+        (*o.normal, o.offset + clearance_of(problem, o), clearance_of(problem, o), motion)
+        for o, motion in zip(problem.obstacles, motion_indices(problem), strict=True)
         if isinstance(o, HalfSpace)
     ]
     if problem.workspace is not None:
@@ -148,54 +125,23 @@ def _planes(problem: PlanningProblem) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 6)
 
 
-def _bodies(problem: PlanningProblem) -> FloatArray:
-    rows = []
-    for o, motion in zip(problem.obstacles, _motion_indices(problem), strict=True):
-        if isinstance(o, Sphere) and o.motion is not None:
-            center, axes, extents, radius = o.center, np.eye(3), np.zeros(3), o.radius
-        elif isinstance(o, Box):
-            center, axes, extents, radius = o.center, box_axes(o.quaternion), o.half_extents, 0.0
-        elif isinstance(o, Capsule):
-            center, axes, extents, radius = *_rod(o), o.radius
-        else:
-            continue
-        rows.append([*center, *axes.ravel(), *extents, radius, radius + _clearance(problem, o), motion])
-    return np.array(rows, dtype=np.float64).reshape(-1, BODY_SIZE)
-
-
 def _clouds(problem: PlanningProblem) -> tuple[FloatArray, BallTree]:
     clouds = [o for o in problem.obstacles if isinstance(o, Cloud)]
     points, nodes = [c.tree.points for c in clouds], [c.tree.nodes for c in clouds]
     ends = np.cumsum([(0, 0)] + [(len(k), len(p)) for k, p in zip(nodes, points, strict=True)], axis=0)
     rows = [
-        (ends[i, 0], ends[i + 1, 0], ends[i, 1], ends[i + 1, 1], o.radius, o.radius + _clearance(problem, o))
+        (
+            ends[i, 0],
+            ends[i + 1, 0],
+            ends[i, 1],
+            ends[i + 1, 1],
+            o.radius,
+            o.radius + clearance_of(problem, o),
+        )
         for i, o in enumerate(clouds)
     ]
     joined = BallTree(np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 7)), *nodes]))
     return np.array(rows, dtype=np.float64).reshape(-1, 6), joined
-
-
-def box_axes(quaternion: FloatArray) -> FloatArray:
-    """Return the axes of a box, row by row (3, 3): columns of Λ(q)/‖q‖² (20), within 10 roundings each."""
-    x, y, z, w = quaternion
-    rows = [
-        [x * x - y * y - z * z + w * w, 2 * (x * y + z * w), 2 * (x * z - y * w)],
-        [2 * (x * y - z * w), -x * x + y * y - z * z + w * w, 2 * (y * z + x * w)],
-        [2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w],
-    ]
-    axes: FloatArray = np.array(rows) / (x * x + y * y + z * z + w * w)
-    return axes
-
-
-def _rod(capsule: Capsule) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return centre, axes and half extents of a capsule's segment as a box of no thickness."""
-    center = capsule.start + 0.5 * (capsule.end - capsule.start)
-    half = 0.5 * (capsule.end - capsule.start)
-    length = float(np.linalg.norm(half))
-    first = half / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
-    across = np.cross(first, np.eye(3)[int(np.argmin(np.abs(first)))])
-    second = across / np.linalg.norm(across)
-    return center, np.array([first, second, np.cross(first, second)]), np.array([length, 0.0, 0.0])
 
 
 def optics_of(problem: PlanningProblem) -> FloatArray:

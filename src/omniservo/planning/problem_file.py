@@ -15,7 +15,7 @@ from omniservo.files import file_inside, read_document, write_whole
 from omniservo.geometry.arrays import finite_array
 from omniservo.planning.checks import unit_vector
 from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.obstacle_fields import obstacle_fields, obstacle_from_fields, only_fields
+from omniservo.planning.obstacle_fields import obstacle_fields, obstacles_from_fields, only_fields
 from omniservo.planning.planning_problem import (
     MOST_HALF_SPACES,
     MOST_POINTS,
@@ -159,10 +159,11 @@ def _goal(value: Any) -> RigidTransform:
 
 
 def _obstacles(value: Any, folder: Path | None) -> tuple[Obstacle, ...]:
-    return tuple(
-        _within(f"obstacles[{i}]", lambda item=item: obstacle_from_fields(item, folder))
+    found = [
+        _within(f"obstacles[{i}]", lambda item=item: obstacles_from_fields(item, folder))
         for i, item in enumerate(_listed("obstacles", value, MOST_POINTS))
-    )
+    ]
+    return tuple(obstacle for several in found for obstacle in several)
 
 
 def _workspace(value: Any) -> Workspace:

@@ -46,8 +46,8 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
             return status, w
     if demands.bodies.shape[0] > 0:
         hidden = demands.points if demands.numbers[1] > 0.0 else demands.points[:0]
-        bodies, motions = demands.bodies, demands.motions
-        status, w = prove_bodies_clear(centre, translation, size, bodies, motions, hidden)
+        bodies, hulls, motions = demands.bodies, demands.hulls, demands.motions
+        status, w = prove_bodies_clear(centre, translation, size, bodies, hulls, motions, hidden)
         if status != PROVEN:
             return status, w
     if demands.numbers[1] > 0.0:

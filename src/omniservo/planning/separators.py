@@ -1,4 +1,4 @@
-"""The separating planes that a certificate carries for its margins about boxes and capsules."""
+"""The separating planes that a certificate carries for its margins about boxes, capsules and meshes."""
 
 from __future__ import annotations
 
@@ -35,6 +35,6 @@ def separators_of(
             if point is not None:
                 h = point_from_body(demands.points[point], motions, body[17])
             reach = float(body[16 if point is None else 15]) + margin
-            count = separate(path, largest, h, body, reach, planes)[2]
+            count = separate(path, largest, h, body, demands.hulls, reach, planes)[2]
             found.append(Separator(entry.name, point, frozen(planes[:count])))
     return tuple(found)

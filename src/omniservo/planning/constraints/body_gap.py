@@ -1,8 +1,8 @@
 """How far a segment is from a box with rounded edges: boxes and capsules are both of this kind.
 
-A body is a row (18,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance,
-motion (see `motion`). It is the ball of radius r moved over the box; a box has r = 0, a capsule
-e = (half length, 0, 0), a sphere that moves e = 0.
+A body is a row (24,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance,
+motion (see `motion`), and six numbers of a mesh (see `solid_gap`). It is the ball of radius r moved over the
+box; a box has r = 0, a capsule e = (half length, 0, 0), a sphere that moves e = 0.
 """
 
 import math
@@ -10,7 +10,7 @@ import math
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
-BODY_SIZE = 18
+BODY_SIZE = 24
 """Numbers of a row."""
 
 _TOUCHING = 1e-14

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.constraints.hull_gap import Hull
 
 
 class Demands(NamedTuple):
@@ -17,7 +18,9 @@ class Demands(NamedTuple):
     obstacles: FloatArray
     """spheres that stand still (m, 5): centre, radius, radius + clearance [m]"""
     bodies: FloatArray
-    """boxes, capsules and spheres that move (b, 18), see `body_gap`"""
+    """boxes, capsules, meshes and spheres that move (b, 24), see `body_gap`"""
+    hulls: Hull
+    """vertices, faces and edges of all meshes, joined"""
     planes: FloatArray
     """half-spaces (p, 6): unit n, offset + clearance, clearance [m], motion; free where n·x ≥ offset; the
     obstacles', then the workspace's"""

@@ -1,10 +1,11 @@
-"""Boxes, capsules and what moves: separating planes, one for a piece of the path (convex hull property).
+"""Bodies, and all that moves: separating planes, one for a piece of the path (convex hull property).
 
 On [w₀, w₁] the path lies in the hull of its control points T_k there. Where one direction n has
-n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) = n·c + Σ e_k|n·a_k| + r‖n‖ the body's support, the camera centre
-keeps the distance d. A line of sight from t to h is clear if n·T_k ≥ s(n) and n·h ≥ s(n). Of a body that
-moves T_k are the control points of t − m and h those of h − m, all beyond the plane (`motion`). Pieces are
-halved until each has its plane; the planes are the proof (docs/verification.md). Bodies: see `body_gap`.
+n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) the body's support (of boxes and capsules n·c + Σ e_k|n·a_k| + r‖n‖,
+of a mesh max n·v), the camera centre keeps the distance d. A line of sight from t to h is clear if
+n·T_k ≥ s(n) and n·h ≥ s(n). Of a body that moves T_k are the control points of t − m and h those of h − m,
+all beyond the plane (`motion`). Pieces are halved until each has its plane; the planes are the proof
+(docs/verification.md). Bodies: see `solid_gap`.
 """
 
 import math
@@ -14,9 +15,11 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import MAX_LEVEL, PROVEN, REFUTED, TINY, UNDECIDED, UNIT, copy_into, halve
-from omniservo.planning.constraints.body_gap import is_solid, segment_gap
+from omniservo.planning.constraints.body_gap import is_solid
+from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.planning.constraints.visibility import sum_of_controls
 
 MOST_PLANES = 2000
@@ -28,7 +31,13 @@ _STEPS = 4
 
 @kernel
 def plane_of_piece(
-    piece: FloatArray, h: FloatArray, body: FloatArray, reach: float, bound: float, normal: FloatArray
+    piece: FloatArray,
+    h: FloatArray,
+    body: FloatArray,
+    hull: Hull,
+    reach: float,
+    bound: float,
+    normal: FloatArray,
 ) -> bool:
     """Write the normal of a plane that keeps control points (3, n+1) and h (3, k+1 or 0) off the body.
 
@@ -43,7 +52,7 @@ def plane_of_piece(
     if h.shape[1] > 0:
         vx, vy, vz = h[0, 0], h[1, 0], h[2, 0]
     for _ in range(_STEPS):
-        nx, ny, nz, gap, s = segment_gap(body, x, y, z, vx, vy, vz)
+        nx, ny, nz, gap, s = solid_gap(body, hull, x, y, z, vx, vy, vz)
         if not gap >= reach + bound:
             return False
         x, y, z = x + s * (vx - x), y + s * (vy - y), z + s * (vz - z)
@@ -55,11 +64,7 @@ def plane_of_piece(
             along = nx * (px - body[0]) + ny * (py - body[1]) + nz * (pz - body[2])
             if not along >= least:
                 least, vx, vy, vz = along, px, py, pz
-        support = 0.0
-        for a in range(3):
-            i = 3 + 3 * a
-            support += body[12 + a] * abs(nx * body[i] + ny * body[i + 1] + nz * body[i + 2])
-        if least - support - reach >= bound:
+        if least - core_support(body, hull, nx, ny, nz) - reach >= bound:
             normal[0], normal[1], normal[2] = nx, ny, nz
             return True
     return False
@@ -67,17 +72,24 @@ def plane_of_piece(
 
 @kernel
 def separate(
-    centre: FloatArray, size: float, h: FloatArray, body: FloatArray, reach: float, planes: FloatArray
+    centre: FloatArray,
+    size: float,
+    h: FloatArray,
+    body: FloatArray,
+    hulls: Hull,
+    reach: float,
+    planes: FloatArray,
 ) -> tuple[int, float, int]:
-    """Decide whether path, or lines of sight from it, stay ``reach`` away from the body's box on [0, 1].
+    """Decide whether path, or lines of sight from it, stay ``reach`` away from the body's core on [0, 1].
 
     Args:
         centre: control points of t, or t − m (3, n+1), from `seen_from_body`.
         size: their magnitude.
         h: control points of the other end of the lines of sight (3, k+1), from `point_from_body`; (3, 0): the
             path alone.
-        body: (18,), see `body_gap`.
-        reach: distance to keep from the box [m].
+        body: (24,), see `body_gap`.
+        hulls: of all meshes.
+        reach: distance to keep from the core, a box, a mesh, a segment or a point [m].
         planes: a row (w₀, w₁, n) for each piece is written here as far as there is room, (…, 5).
 
     Returns:
@@ -90,14 +102,14 @@ def separate(
     stack, far_stack = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 3, h.shape[1]))
     start = np.zeros(MAX_LEVEL + 2)
     level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    normal = np.empty(3)
+    normal, hull = np.empty(3), hull_of(body, hulls)
     copy_into(centre, stack[0])
     copy_into(h, far_stack[0])
     top, count = 0, 0
     while top >= 0:
         piece, ends, width = stack[top], far_stack[top], 0.5 ** level[top]
         bound = (2.0 * n * (1.0 + level[top]) + 60.0) * error + TINY
-        if plane_of_piece(piece, ends, body, reach, bound, normal):
+        if plane_of_piece(piece, ends, body, hull, reach, bound, normal):
             if count < planes.shape[0]:
                 planes[count, 0], planes[count, 1] = start[top], start[top] + width
                 planes[count, 2], planes[count, 3], planes[count, 4] = normal[0], normal[1], normal[2]
@@ -105,12 +117,13 @@ def separate(
             top -= 1
             continue
         for end in range(2):
-            if distance_at(piece, ends, end, body) < reach - bound:
+            if distance_at(piece, ends, end, body, hull) < reach - bound:
                 return REFUTED, start[top] + width * end, count
         if level[top] == MAX_LEVEL or count + top >= MOST_PLANES:
             return UNDECIDED, start[top], count
         halve(piece, stack[top + 1], piece)
-        halve(ends, far_stack[top + 1], ends)
+        if h.shape[1] > 0:
+            halve(ends, far_stack[top + 1], ends)
         start[top + 1] = start[top]
         start[top] += 0.5 * width
         level[top] += 1
@@ -130,16 +143,16 @@ def _extent(body: FloatArray, h: FloatArray) -> float:
 
 
 @kernel
-def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray) -> float:
-    """Return the distance of one end (0 or 1) of a piece, or of its line of sight, to the body's box.
+def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray, hull: Hull) -> float:
+    """Return the distance of one end (0 or 1) of a piece, or of its line of sight, to the body's core.
 
     Negative: the depth.
     """
     k, j = end * (piece.shape[1] - 1), end * (h.shape[1] - 1)
     x, y, z = piece[0, k], piece[1, k], piece[2, k]
     if h.shape[1] > 0:
-        return float(segment_gap(body, x, y, z, h[0, j], h[1, j], h[2, j])[3])
-    return float(segment_gap(body, x, y, z, x, y, z)[3])
+        return float(solid_gap(body, hull, x, y, z, h[0, j], h[1, j], h[2, j])[3])
+    return float(solid_gap(body, hull, x, y, z, x, y, z)[3])
 
 
 @kernel
@@ -148,6 +161,7 @@ def prove_bodies_clear(
     translation: FloatArray,
     size: float,
     bodies: FloatArray,
+    hulls: Hull,
     motions: FloatArray,
     points: FloatArray,
 ) -> tuple[int, float]:
@@ -159,12 +173,12 @@ def prove_bodies_clear(
     for i in range(bodies.shape[0]):
         body = bodies[i]
         path, largest = seen_from_body(centre, translation, size, motions, body[17])
-        status, w, _ = separate(path, largest, nothing, body, body[16], planes)
+        status, w, _ = separate(path, largest, nothing, body, hulls, body[16], planes)
         if status != PROVEN:
             return status, w
         for j in range(points.shape[0]):
             h = point_from_body(points[j], motions, body[17])
-            status, w, _ = separate(path, largest, h, body, body[15], planes)
+            status, w, _ = separate(path, largest, h, body, hulls, body[15], planes)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -173,6 +187,7 @@ def prove_bodies_clear(
 @kernel
 def push_off_bodies(
     bodies: FloatArray,
+    hulls: Hull,
     motions: FloatArray,
     points: FloatArray,
     poses: FloatArray,
@@ -185,12 +200,12 @@ def push_off_bodies(
 ) -> None:
     """Push the centre off the bodies, then its lines of sight to ``points`` (n, 3) (see `push`).
 
-    g = (gap − reach)/max(reach, ℓ/20) with the gap of `segment_gap` and its nearest part s:
+    g = (gap − reach)/max(reach, ℓ/20) with the gap of `solid_gap` and its nearest part s:
     ∂g/∂t = (1 − s) n. Groups: every body's clearance, then every body's sights, whose reach is the radius.
     """
     m = bodies.shape[0]
     for i in range(m):
-        body = bodies[i]
+        body, hull = bodies[i], hull_of(bodies[i], hulls)
         for kind in range(2 if points.shape[0] > 0 else 1):
             group, reach = first + i + m * kind, body[16 - kind]
             if targets[group] == ASLEEP or (reach <= 0.0 and not is_solid(body)):
@@ -203,7 +218,7 @@ def push_off_bodies(
                     hx, hy, hz = x, y, z
                     if kind == 1:
                         hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
-                    nx, ny, nz, gap, part = segment_gap(body, x, y, z, hx, hy, hz)
+                    nx, ny, nz, gap, part = solid_gap(body, hull, x, y, z, hx, hy, hz)
                     g = (gap - reach) / unit
                     least[group] = min(least[group], g)
                     if g < targets[group]:
