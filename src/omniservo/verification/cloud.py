@@ -10,7 +10,7 @@ from omniservo.verification.camera_path import CameraPath, CameraPoint
 from omniservo.verification.cloud_tree import Node, TooMuchWork, near, nearest, tree
 from omniservo.verification.constraint import Constraint
 from omniservo.verification.decision import HOLDS, Finding
-from omniservo.verification.fields import Vector
+from omniservo.verification.fields import BEYOND_FLOATS, Vector
 from omniservo.verification.motion import Relative, relative
 from omniservo.verification.obstacles import Cloud
 from omniservo.verification.sphere import far_from_ball, sight_clear_of_ball
@@ -73,7 +73,7 @@ class _Judge:
                 if finding.verdict == "violated":
                     return finding
                 doubt = doubt if finding is HOLDS else finding
-        except TooMuchWork:
+        except (TooMuchWork, *BEYOND_FLOATS):
             note = f"{len(self._cloud.points)} points, more work than this verifier takes on"
             return Finding("undecided", None, note)
         return doubt

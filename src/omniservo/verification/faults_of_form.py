@@ -1,10 +1,10 @@
 """The path's form: start at the identity, with the velocity asked for; end at the goal; degrees allowed."""
 
 from fractions import Fraction
-from math import asin, sqrt
+from math import asin
 
 from omniservo.verification.camera_path import CameraPath
-from omniservo.verification.fields import Vector
+from omniservo.verification.fields import Vector, root
 from omniservo.verification.plan_file import Problem
 
 _NEAR = Fraction(1, 10**9)
@@ -24,10 +24,10 @@ def faults_of_form(path: CameraPath, problem: Problem) -> list[str]:
     for w, name, (translation, quaternion) in ((0, "start", (ORIGIN, IDENTITY)), (1, "end", goal)):
         apart = _squared([a - b for a, b in zip(path.position(Fraction(w)), translation, strict=True)])
         if apart > _NEAR**2:
-            faults.append(f"path {name} (w = {w}): {sqrt(apart):.6g} m from where it must be; legal: 1e-9")
+            faults.append(f"path {name} (w = {w}): {root(apart):.6g} m from where it must be; legal: 1e-9")
         turned = _half_angle_sine_squared(path.quaternion(Fraction(w)), quaternion)
         if turned > (_NEAR / 2) ** 2:
-            angle = 2 * asin(min(1.0, sqrt(turned)))
+            angle = 2 * asin(min(1.0, root(turned)))
             faults.append(
                 f"path {name} (w = {w}): turned by {angle:.6g} rad from where it must be; legal: 1e-9"
             )
@@ -55,7 +55,7 @@ def _faults_of_velocity(path: CameraPath, asked: Vector | None) -> list[str]:
     for what, unit, found, wanted in pairs:
         apart = _squared([a - b for a, b in zip(found, wanted, strict=True)])
         if apart > _NEAR**2:
-            by = f"{what} velocity {sqrt(apart):.6g} {unit} from initial_velocity"
+            by = f"{what} velocity {root(apart):.6g} {unit} from initial_velocity"
             faults.append(f"path start (w = 0): {by}; legal: 1e-9")
     return faults
 

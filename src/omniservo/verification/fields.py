@@ -6,6 +6,8 @@ from math import inf, sqrt
 from typing import Any
 
 Vector = tuple[Fraction, ...]
+BEYOND_FLOATS = (ArithmeticError, ValueError)
+"""What floating point raises where exact arithmetic has no trouble: hints and amounts are then left out."""
 _MISSING = object()
 _NEAR_UNIT = Fraction(1, 10**6)
 
@@ -47,11 +49,12 @@ def near_unit(vector: Vector, where: str) -> Vector:
     """Return the vector, whose length must be 1 within 1e-6; only its direction is used from here on."""
     squared = sum(x * x for x in vector)
     if not (1 - _NEAR_UNIT) ** 2 <= squared <= (1 + _NEAR_UNIT) ** 2:
-        raise Malformed(f"{where}: length {_length(squared):.9g}; legal: 1 within 1e-6")
+        raise Malformed(f"{where}: length {root(squared):.9g}; legal: 1 within 1e-6")
     return vector
 
 
-def _length(squared: Fraction | int) -> float:
+def root(squared: Fraction | int) -> float:
+    """Return the square root in floating point, for messages only."""
     try:
         return sqrt(squared)
     except OverflowError:

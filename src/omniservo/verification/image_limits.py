@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 from omniservo.verification.enclosures import ERROR, cosine_and_sine, root_above, root_below
+from omniservo.verification.fields import NotJudged
 from omniservo.verification.plan_file import Camera
 
 _HALF = Fraction(1, 2)
@@ -36,6 +37,8 @@ def circle_radius(camera: Camera, inset: Fraction) -> Fraction | None:
     else:
         radius = (sine - ERROR) / (cosine + xi + ERROR)
     below, above = least_stretch(camera)
+    if below == 0:
+        raise NotJudged("problem.camera: focal lengths and skew of such sizes are not judged")
     return radius - inset / (below if inset > 0 else above)
 
 

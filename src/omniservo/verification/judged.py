@@ -11,7 +11,7 @@ from omniservo.verification.constraint import Constraint
 from omniservo.verification.dead_zone import dead_zone
 from omniservo.verification.decision import HOLDS, Finding
 from omniservo.verification.domain import domain
-from omniservo.verification.fields import NotJudged, Vector
+from omniservo.verification.fields import BEYOND_FLOATS, NotJudged, Vector
 from omniservo.verification.least_distance import least_distance
 from omniservo.verification.mask import masks
 from omniservo.verification.mesh import Mesh
@@ -59,10 +59,12 @@ class Case:
             return f"{self.constraint.name}: {self.finding.note}"
         if self.finding.w is None or self.finding.verdict == "undecided":
             return f"{self.name}: a margin of {float(self.margin):.9g} is neither proven nor refuted"
-        candidates = [self.finding.w, *(Fraction(k, _SAMPLES) for k in range(_SAMPLES + 1))]
-        left, w = min((self.constraint.left(self.subject, w), w) for w in candidates)
-        unit = self.constraint.unit
+        unit, candidates = self.constraint.unit, [Fraction(k, _SAMPLES) for k in range(_SAMPLES + 1)]
         needed = f"{max(0.0, float(self.margin)):.9g} {unit} needed"
+        try:
+            left, w = min((self.constraint.left(self.subject, w), w) for w in (self.finding.w, *candidates))
+        except BEYOND_FLOATS:
+            return f"{self.name}: violated at w = {float(self.finding.w):.6g}, {needed}"
         return f"{self.name}: {left:.9g} {unit} left at w = {float(w):.6g}, {needed}"
 
 

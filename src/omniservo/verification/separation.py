@@ -13,7 +13,7 @@ from omniservo.verification.camera_path import CameraPath, CameraPoint
 from omniservo.verification.constraint import Constraint
 from omniservo.verification.decision import HOLDS, Finding
 from omniservo.verification.enclosures import root_above, root_below
-from omniservo.verification.fields import Vector
+from omniservo.verification.fields import BEYOND_FLOATS, Vector
 from omniservo.verification.motion import Relative, relative
 from omniservo.verification.plan_file import Piece, Separators
 from omniservo.verification.polynomials import bernstein, combine, integers, on_piece
@@ -79,8 +79,11 @@ def _judged_pose(body: Body, seen: Relative, distance: Fraction) -> Finding:
     start = Fraction(0)
     if _short(body, seen, distance, start):
         return Finding("violated", start)
-    at = [float(x) for x in _nearest(body, seen, start)]
-    piece = Piece(start, Fraction(1), tuple(map(Fraction, body.from_core(at)[1])))
+    try:
+        at = [float(x) for x in _nearest(body, seen, start)]
+        piece = Piece(start, Fraction(1), tuple(map(Fraction, body.from_core(at)[1])))
+    except BEYOND_FLOATS:
+        return Finding("undecided", start)
     return HOLDS if _separates(piece, body, seen, distance) else Finding("undecided", start)
 
 
@@ -121,4 +124,7 @@ def _nearest(body: Body, seen: Relative, w: Fraction) -> Vector:
 
 def _short(body: Body, seen: Relative, distance: Fraction, w: Fraction) -> bool:
     """True where a point of the sight at w shows that it is nearer than the distance."""
-    return body.nearer(_nearest(body, seen, w), distance)
+    try:
+        return body.nearer(_nearest(body, seen, w), distance)
+    except BEYOND_FLOATS:
+        return False
