@@ -96,26 +96,28 @@ class Peer(NamedTuple):
     function: str = "solve"
 
 
+_OFF = {"margin": 0.005}
 _ANY = {"effort": False, "margin": 0.005}
+_DENSE = {"samples": 100, "margin": 0.005}
 _BEST = {"samples": 100, "all_starts": True}
 
 
-def _descents(solver: str, label: str, most: int | None) -> list[Peer]:
+def _descents(solver: str, label: str, most: int, budget: float) -> list[Peer]:
     """Return a descending solver's variants: any path, least effort, and least effort off the limits."""
     return [
-        Peer(f"{solver}-first", f"{label}, any path, margin 0.005", solver, _ANY, most),
-        Peer(solver, f"{label}, least effort", solver, {}, most),
-        Peer(f"{solver}-margin", f"{label}, least effort, margin 0.005", solver, {"margin": 0.005}, most),
+        Peer(f"{solver}-first", f"{label}, any path, margin 0.005", solver, _ANY, most, budget),
+        Peer(solver, f"{label}, least effort", solver, {}, most, budget),
+        Peer(f"{solver}-margin", f"{label}, least effort, margin 0.005", solver, _OFF, most, budget),
     ]
 
 
 _PEERS = (
     Peer("paper-compiled", "the paper's search, compiled", "paper_compiled"),
-    Peer("slsqp", "SLSQP, 100 samples", "slsqp", {"samples": 100}),
-    Peer("slsqp-margin", "SLSQP, 100 samples, margin 0.005", "slsqp", {"samples": 100, "margin": 0.005}),
-    *_descents("snopt", "SNOPT, 25 samples", 200),
+    Peer("slsqp", "SLSQP, 100 samples", "slsqp", {"samples": 100}, 200),
+    Peer("slsqp-margin", "SLSQP, 100 samples, margin 0.005", "slsqp", _DENSE, 200),
+    *_descents("snopt", "SNOPT, 25 samples", 200, 5.0),
     Peer(BEST_PEER, "SNOPT, 100 samples, best of 8 starts", "snopt", _BEST, 60),
-    *_descents("ipopt", "IPOPT, 25 samples", 20),
+    *_descents("ipopt", "IPOPT, 25 samples", 10, 10.0),
     Peer("rrtconnect", "RRTConnect, compiled checker", "rrtconnect", most=200),
     Peer("rrtconnect-numpy", "RRTConnect, Python checker", "rrtconnect", most=50, function="solve_numpy"),
 )

@@ -33,6 +33,7 @@ STYLES = {
 
 def plot_success(found: Sequence[Summary], folder: Path) -> list[Path]:
     """Write ``benchmark-planning.png`` and ``.svg`` into ``folder``; return their paths."""
+    mpl.rcParams["svg.hashsalt"] = "benchmark-planning"  # the same picture is the same file
     names = [name for name in dict.fromkeys(s.set for s in found) if name != PAPER]
     columns = min(4, len(names) + 1)
     lines = -(-(len(names) + 1) // columns)
