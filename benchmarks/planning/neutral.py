@@ -54,8 +54,9 @@ def neutral_of(problem: PlanningProblem) -> Neutral:
     Raises:
         ValueError: the problem has what the benchmark's peers cannot take.
     """
-    if problem.workspace is not None or problem.camera.is_distorted:
-        raise ValueError("no peer takes a workspace or a distorted camera")
+    camera = problem.camera
+    if problem.workspace is not None or camera.is_distorted or camera.mask:
+        raise ValueError("no peer takes a workspace, a mask or a distorted camera")
     if not all(isinstance(o, Sphere | Box) for o in problem.obstacles):
         raise ValueError("peers take spheres and boxes only")
     boxes = [o for o in problem.obstacles if isinstance(o, Box)]

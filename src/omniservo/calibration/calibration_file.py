@@ -15,7 +15,9 @@ from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
 _LENS = "omniservo_lens"
-"""where our largest angle and dead zone stand in a foreign file, whose own readers ignore the field"""
+"""where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
+
+_LENS_FIELDS = ("max_angle", "dead_zone", "mask")
 
 
 @dataclass(frozen=True)
@@ -78,8 +80,8 @@ class CalibrationFile:
         """Return the camera with these parameters and the lens that stands at ``path`` in this file."""
         holder = self.value(*path) if path else self.fields
         lens = holder.get(_LENS, {})
-        if not isinstance(lens, Mapping) or set(lens) - {"max_angle", "dead_zone"}:
-            raise self.error(f"{lens!r} given; legal fields: max_angle, dead_zone", *path, _LENS)
+        if not isinstance(lens, Mapping) or set(lens) - set(_LENS_FIELDS):
+            raise self.error(f"{lens!r} given; legal fields: {', '.join(_LENS_FIELDS)}", *path, _LENS)
         try:
             return UnifiedCamera(**parameters, **lens)
         except InputError as error:
@@ -108,7 +110,7 @@ class CalibrationFile:
 
 
 def foreign_fields(camera: UnifiedCamera, format_name: str) -> dict[str, Any]:
-    """Return the extra field that keeps the lens's angle and dead zone in a foreign file, if there are any.
+    """Return the extra field that keeps the lens's angle, dead zone and mask in a foreign file, if any.
 
     Raises:
         InputError: the camera has skew, which no foreign format holds.
@@ -116,5 +118,5 @@ def foreign_fields(camera: UnifiedCamera, format_name: str) -> dict[str, Any]:
     if camera.skew != 0.0:
         raise InputError(f"format {format_name!r} cannot hold skew ({camera.skew:g}); legal: 'own'")
     described = camera.to_dict()
-    lens = {name: described[name] for name in ("max_angle", "dead_zone") if described[name] is not None}
+    lens = {name: described[name] for name in _LENS_FIELDS if described.get(name) is not None}
     return {_LENS: lens} if lens else {}

@@ -78,8 +78,8 @@ def save_camera(camera: UnifiedCamera, path: str | Path, format: str = "own", *,
     Args:
         camera: what to write.
         path: ``own`` is JSON where the path ends in .json, else YAML; the others are YAML.
-        format: "own", "mei" or "kalibr". In the last two, max_angle and dead_zone stand in a field that
-            other programs ignore.
+        format: "own", "mei" or "kalibr". In the last two, max_angle, dead_zone and mask stand in a field
+            that other programs ignore.
         force: replace an existing file.
 
     Raises:

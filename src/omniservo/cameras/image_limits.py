@@ -11,6 +11,7 @@ import numpy as np
 
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.distorted_region import convex_polygon, dead_zone_on_plane, smallest_scale
+from omniservo.cameras.image_mask import outward_edges
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
@@ -40,6 +41,9 @@ class ImageLimits:
     it, "max_angle"; for a distorted camera instead of these "polygon 0", "polygon 1", …"""
     dead_zone: DeadZone | None
     """Grown by the margin; a disc [px] in the image K m of the undistorted plane. Points are outside it."""
+    mask: tuple[FloatArray, ...]
+    """Of every polygon of the mask, grown by the margin, the edges' lines (k, 3): unit n and b [px]. A pixel
+    is outside where n·p ≥ b for one of them"""
     polygon: FloatArray | None
     """For a distorted camera: (k−1, 2) corners of a convex polygon on the plane m, counter-clockwise, inside
     the region that the image shows with the margin; else None"""
@@ -50,7 +54,7 @@ def image_limits(camera: UnifiedCamera, margin_px: float = 0.0) -> ImageLimits:
 
     Edges move by the margin itself. The ``max_angle`` circle shrinks on the plane m by margin/σ, with σ
     the smaller singular value of K's 2×2 block, so that what is left is at least the margin inside in the
-    image. Dead zones grow. The domain does not move.
+    image. Dead zones and masks grow. The domain does not move.
 
     Raises:
         InputError: the margin is negative or leaves nothing of the image.
@@ -79,7 +83,8 @@ def _straight_limits(camera: UnifiedCamera, margin: float) -> ImageLimits:
         names = (*names, "max_angle")
     zone = camera.dead_zone
     grown = None if zone is None else DeadZone(zone.center, zone.radius + margin)
-    return _limits(np.array(rows), names, grown, None)
+    masks = tuple(outward_edges(polygon, margin) for polygon in camera.mask)
+    return _limits(np.array(rows), names, grown, masks, None)
 
 
 def _least_cosine(camera: UnifiedCamera, angle: float, margin: float) -> float:
@@ -103,13 +108,17 @@ def _distorted_limits(camera: UnifiedCamera, margin: float) -> ImageLimits:
     rows = np.vstack([domain, np.column_stack([a, b, -e, e * camera.xi])])
     names = ("domain", *(f"polygon {i}" for i in range(len(polygon))))
     zone = None if camera.dead_zone is None else dead_zone_on_plane(camera, camera.dead_zone, margin)
-    return _limits(rows, names, zone, polygon)
+    return _limits(rows, names, zone, (), polygon)
 
 
 def _limits(
-    rows: FloatArray, names: tuple[str, ...], zone: DeadZone | None, polygon: FloatArray | None
+    rows: FloatArray,
+    names: tuple[str, ...],
+    zone: DeadZone | None,
+    masks: tuple[FloatArray, ...],
+    polygon: FloatArray | None,
 ) -> ImageLimits:
     normals, kappas = rows[:, :3].copy(), rows[:, 3].copy()
-    for array in (normals, kappas) if polygon is None else (normals, kappas, polygon):
+    for array in (normals, kappas, *masks, *(() if polygon is None else (polygon,))):
         array.setflags(write=False)
-    return ImageLimits(normals, kappas, names, zone, polygon)
+    return ImageLimits(normals, kappas, names, zone, masks, polygon)

@@ -14,6 +14,7 @@ from omniservo.cameras import unified_kernels as kernels
 from omniservo.cameras.dead_zone import DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
 from omniservo.cameras.image_limits import ImageLimits, image_limits
+from omniservo.cameras.image_mask import ImageMask, distance_beyond, mask_from
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
@@ -26,7 +27,7 @@ _RADIUS_SLACK = 1e-13
 """on r²: the rounded pixel of a valid point can be unprojected"""
 
 _REQUIRED = ("model", "fx", "fy", "cx", "cy", "xi", "width", "height")
-_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone")
+_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask")
 
 
 @dataclass(frozen=True, init=False)
@@ -53,6 +54,8 @@ class UnifiedCamera:
         distortion: (k1, k2, p1, p2).
         max_angle: largest angle from the axis that the lens sees [rad], in (0, π], or None.
         dead_zone: where the image shows the camera itself; see `DeadZoneLike`.
+        mask: where else it shows the camera itself, or nothing: at most 64 strictly convex polygons of 3 to
+            64 corners (u, v) [px], in either order round. Not together with distortion.
 
     Raises:
         InputError: a number is not finite or not legal; the message names field, value and what is legal.
@@ -69,6 +72,7 @@ class UnifiedCamera:
     distortion: tuple[float, float, float, float]
     max_angle: float | None
     dead_zone: DeadZone | None
+    mask: ImageMask
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -88,6 +92,7 @@ class UnifiedCamera:
         distortion: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
         max_angle: float | None = None,
         dead_zone: DeadZoneLike = None,
+        mask: Sequence[Sequence[Sequence[float]]] = (),
     ) -> None:
         self._set(
             fx=_focal_length("fx", fx),
@@ -101,7 +106,10 @@ class UnifiedCamera:
             distortion=_coefficients(distortion),
             max_angle=max_angle if max_angle is None else _angle(max_angle),
             dead_zone=dead_zone_from(dead_zone),
+            mask=mask_from(mask),
         )
+        if self.mask and self.is_distorted:
+            raise InputError("mask: given with distortion; both together are not supported yet")
         self._bound_domain()
 
     def _set(self, **fields: Any) -> None:
@@ -199,13 +207,14 @@ class UnifiedCamera:
         return bearings.reshape(*shape, 3), jacobian.reshape(*shape, 3, 2), valid.reshape(shape)
 
     def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
-        """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½] and outside the dead zone."""
+        """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½], outside the dead zone and the mask."""
         rows, shape = _rows("pixels", pixels, 2)
         u, v = rows[:, 0], rows[:, 1]
         inside = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         if self.dead_zone is not None:
             du, dv = u - self.dead_zone.center[0], v - self.dead_zone.center[1]
             inside &= np.hypot(du, dv) >= self.dead_zone.radius
+        inside &= distance_beyond(self.mask, rows) >= 0.0
         return np.asarray(inside.reshape(shape), dtype=np.bool_)
 
     def image_limits(self, margin_px: float = 0.0) -> ImageLimits:
@@ -220,6 +229,7 @@ class UnifiedCamera:
         names = (*_REQUIRED[1:5], "skew", "xi")
         numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
         zone = self.dead_zone
+        polygons = [[list(corner) for corner in polygon] for polygon in self.mask]
         return {
             "model": "unified",
             **numbers,
@@ -228,6 +238,7 @@ class UnifiedCamera:
             "height": self.height,
             "max_angle": self.max_angle,
             "dead_zone": None if zone is None else {"center": list(zone.center), "radius": zone.radius},
+            **({"mask": polygons} if polygons else {}),
         }
 
     @classmethod
@@ -236,7 +247,7 @@ class UnifiedCamera:
 
         Args:
             fields: model ("unified"), fx, fy, cx, cy, xi, width, height; optional skew, distortion,
-                max_angle, dead_zone.
+                max_angle, dead_zone, mask.
             source: stands first in messages.
 
         Raises:
@@ -255,7 +266,7 @@ class UnifiedCamera:
         if fields["model"] != "unified":
             raise InputError(f"{source}: model: {fields['model']!r} given; legal: 'unified'")
         given = {name: value for name, value in fields.items() if name != "model"}
-        for name, default in (("skew", 0.0), ("distortion", (0.0, 0.0, 0.0, 0.0))):
+        for name, default in (("skew", 0.0), ("distortion", (0.0, 0.0, 0.0, 0.0)), ("mask", ())):
             if given.get(name, 0.0) is None:
                 given[name] = default
         try:

@@ -15,6 +15,7 @@ from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import push_to_free_side
+from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
 from omniservo.planning.constraints.push import ASLEEP
@@ -35,10 +36,11 @@ def groups(demands: Demands) -> int:
     """Return how many targets there are.
 
     Limits, dead zone, least distance, spheres' clearances and sights, walls, bodies' clearances and sights,
-    half-spaces, clouds' clearances and sights.
+    half-spaces, polygons of the mask, clouds' clearances and sights.
     """
     hiding = demands.obstacles.shape[0] + demands.bodies.shape[0] + demands.clouds.shape[0]
-    return int(demands.limits.shape[0] + 2 * hiding + demands.planes.shape[0] + 8)
+    alone = demands.planes.shape[0] + demands.mask_firsts.shape[0] - 1
+    return int(demands.limits.shape[0] + 2 * hiding + alone + 8)
 
 
 @kernel
@@ -68,6 +70,9 @@ def push_all(
     first += 2 * bodies.shape[0]
     push_to_free_side(demands.planes, demands.motions, poses, ell, first, targets, least, systems, costs)
     first += demands.planes.shape[0]
+    edges, firsts = demands.mask_edges, demands.mask_firsts
+    push_off_masks(edges, firsts, camera_points, first, targets, least, systems, costs)
+    first += firsts.shape[0] - 1
     if demands.clouds.shape[0] > 0:
         push_off_clouds(demands, poses, first, targets, least, systems, costs)
         if demands.numbers[1] > 0.0:

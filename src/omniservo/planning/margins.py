@@ -18,6 +18,7 @@ from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import free_side_gap, prove_free_side
+from omniservo.planning.constraints.image_mask import best_edge, moved_outward, prove_outside_mask
 from omniservo.planning.constraints.least_distance import prove_least_distance
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
@@ -29,11 +30,11 @@ from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place
 from omniservo.planning.path_family import set_basis
 
-EDGE, CIRCLE, DOMAIN, DISC, LEAST, SIGHT, BODY_SIGHT, CLOUD_SIGHT = range(8)
+EDGE, CIRCLE, DOMAIN, DISC, MASK, LEAST, SIGHT, BODY_SIGHT, CLOUD_SIGHT = range(9)
 """Kinds of entries about a target point."""
 
-CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY, CLOUD = range(8, 14)
-"""Kinds that are not. Index: the limit, wall, or obstacle among its kind.
+CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY, CLOUD = range(9, 15)
+"""Kinds that are not. Index: the limit, wall, or obstacle among its kind; of a MASK its polygon.
 
 Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""
 
@@ -152,6 +153,8 @@ def smallest_at(
             if k >= 0:
                 least, about = value, j
         return least - float(demands.clouds[index, 4]), about
+    if kind == MASK:
+        return mask_margin(mask_polygon(demands, index), optics[0], c)
     limit = demands.limits[index]
     for j in range(points.shape[0]):
         value = camera_margin(kind, limit, scale, demands, optics, c, j)
@@ -221,6 +224,24 @@ def look(
 
 
 @kernel
+def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, int]:
+    """Return how far [px] the camera points c (n, 4) are beyond one polygon, and which point the least."""
+    least, about = math.inf, 0
+    for j in range(c.shape[0]):
+        d = c[j, 2] + xi / c[j, 3]
+        value = best_edge(polygon, c[j, 0], c[j, 1], c[j, 2])[1] / d if d > 0.0 else OUTSIDE
+        if value < least:
+            least, about = value, j
+    return least, about
+
+
+@kernel
+def mask_polygon(demands: Demands, index: int) -> FloatArray:
+    """Return the edges (k, 5) of one polygon of the mask."""
+    return demands.mask_edges[demands.mask_firsts[index] : demands.mask_firsts[index + 1]]
+
+
+@kernel
 def circle_cosine(xi: float, radius: float) -> float:
     """Return Z/ρ of the bearings at the radius r = ‖m̄‖: (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
     square = radius * radius
@@ -238,8 +259,11 @@ def prove_view(
     errors: FloatArray,
     count: float,
 ) -> tuple[int, float, int]:
-    """Decide an EDGE, CIRCLE, DOMAIN or DISC entry moved inward by ``margin``: status, w, point."""
+    """Decide an EDGE, CIRCLE, DOMAIN, DISC or MASK entry moved inward by ``margin``: status, w, point."""
     kind = int(entry[0])
+    if kind == MASK:
+        grown = moved_outward(mask_polygon(demands, int(entry[1])), margin + SLACK_PX, optics[0])
+        return prove_outside_mask(controls, errors, count, grown)
     limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
     if kind == DISC:
         for i in range(7):
@@ -397,7 +421,7 @@ def path_margins(
                 target, zero_tried = 0.0, True
             else:
                 step *= 4.0
-            if entry[0] <= DISC:
+            if entry[0] <= MASK:
                 status, w, j = prove_view(entry, target, demands, optics, controls, errors, count)
             else:
                 status, w, j = prove_space(
@@ -410,7 +434,7 @@ def path_margins(
                 seen, w = refine(entry, demands, optics, phi, centre, j, w)
                 if seen < row[0]:
                     row[0], row[1], row[2] = seen, w, j
-                if target == 0.0 and row[0] < (-1e-9 if entry[0] <= DISC else 0.0):
+                if target == 0.0 and row[0] < (-1e-9 if entry[0] <= MASK else 0.0):
                     row[3] = REFUTED
     return table
 

@@ -37,8 +37,8 @@ def paper_path(problem: PlanningProblem) -> tuple[CameraPath, str]:
 
     Unknowns v = (U, V) of (25), from v = 0, which is the path w^σ, w^τ; G is maximised by Nelder–Mead until
     it is positive. Constraints are those of (36): distance to every obstacle, Z > 0, the box (31) on the
-    virtual plane, the dead zone (32). As in the paper there is none for occlusion, least distance and
-    workspace, and G mixes units. Where (30) is undefined (γ not a positive real number) the exact limits of
+    virtual plane, the dead zone (32). As in the paper there is none for occlusion, least distance, workspace
+    and masks, and G mixes units. Where (30) is undefined (γ not a positive real number) the exact limits of
     the image take its place.
 
     Raises:

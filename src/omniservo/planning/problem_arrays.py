@@ -64,6 +64,8 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         points=np.array(problem.points, order="C"),
         limits=np.ascontiguousarray(rows),
         disc=_disc(problem.camera, limits),
+        mask_edges=_mask_edges(problem.camera, limits),
+        mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),
         obstacles=_spheres(problem),
         bodies=bodies_of(problem),
         hulls=hulls_of(problem),
@@ -103,6 +105,15 @@ def _clearance_kind(obstacle: Obstacle) -> int:
         return margins.FREE_SIDE if isinstance(obstacle, HalfSpace) else margins.CLOUD
     still = isinstance(obstacle, Sphere) and obstacle.motion is None
     return margins.CLEARANCE if still else margins.BODY
+
+
+def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
+    """Return the cones of the mask's edges (`image_mask`): n·p ≥ b is (Kᵀ(−n, b))·c ≤ −ξ (Kᵀ(−n, b))₃ ρ."""
+    lines = np.vstack([np.empty((0, 3)), *limits.mask]) * [-1.0, -1.0, 1.0]
+    normals = lines @ camera.matrix
+    lengths = np.linalg.norm(normals, axis=1)
+    edges = np.column_stack([normals, -camera.xi * normals[:, 2], lengths**2])
+    return np.asarray(edges / lengths[:, None], dtype=np.float64)
 
 
 def _spheres(problem: PlanningProblem) -> FloatArray:
@@ -220,6 +231,8 @@ def _image_entries(camera: UnifiedCamera, limits: ImageLimits) -> list[Entry]:
             entries.append(Entry("visibility max_angle", "px", True, margins.CIRCLE, i, 1.0, 1e-6))
     if limits.dead_zone is not None:
         entries.append(Entry("dead_zone", "px", True, margins.DISC, 0, 1.0, 1e-6))
+    for i in range(len(limits.mask)):
+        entries.append(Entry(f"visibility mask {i}", "px", True, margins.MASK, i, 1.0, 1e-6))
     return entries
 
 

@@ -9,6 +9,7 @@ from omniservo.planning.constraints.cloud_sight import prove_unclouded
 from omniservo.planning.constraints.collision import prove_collision_free
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import prove_free_sides
+from omniservo.planning.constraints.image_mask import prove_outside_masks
 from omniservo.planning.constraints.least_distance import prove_least_distance
 from omniservo.planning.constraints.occlusion import prove_unoccluded
 from omniservo.planning.constraints.rotation import prove_rotation
@@ -31,6 +32,9 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
     controls, errors = camera_controls(rotation, translation, demands.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
     status, w, _, _ = prove_visible(controls, errors, count, demands.limits, demands.disc)
+    if status != PROVEN:
+        return status, w
+    status, w, _ = prove_outside_masks(controls, errors, count, demands.mask_edges, demands.mask_firsts)
     if status != PROVEN:
         return status, w
     status, w, _ = prove_least_distance(square, raised, size, demands.points, demands.numbers[0])

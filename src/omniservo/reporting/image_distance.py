@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.image_mask import distance_beyond
 from omniservo.geometry.arrays import FloatArray
 
 
@@ -15,7 +16,8 @@ def image_distance(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
 
     The limits are those that visibility margins are stated for: the edges at −½, W−½, −½, H−½; the circle
     of the largest angle, at (r(θ_max) − r)·σ with r the radius on the normalised plane before distortion,
-    r(θ) = sin θ/(cos θ + ξ), and σ the smallest singular value of K's upper left 2×2 block; the dead zone.
+    r(θ) = sin θ/(cos θ + ξ), and σ the smallest singular value of K's upper left 2×2 block; the dead zone;
+    the mask, so far as its edges can move outward.
 
     Args:
         camera: the camera.
@@ -35,4 +37,6 @@ def image_distance(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
     if camera.dead_zone is not None:
         centre_u, centre_v = camera.dead_zone.center
         distances.append(np.hypot(u - centre_u, v - centre_v) - camera.dead_zone.radius)
+    if camera.mask:
+        distances.append(distance_beyond(camera.mask, pixels))
     return np.asarray(np.min(np.stack(distances), axis=0), dtype=np.float64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import FloatArray
@@ -99,6 +99,8 @@ def _image_limits(axes: Axes, camera: UnifiedCamera) -> None:
     if camera.dead_zone is not None:
         zone = camera.dead_zone
         axes.add_patch(Circle(zone.center, zone.radius, facecolor=FORBIDDEN, edgecolor=QUIET, lw=1.0))
+    for corners in camera.mask:
+        axes.add_patch(Polygon(corners, facecolor=FORBIDDEN, edgecolor=QUIET, lw=1.0))
 
 
 def _lens_circle(camera: UnifiedCamera) -> FloatArray | None:

@@ -8,13 +8,14 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras.image_mask import distance_beyond
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster, daylight
 from omniservo.simulation.world import World
 
 DARK = 0.012
-"""Linear grey outside the image circle and in the dead zone."""
+"""Linear grey outside the image circle, in the dead zone and in the mask."""
 
 BACKGROUND = 0.25
 """Linear grey of rays that meet nothing."""
@@ -30,8 +31,8 @@ class UnifiedRenderer:
     """Renders a world through its unified camera, exact for every ξ: each ray starts at the camera's centre.
 
     A pixel shows the mean linear intensity over its square; pixels that the camera cannot unproject
-    (outside the image circle or the model's domain) and the dead zone are dark. The camera does not see
-    its own housing, but it sees the arm.
+    (outside the image circle or the model's domain), the dead zone and the mask are dark. The camera does
+    not see its own housing, but it sees the arm.
     """
 
     def __init__(self, world: World) -> None:
@@ -88,6 +89,8 @@ class UnifiedRenderer:
         if zone is not None:
             offsets = pixels - np.asarray(zone.center)
             valid = valid & ((offsets**2).sum(axis=-1) > zone.radius**2)
+        if self._camera.mask:
+            valid = valid & (distance_beyond(self._camera.mask, pixels) > 0.0)
         return bearings, valid
 
     def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:

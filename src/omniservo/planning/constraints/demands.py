@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning.constraints.hull_gap import Hull
 
 
@@ -15,6 +15,10 @@ class Demands(NamedTuple):
     """image limits (k, 4): unit n and κ of n·c ≤ κ‖c‖"""
     disc: FloatArray
     """dead zone (7,): fx, skew, fy, cu − u₀, cv − v₀, radius [px], ξ; (0,) where there is none"""
+    mask_edges: FloatArray
+    """edges of the mask's polygons (e, 5), see `image_mask`"""
+    mask_firsts: IntArray
+    """the first edge of each polygon, then e (p+1,)"""
     obstacles: FloatArray
     """spheres that stand still (m, 5): centre, radius, radius + clearance [m]"""
     bodies: FloatArray

@@ -126,7 +126,7 @@ def _first_failing(
         allowed = bound * float(sizes[i]) + TINY
         if cone_holds(piece, limits[i], ex, ey, ez, allowed):
             continue
-        if not _holds_by_tightest(piece, limits[i], allowed):
+        if not holds_by_tightest(piece, limits[i], allowed):
             return i, _violated_end(piece, limits[i], allowed)
     if disc.shape[0] > 0:
         allowed = bound * float(sizes[rows]) + TINY
@@ -136,7 +136,7 @@ def _first_failing(
             for end in range(2):
                 k = n * end
                 tangent_limit(disc, piece[0, k], piece[1, k], piece[2, k], tangent)
-                if _cone_value(piece, tangent, k) > allowed:
+                if cone_value(piece, tangent, k) > allowed:
                     return rows, 1 + end
             return rows, 0
     return -1, 0
@@ -161,7 +161,7 @@ def cone_holds(piece: FloatArray, limit: FloatArray, ex: float, ey: float, ez: f
     holds = True
     for k in range(piece.shape[1]):
         if kappa < 0.0:
-            value = _cone_value(piece, limit, k)
+            value = cone_value(piece, limit, k)
         else:
             value = x * piece[0, k] + y * piece[1, k] + z * piece[2, k]
         holds = holds and value <= -bound
@@ -169,11 +169,11 @@ def cone_holds(piece: FloatArray, limit: FloatArray, ex: float, ey: float, ez: f
 
 
 @kernel
-def _holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> bool:
+def holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> bool:
     """Try the bearing of the control point with the least left: exact where an end of the piece is it."""
     tightest, most = 0, -math.inf
     for k in range(piece.shape[1]):
-        value = _cone_value(piece, limit, k)
+        value = cone_value(piece, limit, k)
         if value > most:
             tightest, most = k, value
     if most > -bound:
@@ -187,13 +187,13 @@ def _holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> bo
 @kernel
 def _violated_end(piece: FloatArray, limit: FloatArray, bound: float) -> int:
     """Return 1 or 2 where n·c > κ‖c‖ beyond rounding at the start or end of the piece, else 0."""
-    if _cone_value(piece, limit, 0) > bound:
+    if cone_value(piece, limit, 0) > bound:
         return 1
-    return 2 if _cone_value(piece, limit, piece.shape[1] - 1) > bound else 0
+    return 2 if cone_value(piece, limit, piece.shape[1] - 1) > bound else 0
 
 
 @kernel
-def _cone_value(piece: FloatArray, limit: FloatArray, k: int) -> float:
+def cone_value(piece: FloatArray, limit: FloatArray, k: int) -> float:
     """Return n·C − κ‖C‖ of control point k."""
     x, y, z = piece[0, k], piece[1, k], piece[2, k]
     return float(limit[0] * x + limit[1] * y + limit[2] * z - limit[3] * math.sqrt(x * x + y * y + z * z))

@@ -1,0 +1,173 @@
+"""Image mask: target points stay out of convex polygons in pixels.
+
+A pixel is outside a convex polygon exactly when it is beyond one of its edges, n·p ≥ b. Each edge is an image
+line, so with D = Z + ξρ > 0 (the domain's limit) a cone n·c ≤ κ‖c‖ (method: image limits are cones). A piece
+of the path lies outside when the whole piece is beyond one edge; which one may change from piece to piece.
+
+``edges`` (k, 5) are those of one polygon: unit n, κ, and the px of one unit of κ‖c‖ − n·c at D = 1.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import (
+    MAX_LEVEL,
+    MAX_PIECES,
+    PROVEN,
+    REFUTED,
+    TINY,
+    UNDECIDED,
+    copy_into,
+    halve,
+)
+from omniservo.planning.constraints.push import ASLEEP, push_camera_point
+from omniservo.planning.constraints.visibility import (
+    TEST_COUNT,
+    cone_holds,
+    cone_value,
+    holds_by_tightest,
+    sum_of_controls,
+)
+
+
+@kernel
+def best_edge(edges: FloatArray, x: float, y: float, z: float) -> tuple[int, float]:
+    """Return the edge that a camera point is farthest beyond, and by how much: px times D."""
+    rho = math.sqrt(x * x + y * y + z * z)
+    best, most = 0, -math.inf
+    for i in range(edges.shape[0]):
+        edge = edges[i]
+        value = float((edge[3] * rho - edge[0] * x - edge[1] * y - edge[2] * z) * edge[4])
+        if value > most:
+            best, most = i, value
+    return best, most
+
+
+@kernel
+def prove_outside_masks(
+    controls: FloatArray, errors: FloatArray, count: float, edges: FloatArray, firsts: IntArray
+) -> tuple[int, float, int]:
+    """Decide every polygon for every point on [0, 1]: status, w, point.
+
+    Args:
+        controls: c(w) of every point (n, 3, d+1), from `camera_controls`; D > 0 is proven elsewhere.
+        errors: their error per count (n,).
+        count: their count.
+        edges: of all polygons (e, 5).
+        firsts: the first edge of each polygon, then e (p+1,).
+    """
+    for i in range(firsts.shape[0] - 1):
+        status, w, j = prove_outside_mask(controls, errors, count, edges[firsts[i] : firsts[i + 1]])
+        if status != PROVEN:
+            return status, w, j
+    return PROVEN, 0.0, 0
+
+
+@kernel
+def prove_outside_mask(
+    controls: FloatArray, errors: FloatArray, count: float, edges: FloatArray
+) -> tuple[int, float, int]:
+    """Decide one polygon for every point on [0, 1]; see `prove_outside_masks`."""
+    degree = controls.shape[2] - 1
+    stack, start = np.empty((MAX_LEVEL + 2, 3, degree + 1)), np.empty(MAX_LEVEL + 2)
+    level = np.empty(MAX_LEVEL + 2, dtype=np.int64)
+    for j in range(controls.shape[0]):
+        copy_into(controls[j], stack[0])
+        start[0], level[0] = 0.0, 0
+        top, pieces = 0, 0
+        while top >= 0:
+            piece = stack[top]
+            bound = (count + TEST_COUNT + level[top] * degree) * errors[j]
+            if _beyond_one_edge(piece, edges, bound):
+                top -= 1
+                continue
+            width = 0.5 ** level[top]
+            for end in range(2):
+                if _inside(piece, edges, degree * end, bound):
+                    return REFUTED, start[top] + end * width, j
+            pieces += 1
+            if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
+                return UNDECIDED, start[top], j
+            halve(piece, stack[top + 1], piece)
+            start[top + 1] = start[top]
+            start[top] += 0.5 * width
+            level[top] += 1
+            level[top + 1] = level[top]
+            top += 1
+    return PROVEN, 0.0, 0
+
+
+@kernel
+def _beyond_one_edge(piece: FloatArray, edges: FloatArray, bound: float) -> bool:
+    """Tell whether the control points show the whole piece beyond the edge that faces its mean bearing."""
+    x, y, z = sum_of_controls(piece)
+    edge = edges[best_edge(edges, x, y, z)[0]]
+    allowed = bound * _edge_size(edge) + TINY
+    norm = math.sqrt(x * x + y * y + z * z)
+    shorter = (1.0 - 1e-15) / norm if norm > 0.0 else 0.0
+    if cone_holds(piece, edge, x * shorter, y * shorter, z * shorter, allowed):
+        return True
+    return holds_by_tightest(piece, edge, allowed)
+
+
+@kernel
+def _inside(piece: FloatArray, edges: FloatArray, k: int, bound: float) -> bool:
+    """Tell whether control point k, an end of the piece, is inside every edge beyond rounding."""
+    for i in range(edges.shape[0]):
+        if not cone_value(piece, edges[i], k) > bound * _edge_size(edges[i]) + TINY:
+            return False
+    return True
+
+
+@kernel
+def _edge_size(edge: FloatArray) -> float:
+    """Return |n|₁ + 3|κ|, for the error bound."""
+    return float(abs(edge[0]) + abs(edge[1]) + abs(edge[2]) + 3.0 * abs(edge[3]))
+
+
+@kernel
+def moved_outward(edges: FloatArray, margin: float, xi: float) -> FloatArray:
+    """Return the edges of one polygon, each moved outward by ``margin`` px."""
+    moved = edges.copy()
+    for i in range(edges.shape[0]):
+        outward = margin / edges[i, 4]
+        moved[i, 2] += outward
+        moved[i, 3] -= outward * xi
+    return moved
+
+
+@kernel
+def push_off_masks(
+    edges: FloatArray,
+    firsts: IntArray,
+    camera_points: FloatArray,
+    first: int,
+    targets: FloatArray,
+    least: FloatArray,
+    systems: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Push every point out of every polygon, by the edge it is farthest beyond: g = κ − n·b (see `push`)."""
+    for i in range(firsts.shape[0] - 1):
+        group, polygon = first + i, edges[firsts[i] : firsts[i + 1]]
+        if targets[group] == ASLEEP:
+            continue
+        for s in range(camera_points.shape[0]):
+            for j in range(camera_points.shape[1]):
+                x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
+                inverse = camera_points[s, j, 3]
+                edge = polygon[best_edge(polygon, x, y, z)[0]]
+                along = (edge[0] * x + edge[1] * y + edge[2] * z) * inverse
+                g = edge[3] - along
+                least[group] = min(least[group], g)
+                if g < targets[group]:
+                    f = along * inverse
+                    gx, gy, gz = (
+                        f * x - inverse * edge[0],
+                        f * y - inverse * edge[1],
+                        f * z - inverse * edge[2],
+                    )
+                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[group] - g)
