@@ -3,6 +3,25 @@
 A wrong call raises; an unlucky computation returns a result with a status and its evidence.
 """
 
+import reprlib
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxtuple, _SHORT.maxdict = 4, 6, 6, 3
+_SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 50
+
+
+def spelled(value: object) -> str:
+    """Return a given value for a message: one line of at most 60 printable characters, whatever it is."""
+    text = _SHORT.repr(value)
+    text = text if text.isprintable() else ascii(text)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def spelled_name(name: object) -> str:
+    """Return a given field's name for a message, bare where it can be."""
+    text = str(name)[:41]
+    return text if len(text) <= 40 and text.isprintable() else spelled(text)
+
 
 class OmniservoError(Exception):
     """The root: catching it catches everything that omniservo raises on purpose."""

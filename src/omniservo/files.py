@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,10 +15,13 @@ from typing import Any
 
 import yaml
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 
 MAX_BYTES = 16 * 2**20
 """Largest document that is read [bytes]: a plan with 10⁵ points fits."""
+
+MAX_YAML = 2**20
+"""Largest YAML document that is read [characters]."""
 
 _MAX_DEPTH = 32
 
@@ -51,6 +55,9 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
         raise InputError(f"{path}: {error.strerror or error}") from None
 
 
+_LONGEST_PATH = 1000
+
+
 def file_inside(field: str, value: str, folder: Path | None) -> Path:
     """Return the path of a file that ``field`` of a document names; ``folder`` is the document's own.
 
@@ -58,22 +65,22 @@ def file_inside(field: str, value: str, folder: Path | None) -> Path:
         InputError: absolute, outside the folder (links followed), or there is no folder.
     """
     if folder is None:
-        raise InputError(f"{field}: the path {value!r:.80} given, but no folder that it is relative to")
+        raise InputError(f"{field}: the path {spelled(value)} given, but no folder that it is relative to")
     root = folder.resolve()
     try:
-        file = (root / value).resolve()
+        file = (root / value[:_LONGEST_PATH]).resolve()
     except (OSError, RuntimeError, ValueError):
         file = Path("/")
-    if Path(value).is_absolute() or not file.is_relative_to(root):
-        raise InputError(f"{field}: {value!r:.80} given; legal: a relative path inside the file's folder")
+    if len(value) > _LONGEST_PATH or Path(value).is_absolute() or not file.is_relative_to(root):
+        raise InputError(f"{field}: {spelled(value)} given; legal: a relative path inside the file's folder")
     return file
 
 
 def read_document(path: str | Path) -> Any:
     """Return what a JSON or YAML file holds, as plain dicts, lists, strings, numbers, booleans and None.
 
-    Nothing in the file can run code or refer to other files. Aliases, duplicate keys and nesting deeper
-    than 32 are refused.
+    Nothing in the file can run code or refer to other files. Aliases, tags, duplicate keys and nesting
+    deeper than 32 (YAML) are refused, and YAML above 1 MiB, which is slow to read: JSON may have 16.
 
     Raises:
         InputError: as `read_text`, or the text is neither JSON nor YAML (with the line).
@@ -86,6 +93,8 @@ def parse_document(text: str, source: str) -> Any:
     try:
         if text.lstrip()[:1] in ("{", "["):
             return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=float)
+        if len(text) > MAX_YAML:
+            raise InputError(f"{source}: more than {MAX_YAML} bytes of YAML; JSON may have {MAX_BYTES}")
         return yaml.load(text, Loader=_PlainLoader)  # noqa: S506  a SafeLoader with fewer powers
     except json.JSONDecodeError as error:
         raise InputError(f"{source}: line {error.lineno}: not JSON: {error.msg}") from None
@@ -94,8 +103,12 @@ def parse_document(text: str, source: str) -> Any:
         where = f"line {mark.line + 1}: " if mark is not None else ""
         problem = getattr(error, "problem", None) or "not YAML"
         raise InputError(f"{source}: {where}{problem}") from None
-    except (RecursionError, ValueError) as error:
-        message = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+    except RecursionError:
+        raise InputError(f"{source}: nested too deeply") from None
+    except InputError:
+        raise
+    except ValueError as error:
+        message = "a number has too many digits" if "digits" in str(error) else str(error)
         raise InputError(f"{source}: {message}") from None
 
 
@@ -174,6 +187,11 @@ class _PlainLoader(yaml.SafeLoader):
         if self.check_event(yaml.events.AliasEvent):
             event = self.peek_event()  # type: ignore[no-untyped-call]
             raise yaml.composer.ComposerError(None, None, "aliases are not read", event.start_mark)
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if event.tag is not None:
+            raise yaml.composer.ComposerError(
+                None, None, f"tag {spelled(event.tag)}: tags are not read", event.start_mark
+            )
         self.depth += 1
         if self.depth > _MAX_DEPTH:
             raise ValueError(f"nested deeper than {_MAX_DEPTH}")
@@ -190,7 +208,7 @@ class _PlainLoader(yaml.SafeLoader):
                 )
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"field {key.value!r} is given twice", key.start_mark
+                    None, None, f"field {spelled(key.value)} is given twice", key.start_mark
                 )
             seen.add(key.value)
         return super().construct_mapping(node, deep)
@@ -210,7 +228,6 @@ _PlainLoader.add_implicit_resolver(
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     fields = dict(pairs)
     if len(fields) != len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"field {twice!r} is given twice")
+        twice = next(name for name, count in Counter(name for name, _ in pairs).items() if count > 1)
+        raise ValueError(f"field {spelled(twice)} is given twice")
     return fields

@@ -16,7 +16,7 @@ GOOD = {"fx": 300.0, "fy": 301.0, "cx": 320.0, "cy": 240.0, "xi": 1.2, "width": 
 @pytest.mark.parametrize(
     ("field", "value", "legal"),
     [
-        ("fx", 0.0, "any number but 0"),
+        ("fx", 0.0, "at least 1e-06 in size"),
         ("fy", math.nan, "finite"),
         ("cx", math.inf, "finite"),
         ("cy", "240", "number"),

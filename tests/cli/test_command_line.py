@@ -143,3 +143,11 @@ def test_a_camera_is_shown_converted_and_read_back(capsys, tmp_path):
     code, out, _ = call(capsys, "camera", "show", own, "--json")
     assert code == 0
     assert json.loads(out)["fx"] == 300.0
+
+
+def test_a_camera_is_shown_with_its_mask(capsys, tmp_path):
+    mask = [[[0.0, 0.0], [50.0, 0.0], [0.0, 50.0]]]
+    masked = {"format": "omniservo.camera/1", **problem()["camera"], "mask": mask}
+    code, out, _ = call(capsys, "camera", "show", written(tmp_path / "camera.json", masked))
+    assert code == 0
+    assert f"mask           {mask}" in out

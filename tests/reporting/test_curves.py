@@ -46,6 +46,13 @@ def test_distance_to_a_dead_zone_is_negative_inside():
     assert image_distance(camera, np.array([380.0, 240.0])) == pytest.approx(10.0)
 
 
+def test_distance_to_a_mask_is_how_far_its_edges_can_move():
+    square = [[300, 200], [340, 200], [340, 260], [300, 260]]
+    camera = UnifiedCamera(400.0, 400.0, 319.5, 239.5, 0.0, 640, 480, mask=[square])
+    pixels = np.array([[320.0, 210.0], [350.0, 230.0], [345.0, 268.0], [635.0, 240.0]])
+    np.testing.assert_allclose(image_distance(camera, pixels), [-10.0, 10.0, 8.0, 4.5])
+
+
 def test_distance_of_a_lost_dot_is_not_a_number():
     assert np.isnan(image_distance(PERSPECTIVE, np.array([np.nan, np.nan])))
 

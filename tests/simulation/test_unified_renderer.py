@@ -99,16 +99,20 @@ def test_camera_sees_its_own_arm_at_the_rim_but_not_its_housing(make_scene):
     assert (np.hypot(u - 316.8, v - 254.9) > 180).all()
 
 
-def test_dead_zone_is_dark(make_scene, fisheye):
+def test_dead_zone_and_mask_are_dark(make_scene, fisheye):
     camera = UnifiedCamera(
         **{k: getattr(fisheye, k) for k in ("fx", "fy", "cx", "cy", "xi", "width", "height", "max_angle")},
         dead_zone=((320.0, 250.0), 40.0),
+        mask=[[(250, 300), (280, 300), (265, 330)]],
     )
     image = UnifiedRenderer(World(make_scene(camera=camera))).render(make_scene().start_joints)
     v, u = np.indices(image.shape)
     distance = np.hypot(u - 320.0, v - 250.0)
     assert (image[distance < 38.5] == DARK).all()
     assert (image[(distance > 41.5) & (distance < 50)] > DARK).all()
+    assert (image[302:318, 265] == DARK).all()
+    assert (image[290:299, 265] > DARK).all()
+    assert (image[331:340, 265] > DARK).all()
 
 
 @pytest.mark.parametrize("xi", [0.0, 0.9, 1.0, 2.0])

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import finite_number
+
+LARGEST_PX = 1e9
+"""Coordinates and lengths in an image are at most this [px]."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +29,14 @@ class DeadZone:
     def __post_init__(self) -> None:
         center = self.center
         if isinstance(center, str | bytes) or not hasattr(center, "__len__") or len(center) != 2:
-            raise InputError(f"dead_zone.center: {center!r} given; legal: two numbers [u, v]")
-        numbers = tuple(finite_number("dead_zone.center", c) for c in center)
+            raise InputError(f"dead_zone.center: {spelled(center)} given; legal: two numbers [u, v]")
+        numbers = tuple(
+            finite_number("dead_zone.center", c, minimum=-LARGEST_PX, maximum=LARGEST_PX) for c in center
+        )
         object.__setattr__(self, "center", numbers)
-        object.__setattr__(self, "radius", finite_number("dead_zone.radius", self.radius, above=0.0))
+        object.__setattr__(
+            self, "radius", finite_number("dead_zone.radius", self.radius, above=0.0, maximum=LARGEST_PX)
+        )
 
 
 DeadZoneLike = DeadZone | Mapping[str, Any] | Sequence[Any] | None
@@ -46,8 +53,10 @@ def dead_zone_from(value: DeadZoneLike) -> DeadZone | None:
         return value
     if isinstance(value, Mapping):
         if set(value) != {"center", "radius"}:
-            raise InputError(f"dead_zone: fields {sorted(map(str, value))} given; legal: center, radius")
+            raise InputError(
+                f"dead_zone: fields {spelled(sorted(map(str, value)))} given; legal: center, radius"
+            )
         return DeadZone(value["center"], value["radius"])
     if isinstance(value, Sequence) and not isinstance(value, str | bytes) and len(value) == 2:
         return DeadZone(value[0], value[1])
-    raise InputError(f'dead_zone: {value!r} given; legal: null or {{"center": [u, v], "radius": px}}')
+    raise InputError(f'dead_zone: {spelled(value)} given; legal: null or {{"center": [u, v], "radius": px}}')

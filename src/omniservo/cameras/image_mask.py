@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, finite_array
 
 Corner = tuple[float, float]
@@ -64,7 +64,7 @@ def distance_beyond(mask: ImageMask, pixels: FloatArray) -> FloatArray:
 
 def _listed(name: str, value: Any, what: str, fewest: int, most: int) -> Any:
     if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "ndim", 1) == 0:
-        raise InputError(f"{name}: {value!r:.60} given; legal: {what}")
+        raise InputError(f"{name}: {spelled(value)} given; legal: {what}")
     if not fewest <= len(value) <= most:
         raise InputError(f"{name}: {len(value)} given; legal: {what}, {fewest} to {most}")
     return value

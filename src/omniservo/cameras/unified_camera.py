@@ -11,15 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import unified_kernels as kernels
-from omniservo.cameras.dead_zone import DeadZone, DeadZoneLike, dead_zone_from
+from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
 from omniservo.cameras.image_limits import ImageLimits, image_limits
 from omniservo.cameras.image_mask import ImageMask, distance_beyond, mask_from
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
 
 _LARGEST_IMAGE = 100_000
+_LARGEST_XI = 1e6
+_LEAST_FOCAL = 1e-6
 _ANGLE_SLACK = 1e-15
 """on the cosine of max_angle: a point at that angle is inside, whatever the rounding"""
 
@@ -97,12 +99,12 @@ class UnifiedCamera:
         self._set(
             fx=_focal_length("fx", fx),
             fy=_focal_length("fy", fy),
-            cx=finite_number("cx", cx),
-            cy=finite_number("cy", cy),
-            xi=finite_number("xi", xi, minimum=0.0),
+            cx=_within("cx", cx),
+            cy=_within("cy", cy),
+            xi=finite_number("xi", xi, minimum=0.0, maximum=_LARGEST_XI),
             width=_size("width", width),
             height=_size("height", height),
-            skew=finite_number("skew", skew),
+            skew=_within("skew", skew),
             distortion=_coefficients(distortion),
             max_angle=max_angle if max_angle is None else _angle(max_angle),
             dead_zone=dead_zone_from(dead_zone),
@@ -260,11 +262,10 @@ class UnifiedCamera:
             raise InputError(f"{source}: {missing[0]}: missing; needed: {', '.join(_REQUIRED)}")
         unknown = [str(name) for name in fields if name not in _REQUIRED + _OPTIONAL]
         if unknown:
-            raise InputError(
-                f"{source}: {unknown[0]}: no such field; legal: {', '.join(_REQUIRED + _OPTIONAL)}"
-            )
+            name, legal = spelled_name(unknown[0]), ", ".join(_REQUIRED + _OPTIONAL)
+            raise InputError(f"{source}: {name}: no such field; legal: {legal}")
         if fields["model"] != "unified":
-            raise InputError(f"{source}: model: {fields['model']!r} given; legal: 'unified'")
+            raise InputError(f"{source}: model: {spelled(fields['model'])} given; legal: 'unified'")
         given = {name: value for name, value in fields.items() if name != "model"}
         for name, default in (("skew", 0.0), ("distortion", (0.0, 0.0, 0.0, 0.0)), ("mask", ())):
             if given.get(name, 0.0) is None:
@@ -288,10 +289,14 @@ def _rows(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tupl
 
 
 def _focal_length(name: str, value: Any) -> float:
-    number = finite_number(name, value)
-    if number == 0.0:
-        raise InputError(f"{name}: 0 given; legal: any number but 0")
+    number = _within(name, value)
+    if abs(number) < _LEAST_FOCAL:
+        raise InputError(f"{name}: {number:g} given; legal: at least {_LEAST_FOCAL:g} in size")
     return number
+
+
+def _within(name: str, value: Any) -> float:
+    return finite_number(name, value, minimum=-LARGEST_PX, maximum=LARGEST_PX)
 
 
 def _size(name: str, value: Any) -> int:
@@ -303,7 +308,7 @@ def _size(name: str, value: Any) -> int:
 
 def _coefficients(value: Any) -> tuple[float, float, float, float]:
     if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) != 4:
-        raise InputError(f"distortion: {value!r} given; legal: four numbers [k1, k2, p1, p2]")
+        raise InputError(f"distortion: {spelled(value)} given; legal: four numbers [k1, k2, p1, p2]")
     k1, k2, p1, p2 = (finite_number("distortion", k, minimum=-1e6, maximum=1e6) for k in value)
     return k1, k2, p1, p2
 

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -48,11 +49,13 @@ def finite_number(
         InputError: not a number, NaN, infinite, or out of range.
     """
     if isinstance(value, bool | str | bytes):
-        raise InputError(f"{name}: {value!r} given; a number is needed")
+        raise InputError(f"{name}: {spelled(value)} given; a number is needed")
     try:
         number = float(value)
+    except OverflowError:
+        raise InputError(f"{name}: {spelled(value)} given; a finite number is needed") from None
     except (TypeError, ValueError):
-        raise InputError(f"{name}: {value!r} given; a number is needed") from None
+        raise InputError(f"{name}: {spelled(value)} given; a number is needed") from None
     if not math.isfinite(number):
         raise InputError(f"{name}: {number} given; a finite number is needed")
     if number < minimum or number > maximum or number <= above:
@@ -71,19 +74,25 @@ def frozen(array: FloatArray) -> FloatArray:
 
 def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
     try:
+        if isinstance(value, list | tuple) and _holds_flag(value):
+            raise TypeError
         array = np.asarray(value)
         if array.dtype == object or array.dtype.kind not in "fiu":
             raise TypeError
         return array.astype(np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {_shortened(value)} given; an array of numbers is needed") from None
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name}: {spelled(value)} given; an array of numbers is needed") from None
+
+
+def _holds_flag(values: Sequence[Any]) -> bool:
+    """Tell whether True or False stands among nested lists: NumPy would take them for 1 and 0."""
+    while True:
+        kinds = set(map(type, values))
+        if bool in kinds or not kinds & {list, tuple}:
+            return bool in kinds
+        values = list(chain.from_iterable(v for v in values if isinstance(v, list | tuple)))
 
 
 def _spell(shape: tuple[int | None, ...]) -> str:
     parts = ["…" if s == -1 else "any" if s is None else str(s) for s in shape]
     return f"({', '.join(parts)}{',' if len(parts) == 1 else ''})"
-
-
-def _shortened(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

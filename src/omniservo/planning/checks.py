@@ -61,7 +61,7 @@ def unit_vector(name: str, vector: npt.ArrayLike, size: int) -> FloatArray:
         InputError: its length differs from 1 by more than 1e-6.
     """
     array = finite_array(name, vector, (size,))
-    length = math.sqrt(float(array @ array))
+    length = math.hypot(*array)
     if not abs(length - 1.0) <= NEAR_UNIT:
         raise InputError(f"{name}: length {length:.9g} given; legal: 1 within {NEAR_UNIT:g}")
     return frozen(array if abs(length - 1.0) <= _ROUNDED_UNIT else array / length)

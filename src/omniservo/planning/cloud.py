@@ -55,13 +55,14 @@ def _checked_points(value: Any) -> FloatArray:
     if not 1 <= count <= MOST_CLOUD_POINTS:
         raise InputError(f"points: {count} given; legal: 1 to {MOST_CLOUD_POINTS}")
     try:
-        finite = np.isfinite(np.asarray(value, dtype=np.float64)).reshape(count, -1).all(axis=1)
+        rows = np.asarray([] if value is None else value, dtype=np.float64).reshape(count, -1)
     except (TypeError, ValueError, OverflowError):
-        finite = np.ones(count, dtype=bool)  # no numbers at all: the next check says so
+        rows = np.zeros((count, 1))  # no numbers at all: the next check says so
+    finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         first = int(np.argmin(finite))
         raise InputError(
             f"points: {count - int(finite.sum())} of {count} are not finite, the first is number {first}: "
-            f"{np.asarray(value[first]).tolist()}; leave them out"
+            f"{rows[first, :3].tolist()}; leave them out"
         )
     return bounded_array("points", value, (None, 3))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside
 from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
@@ -66,7 +66,7 @@ def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
     kind = value.get("type") if isinstance(value, Mapping) else None
     if isinstance(value, Mapping) and not (isinstance(kind, str) and kind in _FIELDS):
         legal = ", ".join(map(repr, _FIELDS))
-        raise InputError(f"type: {kind!r:.40} given; legal: {legal} (a sphere of radius 0 is a point)")
+        raise InputError(f"type: {spelled(kind)} given; legal: {legal} (a sphere of radius 0 is a point)")
     if kind == "cloud" and "file" in value:
         value = _with_points(value, folder)
     make, names = _FIELDS[kind or "sphere"]
@@ -82,7 +82,7 @@ def _with_points(value: Mapping[str, Any], folder: Path | None) -> dict[str, Any
     if "points" in value:
         raise InputError("file: given beside points; legal: one of the two")
     if not isinstance(name, str):
-        raise InputError(f"file: {name!r:.40} given; a path is needed")
+        raise InputError(f"file: {spelled(name)} given; a path is needed")
     path = file_inside("file", name, folder)
     try:
         points = read_cloud(path)
@@ -94,12 +94,12 @@ def _with_points(value: Mapping[str, Any], folder: Path | None) -> dict[str, Any
 def only_fields(fields: Any, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:
     """Return ``fields`` if it is a mapping with all of the required names and no unknown one."""
     if not isinstance(fields, Mapping):
-        raise InputError(f"{fields!r:.60} given; a mapping of fields is needed")
+        raise InputError(f"{spelled(fields)} given; a mapping of fields is needed")
     missing = [name for name in required if name not in fields]
     if missing:
         raise InputError(f"{missing[0]}: missing; needed: {', '.join(required)}")
     unknown = [str(name) for name in fields if name not in (*required, *optional)]
     if unknown:
         legal = ", ".join((*required, *optional))
-        raise InputError(f"{unknown[0]:.40}: no such field; legal: {legal}")
+        raise InputError(f"{spelled_name(unknown[0])}: no such field; legal: {legal}")
     return fields

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.box import Box
 from omniservo.planning.capsule import Capsule
@@ -150,11 +150,13 @@ class PlanningProblem:
             value = finite_number(name, getattr(self, name), minimum=0.0, maximum=LARGEST)
             object.__setattr__(self, name, value)
         if not isinstance(self.occlusion, bool | np.bool_):
-            raise InputError(f"occlusion: {self.occlusion!r} given; legal: true or false")
+            raise InputError(f"occlusion: {spelled(self.occlusion)} given; legal: true or false")
         if self.workspace is not None and not isinstance(self.workspace, Workspace):
-            raise InputError(f"workspace: {self.workspace!r} given; a Workspace or None is needed")
+            raise InputError(f"workspace: {spelled(self.workspace)} given; a Workspace or None is needed")
         if not isinstance(self.degrees, Degrees):
-            raise InputError(f"degrees: {self.degrees!r} given; Degrees(rotation, translation) is needed")
+            raise InputError(
+                f"degrees: {spelled(self.degrees)} given; Degrees(rotation, translation) is needed"
+            )
         self._check_velocity()
 
     def _check_velocity(self) -> None:

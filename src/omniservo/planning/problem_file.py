@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration import load_camera
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, write_whole
 from omniservo.geometry.arrays import finite_array
 from omniservo.planning.checks import unit_vector
@@ -67,7 +67,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
     try:
         only_fields(fields, _REQUIRED, _OPTIONAL)
         if fields["format"] != FORMAT:
-            raise InputError(f"format: {fields['format']!r} given; legal: {FORMAT!r}")
+            raise InputError(f"format: {spelled(fields['format'])} given; legal: {FORMAT!r}")
         given: dict[str, Any] = {
             name: fields[name] for name in ("clearance", "least_distance", "visibility_margin", "occlusion")
             if name in fields
@@ -133,7 +133,7 @@ def _within(place: str, make: Any) -> Any:
 def _listed(name: str, value: Any, most: int) -> Any:
     """Return ``value`` if it is a list of bounded length, before anything is made of its items."""
     if not isinstance(value, list | tuple) and not hasattr(value, "shape"):
-        raise InputError(f"{name}: {value!r:.60} given; a list is needed")
+        raise InputError(f"{name}: {spelled(value)} given; a list is needed")
     if len(value) > most:
         raise InputError(f"{name}: {len(value)} given; legal: at most {most}")
     if name == "points" and len(value) == 0:
@@ -147,8 +147,11 @@ def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
     if not isinstance(value, str):
         return UnifiedCamera.from_dict(value, "camera")
     file = file_inside("camera", value, folder)
-    camera: UnifiedCamera = _within("camera: ", lambda: load_camera(file))
-    return camera
+    try:
+        return load_camera(file)
+    except InputError as error:
+        name, message = spelled_name(value), str(error).removeprefix(str(file))
+        raise InputError(f"camera: {name}{message}") from None
 
 
 def _goal(value: Any) -> RigidTransform:
