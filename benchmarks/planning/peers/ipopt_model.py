@@ -132,16 +132,14 @@ def _pose_rows(given: dict[str, Any], phi: Any, t: Any) -> Any:
     if given["disc"].shape[1]:
         rows.append(_dead_zone(given["disc"], bearings))
     rows.append((distance.T - given["lengths"][1]) / ell)
-    for i in range(given["spheres"].shape[1]):
-        rows.append(_gap(t - given["spheres"][:3, i], given["spheres"][3, i], ell))
+    spheres = given["spheres"]
+    rows.append(_gap(ca.repmat(t, 1, spheres.shape[1]) - spheres[:3, :], spheres[3, :], ell))
     for i in range(given["boxes"].shape[1]):
         rows.append(_box(given["boxes"][:, i], t, ell))
     for i in range(given["hiding"].shape[1]):
-        p = t - given["hiding"][:3, i]
-        for j in range(n):
-            nearest = -ca.dot(p, away[:, j]) / distance[j] ** 2
-            q = p + ca.fmin(ca.fmax(nearest, 0.0), 1.0) * away[:, j]
-            rows.append(_gap(q, given["hiding"][3, i], ell))
+        p = ca.repmat(t - given["hiding"][:3, i], 1, n)
+        nearest = ca.fmin(ca.fmax(-ca.sum1(p * away) / distance**2, 0.0), 1.0)
+        rows.append(_gap(p + ca.repmat(nearest, 3, 1) * away, given["hiding"][3, i], ell))
     rows.append(ca.dot(phi, phi) - ROTATION_FLOOR)
     return ca.vertcat(*rows)
 
@@ -166,8 +164,8 @@ def _dead_zone(disc: Any, bearings: Any) -> Any:
 
 
 def _gap(offset: Any, reach: Any, ell: Any) -> Any:
-    """Return (‖offset‖ − reach)/unit."""
-    return (ca.sqrt(ca.dot(offset, offset) + TINY) - reach) / ca.fmax(reach, SMALLEST_UNIT * ell)
+    """Return (‖offset‖ − reach)/unit of offsets (3, m)."""
+    return ((ca.sqrt(ca.sum1(offset**2) + TINY) - reach) / ca.fmax(reach, SMALLEST_UNIT * ell)).T
 
 
 def _box(box: Any, t: Any, ell: Any) -> Any:
