@@ -18,14 +18,14 @@ from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import free_side_gap, prove_free_side
-from omniservo.planning.constraints.image_mask import best_edge, moved_outward, prove_outside_mask
+from omniservo.planning.constraints.image_mask import mask_margin, moved_outward, prove_outside_mask
 from omniservo.planning.constraints.least_distance import prove_least_distance
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.occlusion import prove_clear_sights, sight_offset
 from omniservo.planning.constraints.rotation import prove_rotation
 from omniservo.planning.constraints.separation import separate
 from omniservo.planning.constraints.solid_gap import hull_of, solid_gap
-from omniservo.planning.constraints.visibility import prove_visible
+from omniservo.planning.constraints.visibility import OUTSIDE, prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
 from omniservo.planning.descent import place
 from omniservo.planning.path_family import set_basis
@@ -43,9 +43,6 @@ SLACK_PX = 1e-7
 
 SLACK_RAD = 1e-12
 """The same for the domain's angle."""
-
-OUTSIDE = -1e6
-"""What an image limit leaves to a point outside the model's domain [px]."""
 
 LOOKS = 32
 """The path is looked at so many times, evenly, before every minimum is refined."""
@@ -221,18 +218,6 @@ def look(
             margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
             if not margin >= table[e, 0]:
                 table[e, 0], table[e, 1], table[e, 2] = margin, w, about
-
-
-@kernel
-def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, int]:
-    """Return how far [px] the camera points c (n, 4) are beyond one polygon, and which point the least."""
-    least, about = math.inf, 0
-    for j in range(c.shape[0]):
-        d = c[j, 2] + xi / c[j, 3]
-        value = best_edge(polygon, c[j, 0], c[j, 1], c[j, 2])[1] / d if d > 0.0 else OUTSIDE
-        if value < least:
-            least, about = value, j
-    return least, about
 
 
 @kernel

@@ -25,6 +25,7 @@ from omniservo.geometry.polynomial import (
 )
 from omniservo.planning.constraints.push import ASLEEP, push_camera_point
 from omniservo.planning.constraints.visibility import (
+    OUTSIDE,
     TEST_COUNT,
     cone_holds,
     cone_value,
@@ -44,6 +45,18 @@ def best_edge(edges: FloatArray, x: float, y: float, z: float) -> tuple[int, flo
         if value > most:
             best, most = i, value
     return best, most
+
+
+@kernel
+def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, int]:
+    """Return how far [px] the camera points c (n, 4) are beyond one polygon, and which point the least."""
+    least, about = math.inf, 0
+    for j in range(c.shape[0]):
+        d = c[j, 2] + xi / c[j, 3]
+        value = best_edge(polygon, c[j, 0], c[j, 1], c[j, 2])[1] / d if d > 0.0 else OUTSIDE
+        if value < least:
+            least, about = value, j
+    return least, about
 
 
 @kernel

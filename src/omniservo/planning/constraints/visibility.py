@@ -32,6 +32,9 @@ from omniservo.planning.constraints.push import ASLEEP, push_camera_point
 TEST_COUNT = 14
 """Roundings of one test of a control point against a limit, those of n, κ and e included."""
 
+OUTSIDE = -1e6
+"""What an image limit leaves to a point outside the model's domain [px]."""
+
 
 @kernel
 def prove_visible(
