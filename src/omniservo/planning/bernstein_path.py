@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import (
     BINOMIALS,
@@ -15,20 +15,6 @@ from omniservo.geometry.polynomial import (
 
 ROTATION_FLOOR = 0.01
 """‖φ‖² stays above it: R(w) is well defined."""
-
-_TERMS: IntArray = np.array(
-    [(i, i, k, k, 1 if k in (i, 3) else -1) for i in range(3) for k in range(4)]
-    + [(i, j, i, j, 2) for i in range(3) for j in range(3) if i != j]
-    + [
-        (0, 1, 2, 3, -2),
-        (1, 0, 2, 3, 2),
-        (0, 2, 1, 3, 2),
-        (2, 0, 1, 3, -2),
-        (1, 2, 0, 3, -2),
-        (2, 1, 0, 3, 2),
-    ]
-)
-"""Λ(φ) (20): at [i, j] stands the sum of factor · φ_a · φ_b over the rows (i, j, a, b, factor)."""
 
 
 @kernel
@@ -46,24 +32,21 @@ def camera_controls(
         controls (n, 3, 2σ+τ+1) [m], magnitudes times UNIT (n,). The count is ``camera_count(σ, τ)``.
     """
     sigma, tau = rotation.shape[1] - 1, translation.shape[1] - 1
-    degree = 2 * sigma + tau
+    degree, n = 2 * sigma + tau, points.shape[0]
     matrix = _rotation_controls(scale(bernstein_from_power(rotation)))
     centre = scale(bernstein_from_power(translation))
-    raised = np.zeros((3, 3, degree + 1))
-    moved = np.zeros((3, degree + 1))
-    for j in range(3):
-        for i in range(3):
-            add_product(1.0, matrix[i, j], BINOMIALS[tau, : tau + 1], raised[i, j])
-            add_product(1.0, matrix[i, j], centre[i], moved[j])
-    n = points.shape[0]
+    sums = np.empty((4, degree + 1))
     controls = np.empty((n, 3, degree + 1))
-    for k in range(degree + 1):
-        binomial = BINOMIALS[degree, k]
-        for j in range(3):
-            a, b, c = raised[0, j, k] / binomial, raised[1, j, k] / binomial, raised[2, j, k] / binomial
-            d = moved[j, k] / binomial
-            for p in range(n):
-                controls[p, j, k] = a * points[p, 0] + b * points[p, 1] + c * points[p, 2] - d
+    for j in range(3):
+        _add_raised(matrix, j, centre, sums)
+        for k in range(degree + 1):
+            binomial = BINOMIALS[degree, k]
+            for i in range(4):
+                sums[i, k] /= binomial
+        for p in range(n):
+            x, y, z = points[p, 0], points[p, 1], points[p, 2]
+            for k in range(degree + 1):
+                controls[p, j, k] = sums[0, k] * x + sums[1, k] * y + sums[2, k] * z - sums[3, k]
     errors = np.empty(n)
     size = 12.0 * UNIT * magnitude(rotation) ** 2
     reach = magnitude(translation)
@@ -75,17 +58,44 @@ def camera_controls(
 @kernel
 def camera_count(sigma: int, tau: int) -> int:
     """Return the count of `camera_controls`."""
-    return 6 * sigma + 4 * tau + 22
+    return 3 * sigma + 4 * tau + 22
 
 
 @kernel
 def _rotation_controls(phi: FloatArray) -> FloatArray:
-    """Return Λ(φ) (20) as scaled coefficients (3, 3, 2σ+1) from those of φ (4, σ+1)."""
-    out = np.zeros((3, 3, 2 * phi.shape[1] - 1))
-    for term in range(_TERMS.shape[0]):
-        i, j, a, b = _TERMS[term, 0], _TERMS[term, 1], _TERMS[term, 2], _TERMS[term, 3]
-        add_product(float(_TERMS[term, 4]), phi[a], phi[b], out[i, j])
+    """Return Λ(φ) (20) as scaled coefficients (9, 2σ+1), row by row, from those of φ (4, σ+1)."""
+    n = phi.shape[1]
+    products = np.zeros((10, 2 * n - 1))
+    row = 0
+    for a in range(4):
+        for b in range(a, 4):
+            for i in range(n):
+                for k in range(n):
+                    products[row, i + k] += phi[a, i] * phi[b, k]
+            row += 1
+    out = np.empty((9, 2 * n - 1))
+    for k in range(2 * n - 1):
+        xx, xy, xz, xw = products[0, k], products[1, k], products[2, k], products[3, k]
+        yy, yz, yw = products[4, k], products[5, k], products[6, k]
+        zz, zw, ww = products[7, k], products[8, k], products[9, k]
+        out[0, k], out[1, k], out[2, k] = xx - yy - zz + ww, 2.0 * (xy - zw), 2.0 * (xz + yw)
+        out[3, k], out[4, k], out[5, k] = 2.0 * (xy + zw), yy - xx - zz + ww, 2.0 * (yz - xw)
+        out[6, k], out[7, k], out[8, k] = 2.0 * (xz - yw), 2.0 * (yz + xw), zz - xx - yy + ww
     return out
+
+
+@kernel
+def _add_raised(matrix: FloatArray, j: int, centre: FloatArray, sums: FloatArray) -> None:
+    """Write column j of Λ, raised to degree 2σ+τ, and its product with t into ``sums`` (4, 2σ+τ+1)."""
+    m, n = matrix.shape[1], centre.shape[1]
+    for k in range(m + n - 1):
+        sums[0, k] = sums[1, k] = sums[2, k] = sums[3, k] = 0.0
+    for i in range(3):
+        for a in range(m):
+            value = matrix[3 * i + j, a]
+            for b in range(n):
+                sums[i, a + b] += value * BINOMIALS[n - 1, b]
+                sums[3, a + b] += value * centre[i, b]
 
 
 @kernel

@@ -5,6 +5,7 @@ constraints (`constraints.push`) + pull · (bending energy / ℓ²)/2.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +28,44 @@ from omniservo.planning.path_family import Family, path_controls
 STALLED = 1e-3
 """Relative gain of a step below which a descent ends."""
 
+ENOUGH = 0.5
+"""The part of the targets at which a descent stops."""
+
+DAMPING = 1e-6
+"""of the first step of a descent"""
+
 PLENTY = 0.4
 """A group with more left at the start of a descent sleeps through it; the proof looks at it again."""
+
+
+class Room(NamedTuple):
+    """Where `linearise` puts what it needs on its way."""
+
+    poses: FloatArray
+    """(samples, 14), see `push`"""
+    turns: FloatArray
+    """∂angular/∂φ (samples, 3, 4)"""
+    camera_points: FloatArray
+    """c and 1/‖c‖ (samples, n, 4)"""
+    systems: FloatArray
+    """(samples, 6, 7), see `push`"""
+    costs: FloatArray
+    """(samples,), see `push`"""
+    block: FloatArray
+    """see `spread`"""
+
+
+@kernel
+def room_for(samples: int, points: int) -> Room:
+    """Return room for so many samples and target points."""
+    return Room(
+        np.empty((samples, 14)),
+        np.empty((samples, 3, 4)),
+        np.empty((samples, points, 4)),
+        np.empty((samples, 6, 7)),
+        np.empty(samples),
+        np.empty((13, 8)),
+    )
 
 
 @kernel
@@ -125,38 +162,53 @@ def spread(
     system: FloatArray,
     pose: FloatArray,
     turn: FloatArray,
+    room: FloatArray,
     normal: FloatArray,
 ) -> None:
-    """Add one sample's system (6, 7) to the normal equations of the unknowns (nx, nx+1)."""
-    jacobian = np.zeros((6, 7))
-    for a in range(3):
-        for c in range(4):
-            jacobian[3 + a, c] = turn[a, c]
-        for c in range(3):
-            jacobian[a, 4 + c] = ell * pose[3 * c + a]
-    product = np.zeros((6, 8))
+    """Add one sample's system (6, 7) to the lower triangle and right side of the equations (nx, nx+1).
+
+    With the columns (φ, t) of its Jacobian J = [0 ℓRᵀ; turn 0] the sample's part is Jᵀ S J, a block (7, 8).
+    ``room`` (13, 8) holds S J and the block.
+    """
+    turns = system[3, 3] + system[4, 4] + system[5, 5] > 0.0
     for a in range(6):
-        for c in range(7):
-            for b in range(3, 6) if c < 4 else range(3):
-                product[a, c] += (system[a, b] if b >= a else system[b, a]) * jacobian[b, c]
-        product[a, 7] = system[a, 6]
-    block = np.zeros((7, 8))
-    for r in range(7):
+        for b in range(a):
+            system[a, b] = system[b, a]
+        for c in range(3):
+            total = 0.0
+            for b in range(3):
+                total += system[a, b] * pose[3 * c + b]
+            room[a, 4 + c] = ell * total
+        for c in range(4 if turns else 0):
+            total = 0.0
+            for b in range(3):
+                total += system[a, 3 + b] * turn[b, c]
+            room[a, c] = total
+        room[a, 7] = system[a, 6]
+    for r in range(0 if turns else 4, 7):
         for c in range(8):
-            for a in range(3, 6) if r < 4 else range(3):
-                block[r, c] += jacobian[a, r] * product[a, c]
-    inner_r, inner_t = family.rotation_form.shape[0], family.translation_form.shape[0]
+            total = 0.0
+            for a in range(3):
+                total += turn[a, r] * room[3 + a, c] if r < 4 else pose[3 * (r - 4) + a] * room[a, c]
+            room[6 + r, c] = total if r < 4 else ell * total
+    _add_blocks(family, index, 0 if turns else family.rotation_form.shape[0], room, normal)
+
+
+@kernel
+def _add_blocks(family: Family, index: int, first: int, room: FloatArray, normal: FloatArray) -> None:
+    """Spread a sample's block ``room[6:]`` over the inner controls from ``first`` on, lower triangle only."""
+    inner = family.rotation_form.shape[0]
     last = normal.shape[1] - 1
-    for i in range(inner_r + inner_t):
-        first, rows, bi, row = _block(family, index, i, inner_r)
+    for i in range(first, inner + family.translation_form.shape[0]):
+        top, rows, bi, row = _block(family, index, i, inner)
         for r in range(rows):
-            normal[row + r, last] += bi * block[first + r, 7]
-        for j in range(inner_r + inner_t):
-            second, columns, bj, column = _block(family, index, j, inner_r)
+            normal[row + r, last] += bi * room[6 + top + r, 7]
+        for j in range(first, i + 1):
+            left, columns, bj, column = _block(family, index, j, inner)
             f = bi * bj
             for r in range(rows):
                 for c in range(columns):
-                    normal[row + r, column + c] += f * block[first + r, second + c]
+                    normal[row + r, column + c] += f * room[6 + top + r, left + c]
 
 
 @kernel
@@ -178,38 +230,51 @@ def fill(values: FloatArray, value: float) -> None:
 
 
 @kernel
+def clear(values: FloatArray) -> None:
+    """Set every item of (m, n) to 0."""
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            values[i, j] = 0.0
+
+
+@kernel
 def linearise(
     demands: Demands,
     family: Family,
     x: FloatArray,
     targets: FloatArray,
     pull: float,
+    room: Room,
     least: FloatArray,
     normal: FloatArray,
 ) -> float:
-    """Return the cost at x; write ``least`` over the samples and the normal equations (nx, nx+1)."""
-    ell, count, n = demands.numbers[2], family.samples[0], demands.points.shape[0]
+    """Return the cost at x; write ``least`` over the samples and the normal equations (nx, nx+1).
+
+    Of their matrix only the lower triangle counts.
+    """
+    ell, count = demands.numbers[2], family.samples[0]
     phi, t = path_controls(family, ell, x)
-    poses, turns = np.empty((count, 14)), np.empty((count, 3, 4))
-    camera_points, systems, costs = np.empty((count, n, 4)), np.zeros((count, 6, 7)), np.zeros(count)
+    poses, turns, camera_points = room.poses[:count], room.turns, room.camera_points[:count]
+    systems, costs = room.systems, room.costs
     fill(least, math.inf)
-    for row in range(normal.shape[0]):
-        fill(normal[row], 0.0)
+    clear(normal)
     for s in range(count):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
         place(phi, t, rb, tb, demands.points, poses[s], camera_points[s], turns[s])
         poses[s, 13] = family.places[s]
+        clear(systems[s])
+        costs[s] = 0.0
     push_all(demands, poses, camera_points, targets, least, systems, costs)
-    cost = _add_bending(family, x, pull, normal)
+    cost = add_bending(family, x, pull, normal)
     for s in range(count):
         if costs[s] > 0.0:
             cost += costs[s]
-            spread(family, ell, s, systems[s], poses[s], turns[s], normal)
+            spread(family, ell, s, systems[s], poses[s], turns[s], room.block, normal)
     return cost
 
 
 @kernel
-def _add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray) -> float:
+def add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray) -> float:
     """Add pull · W to the normal matrix and −pull · W x to its right side; return pull · xᵀWx/2."""
     inner = family.rotation_form.shape[0]
     last = normal.shape[1] - 1
@@ -231,13 +296,15 @@ def _add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray)
 
 
 @kernel
-def solve_damped(normal: FloatArray, damping: float, step: FloatArray) -> bool:
-    """Solve (H + damping · (diag H + mean diag H)) step = b by Cholesky; False where H is not positive."""
+def solve_damped(normal: FloatArray, damping: float, factor: FloatArray, step: FloatArray) -> bool:
+    """Solve (H + damping · (diag H + mean diag H)) step = b by Cholesky; False where H is not positive.
+
+    ``normal`` is [H, b], its lower triangle; ``factor`` (nx, nx) is room.
+    """
     n = normal.shape[0]
     mean = 0.0
     for i in range(n):
         mean += normal[i, i] / n
-    factor = np.empty((n, n))
     for j in range(n):
         for i in range(j, n):
             total = normal[i, j]
@@ -270,33 +337,29 @@ def descend(
     x: FloatArray,
     targets: FloatArray,
     pull: float,
-    enough: float,
-    damping: float,
-    sleepers: int,
     least: FloatArray,
 ) -> float:
-    """Lower the cost from x in place; stop when g ≥ enough · target everywhere, or when it stalls.
+    """Lower the cost from x in place; stop when g ≥ ENOUGH · target everywhere, or when it stalls.
 
-    ``enough`` = ∞ never stops early; ``damping`` is that of the first step; the
-    first ``sleepers`` groups may sleep.
     Writes the smallest g of every group at x into ``least``; returns the cost.
     """
     size = x.shape[0]
     normal, tried = np.empty((size, size + 1)), np.empty((size, size + 1))
-    tried_least = np.empty_like(least)
+    tried_least, factor = np.empty_like(least), np.empty((size, size))
     step, trial = np.empty(size), np.empty(size)
-    cost = linearise(demands, family, x, targets, pull, least, normal)
+    room = room_for(family.samples[0], demands.points.shape[0])
+    cost, damping = linearise(demands, family, x, targets, pull, room, least, normal), DAMPING
     awake = np.empty_like(targets)
     for i in range(targets.shape[0]):
-        awake[i] = ASLEEP if least[i] > PLENTY and i < sleepers else targets[i]
+        awake[i] = ASLEEP if least[i] > PLENTY else targets[i]
     for _ in range(30):
-        if reached(least, targets, enough) or size == 0:
+        if reached(least, targets, ENOUGH) or size == 0:
             break
-        if not solve_damped(normal, damping, step):
+        if not solve_damped(normal, damping, factor, step):
             break
         for i in range(size):
             trial[i] = x[i] + step[i]
-        tried_cost = linearise(demands, family, trial, awake, pull, tried_least, tried)
+        tried_cost = linearise(demands, family, trial, awake, pull, room, tried_least, tried)
         if tried_cost < cost:
             stalled = cost - tried_cost < STALLED * cost
             for i in range(size):

@@ -1,40 +1,110 @@
-"""From a proven path to one of less effort nearby, proven again (method section 6)."""
+"""From a proven path to the one of least effort nearby, proven again (method section 6)."""
+
+import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.path_family import Family, path_energy
+from omniservo.planning.descent import Room, fill, room_for
+from omniservo.planning.effort_steps import bend, step_to_least_effort
+from omniservo.planning.path_family import (
+    MAX_SAMPLES,
+    Family,
+    add_sample,
+    family_like,
+    path_energy,
+    set_uniform_samples,
+)
 from omniservo.planning.prove_path import prove_path
-from omniservo.planning.settle import THRIFTY_PULL, power_path, settle
+from omniservo.planning.settle import power_path
+from omniservo.planning.worst_rows import LOOKED_AT, look_at_samples
 
-SHORTER = 0.7
-"""Where the whole way to the least effort is not proven, this part of it is tried next."""
+SAMPLES = 16
+"""Samples at first: those where the path loses most between them are added."""
 
-SHORTEST = 0.1
-"""Less than this part of the way is not worth a proof."""
+LEFT = 5e-5
+"""What the active constraints keep, dimensionless; more where a proof asks for it."""
+
+APART = 2e-3
+"""Samples are at least so far apart."""
+
+MORE = 2.0
+"""So many times more is kept after a proof that another sample does not help."""
+
+ROUNDS, PATIENCE = 20, 10
+"""Sets of samples at most; after so many, more is kept after every proof that fails."""
+
+SHORTER, SHORTEST = 0.7, 0.1
+"""Where the way to the least effort is not proven, the first part of it is tried next, down to the second."""
+
+
+@kernel
+def kept_levels(ends: FloatArray, left: float, kept: FloatArray) -> None:
+    """Write min(left, half of what the end poses leave), at least 0."""
+    for i in range(kept.shape[0]):
+        kept[i] = max(0.0, min(left, 0.5 * ends[i]))
+
+
+@kernel
+def add_apart(family: Family, w: float) -> bool:
+    """Add a sample at w; False where there is no room, or one that is less than APART away."""
+    for s in range(family.samples[0]):
+        if abs(family.places[s] - w) < APART:
+            return False
+    return add_sample(family, w)
+
+
+@kernel
+def add_lows(
+    demands: Demands,
+    family: Family,
+    between: Family,
+    x: FloatArray,
+    asleep: FloatArray,
+    kept: FloatArray,
+    room: Room,
+) -> bool:
+    """Add samples where groups have their lowest places between samples, and less left than half of ``kept``.
+
+    Tell whether there are any. ``between`` has evenly spaced samples; a parabola through three of them shows
+    the place.
+    """
+    count, added = between.samples[0], False
+    levels = np.empty((count, kept.shape[0]))
+    look_at_samples(demands, between, x, asleep, room, levels)
+    for i in range(kept.shape[0]):
+        for s in range(1, count - 1):
+            before, low, after = levels[s - 1, i], levels[s, i], levels[s + 1, i]
+            if low < kept[i] + 0.1 and low <= before and low <= after:
+                curvature = before - 2.0 * low + after
+                shift = 0.5 * (before - after) / curvature if curvature > 0.0 else 0.0
+                if low - 0.25 * (before - after) * shift < 0.5 * kept[i]:
+                    added = add_apart(family, (s + 1.0 + shift) / (count + 1.0)) or added
+    return added
 
 
 @kernel
 def economise(
-    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, least: FloatArray
+    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, least: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray, float]:
-    """Lower the bending energy of a proven path in place; where it stays proven part of the way, go so far.
+    """Lower the bending energy of a proven path in place, as far as it stays proven.
 
     Args:
         demands: the problem.
         family: where to move.
         ends: `settle.end_values`.
         x: offsets of a proven path; of the better path where status is PROVEN, else unchanged.
-        least: the smallest g of every group at the samples is written here.
+        least: room for a number a group.
+        beat: an energy (`path_energy`); x may be left alone where the least nearby is not below it.
 
     Returns:
         PROVEN or REFUTED (no better path was proven), φ and t by powers, and the energy at x.
     """
     ell, found = demands.numbers[2], x.copy()
     before = path_energy(family, ell, x)
-    status, rotation, translation, _ = settle(demands, family, ends, THRIFTY_PULL, x, least)
-    part = 1.0
+    status, rotation, translation = _bend_and_prove(demands, family, ends, x, least, beat)
+    part = 1.0 if path_energy(family, ell, x) < beat else 0.0
     while status != PROVEN and part > SHORTEST:
         part *= SHORTER
         for i in range(x.shape[0]):
@@ -47,3 +117,41 @@ def economise(
     for i in range(x.shape[0]):
         x[i] = found[i]
     return REFUTED, rotation, translation, before
+
+
+@kernel
+def _bend_and_prove(
+    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, kept: FloatArray, beat: float
+) -> tuple[int, FloatArray, FloatArray]:
+    """Step to the least effort at the samples, and again with more of them, until the path is proven.
+
+    More samples leave no less effort: a path that is not below ``beat`` with some is not followed up.
+    """
+    ell, size, left = demands.numbers[2], x.shape[0], LEFT
+    room = room_for(MAX_SAMPLES, demands.points.shape[0])
+    normal, asleep = np.empty((size, size + 1)), np.empty_like(ends)
+    bend(family, x, np.empty(size), normal)
+    hessian = np.empty((size, size))
+    fill(asleep, LOOKED_AT)
+    set_uniform_samples(family, SAMPLES)
+    between = family_like(family, 2 * SAMPLES + 1)
+    status = REFUTED
+    rotation, translation = power_path(family, ell, x)
+    for done in range(ROUNDS):
+        kept_levels(ends, left, kept)
+        for i in range(size):
+            for k in range(size):
+                hessian[i, k] = normal[i, k]
+        step_to_least_effort(demands, family, kept, asleep, room, hessian, x)
+        if path_energy(family, ell, x) >= beat:
+            break
+        if add_lows(demands, family, between, x, asleep, kept, room):
+            continue
+        rotation, translation = power_path(family, ell, x)
+        status, w = prove_path(demands, rotation, translation)
+        if status == PROVEN:
+            break
+        added = status == REFUTED and add_apart(family, w)
+        if not added or done >= PATIENCE:
+            left *= MORE
+    return status, rotation, translation

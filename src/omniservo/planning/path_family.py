@@ -86,6 +86,24 @@ def path_family(ends: Ends, sigma: int, tau: int) -> Family:
 
 
 @kernel
+def family_like(family: Family, samples: int) -> Family:
+    """Return the same paths with ``samples`` evenly spaced samples of their own."""
+    other = Family(
+        family.rotation_base,
+        family.translation_base,
+        family.base_energy,
+        family.rotation_form,
+        family.translation_form,
+        np.empty_like(family.rotation_basis),
+        np.empty_like(family.translation_basis),
+        np.empty_like(family.places),
+        np.zeros(1, dtype=np.int64),
+    )
+    set_uniform_samples(other, samples)
+    return other
+
+
+@kernel
 def add_sample(family: Family, w: float) -> bool:
     """Add a sample at w; False where there is no room."""
     index = family.samples[0]

@@ -128,7 +128,9 @@ def search(
         proven += 1
         found = energy = path_energy(family, ell, x)
         if economised > 0 and x.shape[0] > 0:
-            status, better_turn, better_move, energy = economise(demands, family, end_least, x, least)
+            status, better_turn, better_move, energy = economise(
+                demands, family, end_least, x, least, facts[3]
+            )
             if status == PROVEN:
                 turn, move = better_turn, better_move
         if proven == 1 or energy < facts[3]:

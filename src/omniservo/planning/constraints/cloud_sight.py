@@ -22,7 +22,7 @@ from omniservo.geometry.polynomial import (
 from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.constraints.occlusion import sight_holds, sight_offset
+from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 _TOGETHER = 4
@@ -37,13 +37,13 @@ def first_hiding(
     i = 0
     while i < nodes.shape[0]:
         node = nodes[i]
-        if sight_holds(piece, targets, node, radius + node[RADIUS], bound):
+        if plane_past_ball(piece, targets, node, radius + node[RADIUS], bound)[0]:
             i = int(node[NEXT])
             continue
         i += 1
         if node[NEXT] == i:
             for k in range(int(node[FIRST]), int(node[END])):
-                if not sight_holds(piece, targets, points[k], radius, bound):
+                if not plane_past_ball(piece, targets, points[k], radius, bound)[0]:
                     return k
     return -1
 

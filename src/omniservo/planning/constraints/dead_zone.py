@@ -12,6 +12,9 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
+Limit = tuple[float, float, float, float]
+"""n and κ of n·c ≤ κ‖c‖"""
+
 
 @kernel
 def offset_from_disc(disc: FloatArray, x: float, y: float, z: float) -> tuple[float, float]:
@@ -23,8 +26,8 @@ def offset_from_disc(disc: FloatArray, x: float, y: float, z: float) -> tuple[fl
 
 
 @kernel
-def tangent_limit(disc: FloatArray, x: float, y: float, z: float, limit: FloatArray) -> None:
-    """Write the image limit (4,) whose line touches the disc on the side of the camera point (x, y, z).
+def tangent_limit(disc: FloatArray, x: float, y: float, z: float) -> Limit:
+    """Return the image limit whose line touches the disc on the side of the camera point (x, y, z).
 
     The limit implies ‖p − p₀‖ ≥ r exactly: e is shortened so that ‖e‖ ≤ 1 in spite of rounding.
     """
@@ -33,10 +36,7 @@ def tangent_limit(disc: FloatArray, x: float, y: float, z: float, limit: FloatAr
     eu, ev = (u / length, v / length) if length > 0.0 else (1.0, 0.0)
     eu, ev = eu * (1.0 - 1e-15), ev * (1.0 - 1e-15)
     third = eu * disc[3] + ev * disc[4] - disc[5]
-    limit[0] = -eu * disc[0]
-    limit[1] = -(eu * disc[1] + ev * disc[2])
-    limit[2] = -third
-    limit[3] = disc[6] * third
+    return -eu * disc[0], -(eu * disc[1] + ev * disc[2]), -third, disc[6] * third
 
 
 @kernel

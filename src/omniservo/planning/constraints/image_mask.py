@@ -117,8 +117,9 @@ def prove_outside_mask(
 def _beyond_one_edge(piece: FloatArray, edges: FloatArray, bound: float) -> bool:
     """Tell whether the control points show the whole piece beyond the edge that faces its mean bearing."""
     x, y, z = sum_of_controls(piece)
-    edge = edges[best_edge(edges, x, y, z)[0]]
-    allowed = bound * _edge_size(edge) + TINY
+    best = best_edge(edges, x, y, z)[0]
+    allowed = bound * _edge_size(edges[best]) + TINY
+    edge = (edges[best, 0], edges[best, 1], edges[best, 2], edges[best, 3])
     norm = math.sqrt(x * x + y * y + z * z)
     shorter = (1.0 - 1e-15) / norm if norm > 0.0 else 0.0
     if cone_holds(piece, edge, x * shorter, y * shorter, z * shorter, allowed):
@@ -130,7 +131,8 @@ def _beyond_one_edge(piece: FloatArray, edges: FloatArray, bound: float) -> bool
 def _inside(piece: FloatArray, edges: FloatArray, k: int, bound: float) -> bool:
     """Tell whether control point k, an end of the piece, is inside every edge beyond rounding."""
     for i in range(edges.shape[0]):
-        if not cone_value(piece, edges[i], k) > bound * _edge_size(edges[i]) + TINY:
+        edge = (edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3])
+        if not cone_value(piece, edge, k) > bound * _edge_size(edges[i]) + TINY:
             return False
     return True
 

@@ -37,12 +37,18 @@ def push_from_points(
     """Push the centre away from the target: g = (‖h − t‖ − distance)/ℓ (see `push`)."""
     if targets[group] == ASLEEP:
         return
+    target, lowest = targets[group], least[group]
     for s in range(poses.shape[0]):
         for j in range(points.shape[0]):
             x, y, z = poses[s, 9] - points[j, 0], poses[s, 10] - points[j, 1], poses[s, 11] - points[j, 2]
-            norm = math.sqrt(x * x + y * y + z * z)
+            square = x * x + y * y + z * z
+            far = distance + ell * max(target, lowest)
+            if square >= far * far:
+                continue
+            norm = math.sqrt(square)
             g = (norm - distance) / ell
-            least[group] = min(least[group], g)
-            if g < targets[group]:
+            lowest = min(lowest, g)
+            if g < target:
                 f = 1.0 / (ell * max(norm, 1e-9 * ell))
-                push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)
+                push_centre(systems, costs, s, poses, f * x, f * y, f * z, target - g)
+    least[group] = lowest

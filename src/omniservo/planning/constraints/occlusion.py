@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
@@ -30,17 +30,20 @@ from omniservo.planning.constraints.visibility import sum_of_controls
 _STEPS = 8
 """of Gilbert's algorithm; a plane that it does not find is found on half the piece"""
 
-_TOGETHER = 4
-"""So often a piece is halved in the attempt to keep all lines of sight beyond one plane."""
-
 
 @kernel
 def sight_offset(
     tx: float, ty: float, tz: float, h: FloatArray, o: FloatArray
 ) -> tuple[float, float, float, float, float]:
     """Return q − o, q = t + s(h − t) the sight line's point nearest to o, its length, and s in [0, 1]."""
-    lx, ly, lz = h[0] - tx, h[1] - ty, h[2] - tz
-    px, py, pz = tx - o[0], ty - o[1], tz - o[2]
+    return nearest_of_sight(tx - o[0], ty - o[1], tz - o[2], h[0] - tx, h[1] - ty, h[2] - tz)
+
+
+@kernel
+def nearest_of_sight(
+    px: float, py: float, pz: float, lx: float, ly: float, lz: float
+) -> tuple[float, float, float, float, float]:
+    """Return the point p + s l, s in [0, 1], nearest to 0, its length, and s."""
     square = lx * lx + ly * ly + lz * lz
     s = -(px * lx + py * ly + pz * lz) / square if square > 0.0 else 0.0
     s = min(max(s, 0.0), 1.0)
@@ -54,8 +57,6 @@ def prove_clear_sights(
 ) -> tuple[int, float, int]:
     """Decide on [0, 1] whether the ball (o, radius) leaves the lines of sight from t(w) to all points free.
 
-    First one plane a piece for all points, then, where that does not end, points one by one.
-
     Args:
         centre: control points of t (3, τ+1) with count τ + 2 and magnitude ``size``.
         size: see above.
@@ -66,55 +67,34 @@ def prove_clear_sights(
     Returns:
         status; where it is not PROVEN also w and the point.
     """
-    stack, marks = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 2))
-    status, w, j = _prove_sights(centre, size, points, o, radius, _TOGETHER, stack, marks)
-    if status == UNDECIDED:
-        for j in range(points.shape[0]):
-            one = points[j : j + 1]
-            status, w, _ = _prove_sights(centre, size, one, o, radius, MAX_LEVEL, stack, marks)
-            if status != PROVEN:
-                return status, w, j
-    return status, w, j
-
-
-@kernel
-def _prove_sights(
-    centre: FloatArray,
-    size: float,
-    points: FloatArray,
-    o: FloatArray,
-    radius: float,
-    levels: int,
-    stack: FloatArray,
-    marks: FloatArray,
-) -> tuple[int, float, int]:
-    """Decide with one plane a piece for all ``points`` and at most ``levels`` halvings.
-
-    ``stack`` (MAX_LEVEL + 2, 3, τ+1) and ``marks`` (MAX_LEVEL + 2, 2), start and level, are room for pieces.
-    """
-    n = centre.shape[1] - 1
-    far = max(abs(o[0]), abs(o[1]), abs(o[2]))
+    n, far = centre.shape[1] - 1, max(abs(o[0]), abs(o[1]), abs(o[2]))
     for j in range(points.shape[0]):
         far = max(far, abs(points[j, 0]), abs(points[j, 1]), abs(points[j, 2]))
     error = UNIT * (4.0 * (size + 2.0 * far) + abs(radius))
+    stack, marks = np.empty((MAX_LEVEL + 2, 3, n + 1)), np.empty((MAX_LEVEL + 2, 2))
+    hidden = np.empty((MAX_LEVEL + 2, points.shape[0]), dtype=np.bool_)
     copy_into(centre, stack[0])
+    for j in range(points.shape[0]):
+        hidden[0, j] = True
     marks[0, 0], marks[0, 1] = 0.0, 0.0
     top, pieces = 0, 0
     while top >= 0:
         piece, level = stack[top], marks[top, 1]
         bound = (n + 20.0 + level * n) * error + TINY
-        if sight_holds(piece, points, o, radius, bound):
+        j = _hidden_point(piece, points, o, radius, bound, hidden[top])
+        if j < 0:
             top -= 1
             continue
         width = 0.5**level
-        for j in range(points.shape[0]):
-            for k in (0, n):
-                if sight_offset(piece[0, k], piece[1, k], piece[2, k], points[j], o)[3] < radius - bound:
-                    return REFUTED, marks[top, 0] + (width if k > 0 else 0.0), j
+        for k in (0, n):
+            if sight_offset(piece[0, k], piece[1, k], piece[2, k], points[j], o)[3] < radius - bound:
+                return REFUTED, marks[top, 0] + (width if k > 0 else 0.0), j
         pieces += 1
-        if level >= levels or pieces > MAX_PIECES:
-            return UNDECIDED, marks[top, 0], 0
+        if level >= MAX_LEVEL or pieces > MAX_PIECES:
+            return UNDECIDED, marks[top, 0], j
         halve(piece, stack[top + 1], piece)
+        for j in range(points.shape[0]):
+            hidden[top + 1, j] = hidden[top, j]
         marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
         marks[top, 0] += 0.5 * width
         marks[top, 1] = level + 1.0
@@ -123,36 +103,70 @@ def _prove_sights(
 
 
 @kernel
-def sight_holds(piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float) -> bool:
-    """Tell whether one plane separates the ball from all ``points`` (m, 3) and all control points (3, n+1).
+def _hidden_point(
+    piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float, hidden: BoolArray
+) -> int:
+    """Clear points from ``hidden`` as planes are found that keep them; return one that has none, or −1.
 
-    Its normal points to the hull's point nearest to o, approached by Gilbert's algorithm: step to the nearest
-    point of the segment to the vertex that lies least far along.
+    The point whose line of sight comes nearest to the ball goes first: its plane keeps most others.
     """
-    n, m = piece.shape[1], points.shape[0]
-    x, y, z = sum_of_controls(piece)
-    x, y, z = x / n, y / n, z / n
-    x, y, z, distance, _ = sight_offset(x, y, z, points[0], o)
+    part, ox, oy, oz = 1.0 / piece.shape[1], o[0], o[1], o[2]
+    mx, my, mz = sum_of_controls(piece)
+    mx, my, mz = mx * part, my * part, mz * part
+    while True:
+        worst, least = -1, math.inf
+        for j in range(points.shape[0]):
+            if hidden[j]:
+                lx, ly, lz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
+                distance = nearest_of_sight(mx - ox, my - oy, mz - oz, lx, ly, lz)[3]
+                if not distance >= least:
+                    worst, least = j, distance
+        if worst < 0:
+            return -1
+        found, nx, ny, nz = plane_past_ball(piece, points[worst : worst + 1], o, radius, bound)
+        if not found:
+            return worst
+        for j in range(points.shape[0]):
+            if hidden[j]:
+                x, y, z = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
+                along = (nx * x + ny * y + nz * z) * (1.0 - 2e-15)
+                hidden[j] = not along - radius >= bound
+
+
+@kernel
+def plane_past_ball(
+    piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float
+) -> tuple[bool, float, float, float]:
+    """Return whether a plane is found that keeps ``points`` (m, 3) and control points (3, n+1) off the ball.
+
+    And its unit normal. It points to the hull's point nearest to o, approached by Gilbert's algorithm: step
+    to the nearest point of the segment to the vertex that lies least far along.
+    """
+    n, m, ox, oy, oz = piece.shape[1], points.shape[0], o[0], o[1], o[2]
+    mx, my, mz = sum_of_controls(piece)
+    x, y, z = mx / n - ox, my / n - oy, mz / n - oz
+    hx, hy, hz = points[0, 0] - ox, points[0, 1] - oy, points[0, 2] - oz
+    x, y, z, distance, _ = nearest_of_sight(x, y, z, hx - x, hy - y, hz - z)
     for _ in range(_STEPS):
         if not distance > radius + bound:
-            return False
+            break
         fx, fy, fz = x / distance, y / distance, z / distance
         least, vx, vy, vz = math.inf, 0.0, 0.0, 0.0
         for k in range(n + m):
-            px = (piece[0, k] if k < n else points[k - n, 0]) - o[0]
-            py = (piece[1, k] if k < n else points[k - n, 1]) - o[1]
-            pz = (piece[2, k] if k < n else points[k - n, 2]) - o[2]
-            along = (fx * px + fy * py + fz * pz) * (1.0 - 2e-15)
+            px = (piece[0, k] if k < n else points[k - n, 0]) - ox
+            py = (piece[1, k] if k < n else points[k - n, 1]) - oy
+            pz = (piece[2, k] if k < n else points[k - n, 2]) - oz
+            along = fx * px + fy * py + fz * pz
             if not along >= least:
                 least, vx, vy, vz = along, px, py, pz
-        if least - radius >= bound:
-            return True
+        if least * (1.0 - 2e-15) - radius >= bound:
+            return True, fx, fy, fz
         vx, vy, vz = vx - x, vy - y, vz - z
         square = vx * vx + vy * vy + vz * vz
         s = min(max(-(x * vx + y * vy + z * vz) / square, 0.0), 1.0) if square > 0.0 else 0.0
         x, y, z = x + s * vx, y + s * vy, z + s * vz
         distance = math.sqrt(x * x + y * y + z * z)
-    return False
+    return False, 0.0, 0.0, 0.0
 
 
 @kernel
@@ -189,6 +203,7 @@ def push_sight(
         if radius <= 0.0 or targets[group] == ASLEEP:
             continue
         ox, oy, oz, unit = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2], max(radius, 0.05 * ell)
+        target, lowest = targets[group], least[group]
         for s in range(poses.shape[0]):
             tx, ty, tz = poses[s, 9], poses[s, 10], poses[s, 11]
             for j in range(points.shape[0]):
@@ -198,12 +213,13 @@ def push_sight(
                 k = min(max(k, 0.0), 1.0)
                 x, y, z = x + k * lx, y + k * ly, z + k * lz
                 square = x * x + y * y + z * z
-                far = radius + unit * max(targets[group], least[group])
+                far = radius + unit * max(target, lowest)
                 if square >= far * far:
                     continue
                 distance = math.sqrt(square)
                 g = (distance - radius) / unit
-                least[group] = min(least[group], g)
-                if g < targets[group]:
+                lowest = min(lowest, g)
+                if g < target:
                     f = (1.0 - k) / (unit * max(distance, 1e-9 * unit))
-                    push_centre(systems, costs, s, poses, f * x, f * y, f * z, targets[group] - g)
+                    push_centre(systems, costs, s, poses, f * x, f * y, f * z, target - g)
+        least[group] = lowest

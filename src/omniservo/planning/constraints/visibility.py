@@ -26,7 +26,7 @@ from omniservo.geometry.polynomial import (
     copy_into,
     halve,
 )
-from omniservo.planning.constraints.dead_zone import disc_size, tangent_limit
+from omniservo.planning.constraints.dead_zone import Limit, disc_size, tangent_limit
 from omniservo.planning.constraints.push import ASLEEP, push_camera_point
 
 TEST_COUNT = 14
@@ -127,18 +127,17 @@ def _first_failing(
     rows = limits.shape[0]
     for i in range(first, rows):
         allowed = bound * float(sizes[i]) + TINY
-        if cone_holds(piece, limits[i], ex, ey, ez, allowed):
+        limit = (limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3])
+        if cone_holds(piece, limit, ex, ey, ez, allowed):
             continue
-        if not holds_by_tightest(piece, limits[i], allowed):
-            return i, _violated_end(piece, limits[i], allowed)
+        if not holds_by_tightest(piece, limit, allowed):
+            return i, _violated_end(piece, limit, allowed)
     if disc.shape[0] > 0:
         allowed = bound * float(sizes[rows]) + TINY
-        tangent = np.empty(4)
-        tangent_limit(disc, mx, my, mz, tangent)
-        if not cone_holds(piece, tangent, ex, ey, ez, allowed):
+        if not cone_holds(piece, tangent_limit(disc, mx, my, mz), ex, ey, ez, allowed):
             for end in range(2):
                 k = n * end
-                tangent_limit(disc, piece[0, k], piece[1, k], piece[2, k], tangent)
+                tangent = tangent_limit(disc, piece[0, k], piece[1, k], piece[2, k])
                 if cone_value(piece, tangent, k) > allowed:
                     return rows, 1 + end
             return rows, 0
@@ -157,22 +156,21 @@ def sum_of_controls(piece: FloatArray) -> tuple[float, float, float]:
 
 
 @kernel
-def cone_holds(piece: FloatArray, limit: FloatArray, ex: float, ey: float, ez: float, bound: float) -> bool:
+def cone_holds(piece: FloatArray, limit: Limit, ex: float, ey: float, ez: float, bound: float) -> bool:
     """Tell whether the control points show n·c ≤ κ‖c‖ on the whole piece; ‖(ex, ey, ez)‖ ≤ 1."""
-    kappa = limit[3]
-    x, y, z = limit[0] - kappa * ex, limit[1] - kappa * ey, limit[2] - kappa * ez
-    holds = True
+    nx, ny, nz, kappa = limit
+    x, y, z = nx - kappa * ex, ny - kappa * ey, nz - kappa * ez
+    held = 0
     for k in range(piece.shape[1]):
         if kappa < 0.0:
-            value = cone_value(piece, limit, k)
+            held += cone_value(piece, limit, k) <= -bound
         else:
-            value = x * piece[0, k] + y * piece[1, k] + z * piece[2, k]
-        holds = holds and value <= -bound
-    return holds
+            held += x * piece[0, k] + y * piece[1, k] + z * piece[2, k] <= -bound
+    return bool(held == piece.shape[1])
 
 
 @kernel
-def holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> bool:
+def holds_by_tightest(piece: FloatArray, limit: Limit, bound: float) -> bool:
     """Try the bearing of the control point with the least left: exact where an end of the piece is it."""
     tightest, most = 0, -math.inf
     for k in range(piece.shape[1]):
@@ -188,7 +186,7 @@ def holds_by_tightest(piece: FloatArray, limit: FloatArray, bound: float) -> boo
 
 
 @kernel
-def _violated_end(piece: FloatArray, limit: FloatArray, bound: float) -> int:
+def _violated_end(piece: FloatArray, limit: Limit, bound: float) -> int:
     """Return 1 or 2 where n·c > κ‖c‖ beyond rounding at the start or end of the piece, else 0."""
     if cone_value(piece, limit, 0) > bound:
         return 1
@@ -196,10 +194,11 @@ def _violated_end(piece: FloatArray, limit: FloatArray, bound: float) -> int:
 
 
 @kernel
-def cone_value(piece: FloatArray, limit: FloatArray, k: int) -> float:
+def cone_value(piece: FloatArray, limit: Limit, k: int) -> float:
     """Return n·C − κ‖C‖ of control point k."""
-    x, y, z = piece[0, k], piece[1, k], piece[2, k]
-    return float(limit[0] * x + limit[1] * y + limit[2] * z - limit[3] * math.sqrt(x * x + y * y + z * z))
+    nx, ny, nz, kappa = limit
+    x, y, z = float(piece[0, k]), float(piece[1, k]), float(piece[2, k])
+    return nx * x + ny * y + nz * z - kappa * math.sqrt(x * x + y * y + z * z)
 
 
 @kernel
@@ -228,17 +227,20 @@ def push_into_image(
         if targets[i] == ASLEEP:
             continue
         nx, ny, nz, kappa = limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3]
+        target, lowest = targets[i], least[i]
         for s in range(camera_points.shape[0]):
             for j in range(camera_points.shape[1]):
                 x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
                 inverse = camera_points[s, j, 3]
                 along = (nx * x + ny * y + nz * z) * inverse
                 g = kappa - along
-                least[i] = min(least[i], g)
-                if g < targets[i]:
+                if g < lowest:
+                    lowest = g
+                if g < target:
                     f = along * inverse
                     gx, gy, gz = inverse * (f * x - nx), inverse * (f * y - ny), inverse * (f * z - nz)
-                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[i] - g)
+                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, target - g)
+        least[i] = lowest
     if disc.shape[0] > 0 and targets[rows] != ASLEEP:
         _push_off_disc(disc, camera_points, rows, targets, least, systems, costs)
 
@@ -254,16 +256,15 @@ def _push_off_disc(
     costs: FloatArray,
 ) -> None:
     """Push every point off the dead zone, by the tangent that faces it."""
-    tangent = np.empty(4)
     for s in range(camera_points.shape[0]):
         for j in range(camera_points.shape[1]):
             x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
             inverse = camera_points[s, j, 3]
-            tangent_limit(disc, x, y, z, tangent)
-            unit = 1.0 / math.sqrt(tangent[0] ** 2 + tangent[1] ** 2 + tangent[2] ** 2)
-            nx, ny, nz = unit * tangent[0], unit * tangent[1], unit * tangent[2]
+            nx, ny, nz, kappa = tangent_limit(disc, x, y, z)
+            unit = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+            nx, ny, nz = unit * nx, unit * ny, unit * nz
             along = (nx * x + ny * y + nz * z) * inverse
-            g = unit * tangent[3] - along
+            g = unit * kappa - along
             least[group] = min(least[group], g)
             if g < targets[group]:
                 f = along * inverse

@@ -1,0 +1,231 @@
+"""Sequential quadratic programming: the least bending energy that keeps every constraint at the samples.
+
+min E(x)/2 subject to g(x, w_k) ≥ kept for the worst constraint of every group at every sample. E is quadratic
+in x; the curvature of the active constraints is gathered by damped BFGS updates of the Lagrangian's Hessian,
+which begins as E's. An ℓ₁ merit function decides how far a step goes.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.quadratic_program import quadratic_step
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.push import ASLEEP
+from omniservo.planning.descent import Room, add_bending, clear, fill
+from omniservo.planning.path_family import Family
+from omniservo.planning.worst_rows import look_at_samples, slope_at
+
+STEPS = 30
+"""Quadratic programs at most."""
+
+MOST_ROWS = 60
+"""Constraints of one quadratic program at most."""
+
+BAND = 0.2
+"""Constraints with more left than this are not in the quadratic program."""
+
+FINE = 1e-4
+"""The steps end where the next would gain less than this part of the energy."""
+
+FLATTEST = 0.1
+"""The Hessian's curvature along a step is at least this part of the energy's."""
+
+STEEPEST = 5.0
+"""A change that shows more than so many times the energy's curvature is that of another point, not learnt."""
+
+HALVINGS = 8
+"""A step is halved at most so often before the steps end."""
+
+
+class Rows(NamedTuple):
+    """Linearised constraints."""
+
+    sample: IntArray
+    """(MOST_ROWS,)"""
+    group: IntArray
+    """(MOST_ROWS,)"""
+    slope: FloatArray
+    """∂g/∂x (MOST_ROWS, nx)"""
+    multiplier: FloatArray
+    """(MOST_ROWS,)"""
+
+
+@kernel
+def rows_for(size: int) -> Rows:
+    """Return room for the rows of nx unknowns."""
+    return Rows(
+        np.empty(MOST_ROWS, dtype=np.int64),
+        np.empty(MOST_ROWS, dtype=np.int64),
+        np.empty((MOST_ROWS, size)),
+        np.zeros(MOST_ROWS),
+    )
+
+
+@kernel
+def keep_active(rows: Rows, count: int) -> int:
+    """Move the rows with a multiplier to the front; return how many."""
+    active = 0
+    for i in range(count):
+        if rows.multiplier[i] > 0.0:
+            rows.sample[active], rows.group[active] = rows.sample[i], rows.group[i]
+            rows.multiplier[active] = rows.multiplier[i]
+            for k in range(rows.slope.shape[1]):
+                rows.slope[active, k] = rows.slope[i, k]
+            active += 1
+    return active
+
+
+@kernel
+def choose_rows(levels: FloatArray, samples: int, kept: FloatArray, rows: Rows, active: int) -> int:
+    """Append every (sample, group) with less left than BAND to the ``active`` first ones; return how many."""
+    count = active
+    for i in range(levels.shape[1]):
+        for s in range(samples):
+            if levels[s, i] < kept[i] + BAND and count < MOST_ROWS:
+                known = False
+                for a in range(active):
+                    known = known or (rows.sample[a] == s and rows.group[a] == i)
+                if not known:
+                    rows.sample[count], rows.group[count] = s, i
+                    rows.multiplier[count] = 0.0
+                    count += 1
+    return count
+
+
+@kernel
+def shortfall(levels: FloatArray, samples: int, kept: FloatArray) -> float:
+    """Return Σ max(0, kept − g) over samples and groups."""
+    total = 0.0
+    for s in range(samples):
+        for i in range(kept.shape[0]):
+            if levels[s, i] < kept[i]:
+                total += kept[i] - levels[s, i]
+    return total
+
+
+@kernel
+def update_hessian(hessian: FloatArray, step: FloatArray, change: FloatArray, least: float) -> None:
+    """Add what ``change`` of the Lagrangian's gradient over ``step`` says (BFGS, Powell's damping).
+
+    The curvature along the step becomes ``least`` at least.
+    """
+    n = step.shape[0]
+    product = np.zeros(n)
+    curved, seen = 0.0, 0.0
+    for i in range(n):
+        for k in range(n):
+            product[i] += hessian[i, k] * step[k]
+        curved += step[i] * product[i]
+        seen += step[i] * change[i]
+    if not curved > 0.0:
+        return
+    least = min(max(0.2 * curved, least), curved)
+    part = 1.0 if seen >= least else (curved - least) / (curved - seen)
+    mixed = part * seen + (1.0 - part) * curved
+    for i in range(n):
+        change[i] = part * change[i] + (1.0 - part) * product[i]
+    for i in range(n):
+        for k in range(n):
+            hessian[i, k] += change[i] * change[k] / mixed - product[i] * product[k] / curved
+
+
+@kernel
+def add_constraint_slopes(rows: Rows, active: int, factor: float, change: FloatArray) -> None:
+    """Add factor · Σ λ ∂g/∂x of the ``active`` first rows to ``change`` (nx,)."""
+    for r in range(active):
+        for i in range(change.shape[0]):
+            change[i] += factor * rows.multiplier[r] * rows.slope[r, i]
+
+
+@kernel
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """Return Σ aᵢbᵢ."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
+def bend(family: Family, x: FloatArray, gradient: FloatArray, normal: FloatArray) -> float:
+    """Return E/2; write its gradient (nx,) and its Hessian into ``normal`` (nx, nx+1)."""
+    clear(normal)
+    energy = add_bending(family, x, 1.0, normal)
+    for i in range(x.shape[0]):
+        gradient[i] = -normal[i, x.shape[0]]
+    return energy
+
+
+@kernel
+def step_to_least_effort(
+    demands: Demands,
+    family: Family,
+    kept: FloatArray,
+    asleep: FloatArray,
+    room: Room,
+    hessian: FloatArray,
+    x: FloatArray,
+) -> None:
+    """Lower the energy from x in place, keeping g ≥ ``kept`` (groups,) at the samples.
+
+    Args:
+        demands: the problem.
+        family: where to move, and the samples.
+        kept: what is left of each group at least.
+        asleep: see `look_at_samples`.
+        room: for all samples.
+        hessian: of the Lagrangian (nx, nx), to begin with; with what the steps have learnt at the end.
+        x: offsets (nx,).
+    """
+    n, samples = x.shape[0], family.samples[0]
+    gradient, change, step, trial = np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
+    normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.empty_like(kept)
+    levels, right = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS)
+    fill(quiet, ASLEEP)
+    look_at_samples(demands, family, x, asleep, room, levels)
+    energy, active = bend(family, x, gradient, normal), 0
+    for done in range(STEPS):
+        count = choose_rows(levels, samples, kept, rows, active)
+        plain = dot(change, step)
+        add_constraint_slopes(rows, active, 1.0, change)
+        for r in range(count):
+            s, group = rows.sample[r], rows.group[r]
+            right[r] = kept[group] - levels[s, group]
+            slope_at(demands, family, room, s, group, levels[s, group], quiet, rows.slope[r])
+        add_constraint_slopes(rows, active, -1.0, change)
+        if done > 0:
+            square = dot(step, step)
+            if dot(change, change) * square < (STEEPEST * plain) ** 2:
+                update_hessian(hessian, step, change, FLATTEST * plain)
+        slopes, multipliers = rows.slope[:count], rows.multiplier[:count]
+        if not quadratic_step(hessian, gradient, slopes, right[:count], step, multipliers):
+            return
+        missing, price = shortfall(levels, samples, kept), math.sqrt(dot(gradient, gradient))
+        for r in range(count):
+            price = max(price, 1.5 * multipliers[r])
+        gain = price * missing - dot(gradient, step)
+        for i in range(n):
+            change[i] = -gradient[i]
+        if not gain > FINE * energy:
+            return
+        part, merit = 2.0, math.inf
+        for _ in range(HALVINGS):
+            part *= 0.5
+            for i in range(n):
+                trial[i] = x[i] + part * step[i]
+            look_at_samples(demands, family, trial, asleep, room, levels)
+            tried = bend(family, trial, gradient, normal)
+            merit = tried - energy + price * (shortfall(levels, samples, kept) - missing)
+            if merit <= -1e-4 * part * gain:
+                break
+        if not merit <= -1e-4 * part * gain:
+            return
+        for i in range(n):
+            x[i] = trial[i]
+            step[i] *= part
+            change[i] += gradient[i]
+        energy, active = tried, keep_active(rows, count)
