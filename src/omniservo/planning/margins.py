@@ -97,9 +97,14 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
         t = pose[9], pose[10], pose[11]
         points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
         return float(nearest_point(points, nodes, t, t, math.inf)[1] - demands.clouds[index, 5])
-    o = demands.obstacles[index]
-    x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
-    return math.sqrt(x * x + y * y + z * z) - float(o[4])
+    return sphere_margin(demands.obstacles, index, pose)
+
+
+@kernel
+def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
+    """Return what the clearance of a sphere leaves at a pose (13,)."""
+    x, y, z = pose[9] - obstacles[index, 0], pose[10] - obstacles[index, 1], pose[11] - obstacles[index, 2]
+    return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
 
 
 @kernel
@@ -218,7 +223,10 @@ def look(
         place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
         pose[13] = w
         for e in range(count):
-            margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+            if entries[e, 0] == CLEARANCE:  # there may be thousands
+                margin, about = sphere_margin(demands.obstacles, int(entries[e, 1]), pose), 0
+            else:
+                margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
             if not margin >= table[e, 0]:
                 table[e, 0], table[e, 1], table[e, 2] = margin, w, about
 
