@@ -9,13 +9,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
-from omniservo.planning import CameraPath, Cloud, PlanningProblem, Sphere, certify, plan_path
+from omniservo.planning import CameraPath, Cloud, Plan, PlanningProblem, Sphere, certify, plan_path
 from omniservo.planning.ball_tree import ball_tree, nearest_point
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.cloud import prove_off_cloud
 from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.frame_change import problem_from
+from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)
 POINTS = np.array([[-0.1, -0.1, 0.6], [0.1, -0.1, 0.55], [0.1, 0.1, 0.6], [-0.1, 0.1, 0.62], [0, 0, 0.58]])
@@ -186,6 +187,9 @@ def test_one_point_among_thousands_between_the_samples_is_never_certified():
         verdict, certificate = certify(problem, path)
         assert (verdict == "certified") == expected
         assert certificate.worst.name == "clearance obstacle 0" or expected
+        if beyond in (1e-8, -1e-9):
+            plan = Plan(problem, "certified", path, certificate, 0.0, "certified")
+            assert verify_plan(plan).status == ("certified" if expected else "refuted")
         assert margins_of(certificate)["clearance obstacle 0"] <= truth + 1e-12
 
 
@@ -194,6 +198,7 @@ def test_the_plan_round_a_cloud_keeps_what_it_states(occlusion):
     points = shell(np.random.default_rng(10), 3000)
     plan = plan_path(asked(Cloud(points, 0.002), occlusion=occlusion))
     assert plan.status == "certified", plan.reason
+    assert verify_plan(plan).status == "certified"
     found = margins_of(plan.certificate)
     seen = true_distance(plan.path, points) - 0.012
     assert 0.0 <= found["clearance obstacle 0"] <= seen + 1e-12
@@ -268,6 +273,60 @@ def test_a_cloud_seen_from_a_pose_on_the_way_keeps_its_place():
     assert (moved.radius, moved.clearance) == (0.002, 0.03)
 
 
+ACROSS = np.array([[0.0, 0.1, -0.04], [0.02, -0.08, 0.03], [0.0, 0.03, 0.0]])
+"""A motion (3, 3) of some centimetres, highest power of w first."""
+
+
+SWEEP = np.array([[0.3, -0.15], [0.0, 0.0], [0.0, 0.0]])
+"""... from one side of the straight way to the other."""
+
+
+def displaced(motion, w):
+    return np.array([np.polyval(row, w) for row in motion])
+
+
+@pytest.mark.parametrize("occlusion", [False, True])
+def test_the_plan_round_a_cloud_that_moves_keeps_what_it_states(occlusion):
+    points = shell(np.random.default_rng(16), 300, radius=0.02)
+    problem = asked(Cloud(points, 0.002, motion=SWEEP), occlusion=occlusion)
+    straight = detour([0.0, 0.0, 0.0])
+    assert certify(problem, straight)[0] == "refuted"
+    plan = plan_path(problem)
+    assert plan.status == "certified", plan.reason
+    assert verify_plan(plan).status == "certified"
+    found = margins_of(plan.certificate)
+    places = [(w, t) for w, t in zip(FINE[::4], plan.path.positions(FINE[::4]), strict=True)]
+    seen = min(np.linalg.norm(points + displaced(SWEEP, w) - t, axis=1).min() for w, t in places) - 0.012
+    assert 0.0 <= found["clearance obstacle 0"] <= seen < found["clearance obstacle 0"] + 1e-4
+    if occlusion:
+        seen = min(
+            sight_distances(t, h, points + displaced(SWEEP, w)).min() for w, t in places for h in POINTS
+        )
+        assert 0.0 <= found["occlusion obstacle 0"] <= seen - 0.002 < found["occlusion obstacle 0"] + 1e-3
+
+
+def test_a_cloud_that_moves_as_the_camera_keeps_its_distance_exactly():
+    path, points = detour([0.05, 0.02, 0.0]), shell(np.random.default_rng(17), 100, [0.2, 0.0, 0.0])
+    truth = np.linalg.norm(points, axis=1).min()
+    for beyond, expected in ((1e-8, "refuted"), (-1e-8, "certified")):
+        cloud = Cloud(points, 0.002, truth - 0.002 + beyond, path.translation)
+        assert certify(asked(cloud), path)[0] == expected
+
+
+def test_sights_past_a_moving_cloud_on_both_sides():
+    path = detour([0.0, 0.05, 0.0])
+    points = shell(np.random.default_rng(18), 60, [0.2, 0.15, 0.3], 0.01)
+    places = [(w, t) for w, t in zip(FINE[::4], path.positions(FINE[::4]), strict=True)]
+    for motion in (ACROSS, 0.0 * ACROSS, ACROSS[:, 1:], np.column_stack([0.01 * ACROSS, ACROSS])):
+        seen = min(
+            sight_distances(t, h, points + displaced(motion, w)).min() for w, t in places for h in POINTS
+        )
+        assert seen > 1e-3
+        for radius, expected in ((seen * 0.99, "certified"), (seen * (1.0 + 1e-9), "refuted")):
+            problem = asked(Cloud(points, radius, 0.0, motion), occlusion=True)
+            assert certify(problem, path)[0] == expected
+
+
 BAD_CLOUDS = {
     "none": ({"points": []}, "points: 0 given; legal: 1 to 100000"),
     "a million": ({"points": np.zeros((1_000_000, 3))}, "points: 1000000 given; legal: 1 to 100000"),
@@ -279,6 +338,7 @@ BAD_CLOUDS = {
     "words": ({"points": "cloud"}, "points: "),
     "far": ({"points": [[0, 0, 2e6]]}, "points: 2e.06 given; legal: -1e6 to 1e6"),
     "radius": ({"points": [[0, 0, 1]], "radius": -0.1}, "radius: -0.1 given"),
+    "motion": ({"points": [[0, 0, 1]], "motion": [[1, 2]]}, "motion: "),
     "clearance": ({"points": [[0, 0, 1]], "radius": 0.1, "clearance": -1}, "clearance: -1 given"),
 }
 

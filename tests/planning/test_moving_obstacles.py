@@ -199,12 +199,6 @@ def test_a_wrong_motion_is_named(name):
         PlanningProblem.from_dict(fields)
 
 
-def test_a_cloud_that_moves_is_refused():
-    cloud = {"type": "cloud", "points": [[0, 0, 1]], "radius": 0.01, "motion": [[0.1], [0.0], [0.0]]}
-    with pytest.raises(InputError, match=r"obstacles\[0\].motion: given for a cloud"):
-        PlanningProblem.from_dict(asked().to_dict() | {"obstacles": [cloud]})
-
-
 def test_the_papers_method_refuses_what_moves_by_name():
     with pytest.raises(InputError, match='method: "paper" given; legal: "certified", where obstacle 1 moves'):
         plan_path(asked(Sphere([0.1, 0, 0]), MOVING["sphere"]), method="paper")

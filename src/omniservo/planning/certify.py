@@ -14,13 +14,7 @@ from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate import Certificate, ConstraintMargin
 from omniservo.planning.distorted_margins import distorted_margins
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import (
-    demands_of,
-    entries_of,
-    entry_table,
-    image_limits,
-    optics_of,
-)
+from omniservo.planning.problem_arrays import asked_of
 from omniservo.planning.separators import separators_of
 
 ENDS_MEET = 1e-9
@@ -38,11 +32,9 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
             end at the goal, or its degrees exceed the problem's: it is no path of this problem.
     """
     _check_path(problem, path)
-    asked = image_limits(problem, 0.0)
-    demands = demands_of(problem, asked)
-    entries = entries_of(problem, asked, float(demands.numbers[2]))
+    demands, optics, entries, asked = asked_of(problem)
     rotation, translation = np.array(path.rotation, order="C"), np.array(path.translation, order="C")
-    table = margins.path_margins(demands, optics_of(problem), entry_table(entries), rotation, translation)
+    table = margins.path_margins(demands, optics, asked, rotation, translation)
     found = [
         ConstraintMargin(
             f"{e.name} (point {int(row[2])})" if e.about_point else e.name,

@@ -11,7 +11,7 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.ball_tree import BallTree, ball_tree
-from omniservo.planning.checks import LARGEST, bounded_array, own_clearance
+from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 
 MOST_CLOUD_POINTS = 100_000
 """Points of a cloud, and of all clouds of a problem together."""
@@ -33,16 +33,13 @@ class Cloud:
     clearance: float | None = None
     """what the camera centre keeps from every ball's surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
-    """must be None: clouds that move are not planned yet"""
+    """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _checked_points(self.points))
         object.__setattr__(self, "radius", finite_number("radius", self.radius, minimum=0.0, maximum=LARGEST))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
-        if self.motion is not None:
-            raise InputError(
-                "motion: given for a cloud; legal: spheres, boxes, capsules, half-spaces that move"
-            )
+        object.__setattr__(self, "motion", own_motion(self.motion))
 
     @cached_property
     def tree(self) -> BallTree:

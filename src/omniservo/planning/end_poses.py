@@ -7,14 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import (
-    Entry,
-    demands_of,
-    entries_of,
-    entry_table,
-    image_limits,
-    optics_of,
-)
+from omniservo.planning.problem_arrays import Entry, asked_of
 
 _NOISE = {"m": 1e-9, "px": 1e-7, "rad": 1e-9, "1": 1e-9}
 """What rounding can make of a constraint that is just met."""
@@ -51,10 +44,7 @@ def violation_at_end(problem: PlanningProblem) -> str:
 
 def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:
     """Return all entries, and margin and point of each at both end poses (2, e, 2)."""
-    limits = image_limits(problem, 0.0)
-    demands, optics = demands_of(problem, limits), optics_of(problem)
-    entries = entries_of(problem, limits, float(demands.numbers[2]))
-    table = entry_table(entries)
+    demands, optics, entries, table = asked_of(problem)
     poses = (
         (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
         (problem.goal_quaternion, problem.goal_translation),

@@ -10,10 +10,9 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED, bernstein_from_power, magnitude
-from omniservo.planning.ball_tree import nearest_point
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
-from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, prove_off_cloud
-from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
+from omniservo.planning.constraints.cloud import cloud_margin, prove_cloud_clear
+from omniservo.planning.constraints.cloud_sight import cloud_sight_margin, prove_cloud_sights
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.demands import Demands
@@ -91,12 +90,15 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
         x, y, z = centre_from_body(pose, demands.motions, body[17])
         return float(solid_gap(body, hull_of(body, demands.hulls), x, y, z, x, y, z)[3] - body[16])
     if kind == CLOUD:
-        t = pose[9], pose[10], pose[11]
-        points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
-        return float(nearest_point(points, nodes, t, t, math.inf)[1] - demands.clouds[index, 5])
-    o = demands.obstacles[index]
-    x, y, z = pose[9] - o[0], pose[10] - o[1], pose[11] - o[2]
-    return math.sqrt(x * x + y * y + z * z) - float(o[4])
+        return cloud_margin(demands, index, pose)
+    return sphere_margin(demands.obstacles, index, pose)
+
+
+@kernel
+def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
+    """Return what the clearance of a sphere leaves at a pose (13,)."""
+    x, y, z = pose[9] - obstacles[index, 0], pose[10] - obstacles[index, 1], pose[11] - obstacles[index, 2]
+    return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
 
 
 @kernel
@@ -142,14 +144,7 @@ def smallest_at(
                 least, about = value, j
         return least - float(body[15]), about
     if kind == CLOUD_SIGHT:
-        cloud, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
-        t = pose[9], pose[10], pose[11]
-        for j in range(points.shape[0]):
-            h = points[j, 0], points[j, 1], points[j, 2]
-            k, value = nearest_point(cloud, nodes, t, h, least)
-            if k >= 0:
-                least, about = value, j
-        return least - float(demands.clouds[index, 4]), about
+        return cloud_sight_margin(demands, index, pose, points)
     if kind == MASK:
         return mask_margin(mask_polygon(demands, index), optics[0], c)
     limit = demands.limits[index]
@@ -215,7 +210,10 @@ def look(
         place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
         pose[13] = w
         for e in range(count):
-            margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+            if entries[e, 0] == CLEARANCE:  # there may be thousands
+                margin, about = sphere_margin(demands.obstacles, int(entries[e, 1]), pose), 0
+            else:
+                margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
             if not margin >= table[e, 0]:
                 table[e, 0], table[e, 1], table[e, 2] = margin, w, about
 
@@ -294,8 +292,8 @@ def prove_space(
 ) -> tuple[int, float, int]:
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
     kind, index = int(entry[0]), int(entry[1])
-    if kind in (CLOUD, CLOUD_SIGHT):
-        return prove_cloud(kind, index, margin, demands, centre, square, raised, size)
+    if kind == CLOUD_SIGHT:
+        return prove_cloud_sights(demands, index, margin, translation, centre, size)
     if kind in (FREE_SIDE, BODY, BODY_SIGHT):
         return prove_solid(kind, index, margin, demands, centre, translation, size)
     if kind == LEAST:
@@ -304,7 +302,9 @@ def prove_space(
         o = demands.obstacles[index]
         return prove_clear_sights(centre, size, demands.points, o, o[3] + margin)
     status, w = PROVEN, 0.0
-    if kind == CLEARANCE:
+    if kind == CLOUD:
+        status, w = prove_cloud_clear(demands, index, margin, translation, square, raised, size)
+    elif kind == CLEARANCE:
         o = demands.obstacles[index]
         if o[4] + margin > 0.0:
             status, w = prove_outside_ball(square, raised, size, o, o[4] + margin)
@@ -345,29 +345,6 @@ def prove_solid(
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0
-
-
-@kernel
-def prove_cloud(
-    kind: int,
-    index: int,
-    margin: float,
-    demands: Demands,
-    centre: FloatArray,
-    square: FloatArray,
-    raised: FloatArray,
-    size: float,
-) -> tuple[int, float, int]:
-    """Decide a CLOUD or CLOUD_SIGHT entry with ``margin`` to spare: status, w, point."""
-    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
-    if kind == CLOUD_SIGHT:
-        radius = demands.clouds[index, 4] + margin
-        return prove_sights_past_cloud(centre, size, demands.points, points, nodes, radius)
-    reach = demands.clouds[index, 5] + margin
-    if reach <= 0.0:
-        return PROVEN, 0.0, 0
-    status, w = prove_off_cloud(square, raised, size, points, nodes, reach)
-    return status, w, 0
 
 
 @kernel

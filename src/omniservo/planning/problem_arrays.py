@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,42 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     """Return what a path must keep; ``limits`` are the image limits to use."""
     rows = np.column_stack([limits.normals, limits.kappas])
     rows = rows / np.linalg.norm(limits.normals, axis=1, keepdims=True)
+    in_space = _demands_in_space(problem)
+    return in_space._replace(
+        limits=np.ascontiguousarray(rows),
+        disc=_disc(problem.camera, limits),
+        mask_edges=_mask_edges(problem.camera, limits),
+        mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),
+    )
+
+
+class Asked(NamedTuple):
+    """A problem as asked, without anything tightened."""
+
+    demands: Demands
+    optics: FloatArray
+    """`optics_of`"""
+    entries: list[Entry]
+    table: FloatArray
+    """`entry_table`"""
+
+
+@lru_cache(maxsize=2)
+def asked_of(problem: PlanningProblem) -> Asked:
+    """Return what the end poses and every path of a problem are judged by; kept, not to be changed.
+
+    Raises:
+        InputError: the visibility margin leaves nothing of the image.
+    """
+    limits = image_limits(problem, 0.0)
+    demands = demands_of(problem, limits)
+    entries = entries_of(problem, limits, float(demands.numbers[2]))
+    return Asked(demands, optics_of(problem), entries, entry_table(entries))
+
+
+@lru_cache(maxsize=2)
+def _demands_in_space(problem: PlanningProblem) -> Demands:
+    """Return a problem's demands without the image limits: kept for all that ask for them."""
     distances = np.sqrt(np.einsum("ij,ij->i", problem.points, problem.points))
     clouds, trees = _clouds(problem)
     box = np.array([[-math.inf] * 3, [math.inf] * 3])
@@ -62,10 +99,10 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
         box = np.array([problem.workspace.min, problem.workspace.max])
     return Demands(
         points=np.array(problem.points, order="C"),
-        limits=np.ascontiguousarray(rows),
-        disc=_disc(problem.camera, limits),
-        mask_edges=_mask_edges(problem.camera, limits),
-        mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),
+        limits=np.zeros((0, 4)),
+        disc=np.zeros(0),
+        mask_edges=np.zeros((0, 5)),
+        mask_firsts=np.zeros(1, dtype=np.int64),
         obstacles=_spheres(problem),
         bodies=bodies_of(problem),
         hulls=hulls_of(problem),
@@ -118,7 +155,7 @@ def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
 
 def _spheres(problem: PlanningProblem) -> FloatArray:
     rows = [
-        (*o.center, o.radius, o.radius + clearance_of(problem, o))
+        (*o.center.tolist(), o.radius, o.radius + clearance_of(problem, o))
         for o in problem.obstacles
         if isinstance(o, Sphere) and o.motion is None
     ]
@@ -137,22 +174,16 @@ def _planes(problem: PlanningProblem) -> FloatArray:
 
 
 def _clouds(problem: PlanningProblem) -> tuple[FloatArray, BallTree]:
-    clouds = [o for o in problem.obstacles if isinstance(o, Cloud)]
-    points, nodes = [c.tree.points for c in clouds], [c.tree.nodes for c in clouds]
+    found = zip(problem.obstacles, motion_indices(problem), strict=True)
+    clouds = [(o, motion) for o, motion in found if isinstance(o, Cloud)]
+    points, nodes = [o.tree.points for o, _ in clouds], [o.tree.nodes for o, _ in clouds]
     ends = np.cumsum([(0, 0)] + [(len(k), len(p)) for k, p in zip(nodes, points, strict=True)], axis=0)
     rows = [
-        (
-            ends[i, 0],
-            ends[i + 1, 0],
-            ends[i, 1],
-            ends[i + 1, 1],
-            o.radius,
-            o.radius + clearance_of(problem, o),
-        )
-        for i, o in enumerate(clouds)
+        (begin[0], end[0], begin[1], end[1], o.radius, o.radius + clearance_of(problem, o), motion)
+        for begin, end, (o, motion) in zip(ends[:-1], ends[1:], clouds, strict=True)
     ]
     joined = BallTree(np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 7)), *nodes]))
-    return np.array(rows, dtype=np.float64).reshape(-1, 6), joined
+    return np.array(rows, dtype=np.float64).reshape(-1, 7), joined
 
 
 def optics_of(problem: PlanningProblem) -> FloatArray:

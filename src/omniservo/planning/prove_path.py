@@ -59,11 +59,11 @@ def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) 
         if status != PROVEN:
             return status, w
     if demands.clouds.shape[0] > 0:
-        status, w = prove_clouds_clear(demands, square, raised, size)
+        status, w = prove_clouds_clear(demands, translation, square, raised, size)
         if status != PROVEN:
             return status, w
         if demands.numbers[1] > 0.0:
-            status, w = prove_unclouded(demands, centre, size)
+            status, w = prove_unclouded(demands, translation, centre, size)
             if status != PROVEN:
                 return status, w
     return prove_rotation(rotation, ROTATION_FLOOR)

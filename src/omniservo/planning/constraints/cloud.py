@@ -4,6 +4,8 @@ The points of a node of the cloud's tree lie in a ball (c, ρ): a piece of the p
 c stays R away from all of them. So a node is decided like one sphere, and entered only where that fails.
 """
 
+import math
+
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
@@ -18,9 +20,12 @@ from omniservo.geometry.polynomial import (
     UNIT,
     copy_into,
     halve,
+    magnitude,
 )
 from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
+from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
@@ -82,7 +87,8 @@ def prove_off_cloud(
 ) -> tuple[int, float]:
     """Decide ‖t(w) − p‖ ≥ reach on [0, 1] for all points, with `squares` of t and its magnitude ``size``.
 
-    Counts and magnitude are those of one sphere, + 2 for reach + ρ, and 2τ for every halving.
+    Counts and magnitude are those of one sphere, + 2 for reach + ρ, + 2 for a motion, and
+    2τ for every halving.
     """
     m = square.shape[1]
     stack, start = np.empty((MAX_LEVEL + 2, 4, m)), np.zeros(MAX_LEVEL + 2)
@@ -94,7 +100,7 @@ def prove_off_cloud(
     top, pieces = 0, 0
     while top >= 0:
         piece = stack[top]
-        bound = (3.0 * (m - 1) + 22.0 + (m - 1.0) * level[top]) * error + TINY
+        bound = (3.0 * (m - 1) + 24.0 + (m - 1.0) * level[top]) * error + TINY
         near = first_near(piece, points, nodes, reach, bound)
         if near < 0:
             top -= 1
@@ -116,16 +122,48 @@ def prove_off_cloud(
 
 
 @kernel
-def prove_clouds_clear(
-    demands: Demands, square: FloatArray, raised: FloatArray, size: float
+def cloud_margin(demands: Demands, index: int, pose: FloatArray) -> float:
+    """Return what the clearance of cloud ``index`` leaves at a pose (14,)."""
+    mx, my, mz = displacement(demands.motions, demands.clouds[index, 6], pose[13])
+    t = pose[9] - mx, pose[10] - my, pose[11] - mz
+    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    return float(nearest_point(points, nodes, t, t, math.inf)[1] - demands.clouds[index, 5])
+
+
+@kernel
+def prove_cloud_clear(
+    demands: Demands,
+    index: int,
+    margin: float,
+    translation: FloatArray,
+    square: FloatArray,
+    raised: FloatArray,
+    size: float,
 ) -> tuple[int, float]:
-    """Decide the clearance of every cloud; one whose reach is 0 asks for nothing."""
+    """Decide the clearance of cloud ``index`` with ``margin`` to spare; a reach of 0 asks for nothing.
+
+    Where the cloud moves, of t − m: its powers round once more, and their squares twice.
+    """
+    reach, motion = demands.clouds[index, 5] + margin, int(demands.clouds[index, 6])
+    if reach <= 0.0:
+        return PROVEN, 0.0
+    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    if motion >= 0:
+        powers = less_motion(translation, demands.motions[motion])
+        square, raised = squares(powers)
+        size = magnitude(powers)
+    return prove_off_cloud(square, raised, size, points, nodes, reach)
+
+
+@kernel
+def prove_clouds_clear(
+    demands: Demands, translation: FloatArray, square: FloatArray, raised: FloatArray, size: float
+) -> tuple[int, float]:
+    """Decide the clearance of every cloud."""
     for i in range(demands.clouds.shape[0]):
-        if demands.clouds[i, 5] > 0.0:
-            points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
-            status, w = prove_off_cloud(square, raised, size, points, nodes, demands.clouds[i, 5])
-            if status != PROVEN:
-                return status, w
+        status, w = prove_cloud_clear(demands, i, 0.0, translation, square, raised, size)
+        if status != PROVEN:
+            return status, w
     return PROVEN, 0.0
 
 
@@ -147,7 +185,8 @@ def push_off_clouds(
         points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
         unit = max(reach, 0.05 * demands.numbers[2])
         for s in range(poses.shape[0]):
-            t = poses[s, 9], poses[s, 10], poses[s, 11]
+            mx, my, mz = displacement(demands.motions, demands.clouds[i, 6], poses[s, 13])
+            t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
             limit = reach + unit * max(targets[group], least[group])
             k, distance = nearest_point(points, nodes, t, t, limit)
             if k < 0:

@@ -4,6 +4,8 @@ As for a sphere (`occlusion`), one plane a piece of the path; a node of the clou
 sphere of radius r + ρ about its centre.
 """
 
+import math
+
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
@@ -16,12 +18,15 @@ from omniservo.geometry.polynomial import (
     TINY,
     UNDECIDED,
     UNIT,
+    bernstein_from_power,
     copy_into,
     halve,
+    magnitude,
 )
 from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
@@ -125,13 +130,103 @@ def _prove_sights(
 
 
 @kernel
-def prove_unclouded(demands: Demands, centre: FloatArray, size: float) -> tuple[int, float]:
+def _prove_moving_sight(
+    translation: FloatArray,
+    motion: FloatArray,
+    h: FloatArray,
+    points: FloatArray,
+    nodes: FloatArray,
+    radius: float,
+) -> tuple[int, float]:
+    """Decide the line of sight to h (3,) past a cloud that moves: it runs from t − m to h − m.
+
+    One plane a piece and ball has the control points of both beyond it; rows 3 to 5 are those of h − m.
+    """
+    away = less_motion(translation, motion)
+    n = away.shape[1] - 1
+    both = np.zeros((6, n + 1))
+    still = np.zeros((3, 1))
+    for c in range(3):
+        still[c, 0] = h[c]
+    seen = less_motion(still, motion)
+    for c in range(3):
+        for k in range(n + 1):
+            both[c, k] = away[c, k]
+        for k in range(seen.shape[1]):
+            both[3 + c, n - k] = seen[c, seen.shape[1] - 1 - k]
+    size = magnitude(both)
+    error = UNIT * (4.0 * (size + 2.0 * max(size, farthest(nodes))) + abs(radius) + nodes[0, RADIUS])
+    stack, marks = np.empty((MAX_LEVEL + 2, 6, n + 1)), np.zeros((MAX_LEVEL + 2, 2))
+    targets = np.empty((n + 1, 3))
+    copy_into(bernstein_from_power(both), stack[0])
+    top, pieces = 0, 0
+    while top >= 0:
+        piece, level = stack[top], marks[top, 1]
+        for k in range(n + 1):
+            for c in range(3):
+                targets[k, c] = piece[3 + c, k]
+        bound = (n + 24.0 + level * n) * error + TINY
+        hiding = first_hiding(piece[:3], targets, points, nodes, radius, bound)
+        if hiding < 0:
+            top -= 1
+            continue
+        width, o = 0.5**level, points[hiding]
+        for k in (0, n):
+            if sight_offset(piece[0, k], piece[1, k], piece[2, k], targets[k], o)[3] < radius - bound:
+                return REFUTED, marks[top, 0] + (width if k > 0 else 0.0)
+        pieces += 1
+        if level >= MAX_LEVEL or pieces > MAX_PIECES:
+            return UNDECIDED, marks[top, 0]
+        halve(piece, stack[top + 1], piece)
+        marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
+        marks[top, 0] += 0.5 * width
+        marks[top, 1] = level + 1.0
+        top += 1
+    return PROVEN, 0.0
+
+
+@kernel
+def cloud_sight_margin(
+    demands: Demands, index: int, pose: FloatArray, targets: FloatArray
+) -> tuple[float, int]:
+    """Return what cloud ``index`` leaves to the lines of sight at a pose (14,), and to which target least."""
+    mx, my, mz = displacement(demands.motions, demands.clouds[index, 6], pose[13])
+    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    t = pose[9] - mx, pose[10] - my, pose[11] - mz
+    least, about = math.inf, 0
+    for j in range(targets.shape[0]):
+        h = targets[j, 0] - mx, targets[j, 1] - my, targets[j, 2] - mz
+        k, distance = nearest_point(points, nodes, t, h, least)
+        if k >= 0:
+            least, about = distance, j
+    return least - float(demands.clouds[index, 4]), about
+
+
+@kernel
+def prove_cloud_sights(
+    demands: Demands, index: int, margin: float, translation: FloatArray, centre: FloatArray, size: float
+) -> tuple[int, float, int]:
+    """Decide the lines of sight past cloud ``index`` with ``margin`` to spare: status, w, target point."""
+    radius, motion = demands.clouds[index, 4] + margin, int(demands.clouds[index, 6])
+    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    if motion < 0:
+        return prove_sights_past_cloud(centre, size, demands.points, points, nodes, radius)
+    for j in range(demands.points.shape[0]):
+        h = demands.points[j]
+        status, w = _prove_moving_sight(translation, demands.motions[motion], h, points, nodes, radius)
+        if status != PROVEN:
+            return status, w, j
+    return PROVEN, 0.0, 0
+
+
+@kernel
+def prove_unclouded(
+    demands: Demands, translation: FloatArray, centre: FloatArray, size: float
+) -> tuple[int, float]:
     """Decide every line of sight past every cloud; a cloud of radius 0 hides nothing."""
     for i in range(demands.clouds.shape[0]):
-        radius = demands.clouds[i, 4]
-        if radius > 0.0:
-            points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
-            status, w, _ = prove_sights_past_cloud(centre, size, demands.points, points, nodes, radius)
+        if demands.clouds[i, 4] > 0.0:
+            status, w, _ = prove_cloud_sights(demands, i, 0.0, translation, centre, size)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -148,6 +243,7 @@ def push_sights_off_clouds(
     costs: FloatArray,
 ) -> None:
     """Push every line of sight off the point nearest to it: g = (distance − r)/max(r, ℓ/20) (see `push`)."""
+    h = np.empty(3)
     for i in range(demands.clouds.shape[0]):
         group, radius = first + i, demands.clouds[i, 4]
         if radius <= 0.0 or targets[group] == ASLEEP:
@@ -155,9 +251,14 @@ def push_sights_off_clouds(
         points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
         unit = max(radius, 0.05 * demands.numbers[2])
         for s in range(poses.shape[0]):
-            t = poses[s, 9], poses[s, 10], poses[s, 11]
+            mx, my, mz = displacement(demands.motions, demands.clouds[i, 6], poses[s, 13])
+            t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
             for j in range(demands.points.shape[0]):
-                h = demands.points[j]
+                h[0], h[1], h[2] = (
+                    demands.points[j, 0] - mx,
+                    demands.points[j, 1] - my,
+                    demands.points[j, 2] - mz,
+                )
                 limit = radius + unit * max(targets[group], least[group])
                 k, distance = nearest_point(points, nodes, t, (h[0], h[1], h[2]), limit)
                 if k < 0:

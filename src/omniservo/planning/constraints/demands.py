@@ -31,8 +31,8 @@ class Demands(NamedTuple):
     motions: FloatArray
     """(M, 3, K+1) [m], see `motion`"""
     clouds: FloatArray
-    """point clouds (q, 6): first and end of its rows in ``cloud_nodes``, then in ``cloud_points``, radius,
-    radius + clearance [m]"""
+    """point clouds (q, 7): first and end of its rows in ``cloud_nodes``, then in ``cloud_points``, radius,
+    radius + clearance [m], motion"""
     cloud_points: FloatArray
     """of all clouds (P, 3) [m], in the order of their trees"""
     cloud_nodes: FloatArray

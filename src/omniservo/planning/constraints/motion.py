@@ -44,6 +44,13 @@ def seen_from_body(
     if index < 0.0:
         return centre, size
     motion = motions[int(index)]
+    powers = less_motion(translation, motion)
+    return bernstein_from_power(powers), magnitude(powers) + magnitude(motion)
+
+
+@kernel
+def less_motion(translation: FloatArray, motion: FloatArray) -> FloatArray:
+    """Return the powers of t − m (3, max(τ, k)+1), highest first; each rounds once."""
     k, tau, last = motion_degree(motion), translation.shape[1] - 1, motion.shape[1] - 1
     n = max(tau, k)
     powers = np.zeros((3, n + 1))
@@ -52,7 +59,7 @@ def seen_from_body(
             powers[c, n - i] += translation[c, tau - i]
         for i in range(k + 1):
             powers[c, n - i] -= motion[c, last - i]
-    return bernstein_from_power(powers), magnitude(powers) + magnitude(motion)
+    return powers
 
 
 @kernel
