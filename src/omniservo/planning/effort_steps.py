@@ -161,6 +161,34 @@ def bend(family: Family, x: FloatArray, gradient: FloatArray, normal: FloatArray
 
 
 @kernel
+def price_of(multipliers: FloatArray, gradient: FloatArray) -> float:
+    """Return what one unit of shortfall costs in the merit function: more than any multiplier."""
+    price = math.sqrt(dot(gradient, gradient))
+    for r in range(multipliers.shape[0]):
+        price = max(price, 1.5 * multipliers[r])
+    return price
+
+
+@kernel
+def linearise_rows(
+    demands: Demands,
+    family: Family,
+    room: Room,
+    levels: FloatArray,
+    kept: FloatArray,
+    quiet: FloatArray,
+    rows: Rows,
+    count: int,
+    right: FloatArray,
+) -> None:
+    """Write ∂g/∂x of the ``count`` first rows, and what each has to gain, kept − g, into ``right``."""
+    for r in range(count):
+        s, group = rows.sample[r], rows.group[r]
+        right[r] = kept[group] - levels[s, group]
+        slope_at(demands, family, room, s, group, levels[s, group], quiet, rows.slope[r])
+
+
+@kernel
 def step_to_least_effort(
     demands: Demands,
     family: Family,
@@ -188,25 +216,18 @@ def step_to_least_effort(
     fill(quiet, ASLEEP)
     look_at_samples(demands, family, x, asleep, room, levels)
     energy, active = bend(family, x, gradient, normal), 0
-    for done in range(STEPS):
+    for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
         plain = dot(change, step)
         add_constraint_slopes(rows, active, 1.0, change)
-        for r in range(count):
-            s, group = rows.sample[r], rows.group[r]
-            right[r] = kept[group] - levels[s, group]
-            slope_at(demands, family, room, s, group, levels[s, group], quiet, rows.slope[r])
+        linearise_rows(demands, family, room, levels, kept, quiet, rows, count, right)
         add_constraint_slopes(rows, active, -1.0, change)
-        if done > 0:
-            square = dot(step, step)
-            if dot(change, change) * square < (STEEPEST * plain) ** 2:
-                update_hessian(hessian, step, change, FLATTEST * plain)
+        if dot(change, change) * dot(step, step) < (STEEPEST * plain) ** 2:
+            update_hessian(hessian, step, change, FLATTEST * plain)
         slopes, multipliers = rows.slope[:count], rows.multiplier[:count]
         if not quadratic_step(hessian, gradient, slopes, right[:count], step, multipliers):
             return
-        missing, price = shortfall(levels, samples, kept), math.sqrt(dot(gradient, gradient))
-        for r in range(count):
-            price = max(price, 1.5 * multipliers[r])
+        missing, price = shortfall(levels, samples, kept), price_of(multipliers, gradient)
         gain = price * missing - dot(gradient, step)
         for i in range(n):
             change[i] = -gradient[i]
