@@ -79,7 +79,7 @@ def _said(given: argparse.Namespace) -> list[str]:
 
 
 def _fewer(method: Method) -> Method:
-    most = None if method.most is None else max(2, int(QUICK * method.most))
+    most = None if method.most is None else max(3, int(QUICK * method.most))
     return replace(method, most=most)
 
 

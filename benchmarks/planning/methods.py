@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from benchmarks.planning.attempt import Attempt
 from benchmarks.planning.neutral import Neutral
 
+from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
 from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.paper_search import paper_path
@@ -45,12 +46,20 @@ class Method:
 
 
 def kernel(economised: int, problem: PlanningProblem, neutral: Neutral, budget: float) -> Attempt:
-    """Ours, arrays in, coefficients and verdict out. ``economised``: see `ProblemSearch.run`."""
-    search = ProblemSearch.of(problem)
+    """Ours, arrays in, coefficients and verdict out. ``economised``: see `ProblemSearch.kernel`."""
+    search = _search(problem)
+    starts = search.starts
     begin = perf_counter()
-    found = search.run(0, search.starts, economised)
+    status, rotation, translation, facts = search.kernel(0, starts, economised)
     seconds = perf_counter() - begin
-    return Attempt(found.proven, found.path, seconds, facts={"start": float(found.number)})
+    path = CameraPath(rotation, translation)
+    return Attempt(status == PROVEN, path, seconds, facts={"start": float(facts[0])})
+
+
+@lru_cache(maxsize=1)
+def _search(problem: PlanningProblem) -> ProblemSearch:
+    """Return the arrays of a problem, so that repeated calls follow one another at once."""
+    return ProblemSearch.of(problem)
 
 
 def public(plan_of: Callable[[PlanningProblem], Plan], problem: PlanningProblem, *_: object) -> Attempt:

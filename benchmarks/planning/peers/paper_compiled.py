@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -288,9 +289,15 @@ def sampled_value(problem: PlanningProblem, path: CameraPath) -> float:
     return worst_value(search_of(quadratic(problem)), v)
 
 
+@lru_cache(maxsize=1)
+def _arrays(problem: PlanningProblem) -> tuple[Search, FloatArray]:
+    """Return what the search reads, so that repeated calls follow one another at once."""
+    return search_of(quadratic(problem)), first_simplex(quadratic(problem))
+
+
 def solve(problem: PlanningProblem, neutral: Neutral, budget: float) -> Attempt:
     """Search at degree 2; ``budget`` is not needed."""
-    search, simplex = search_of(quadratic(problem)), first_simplex(quadratic(problem))
+    search, simplex = _arrays(problem)
     begin = perf_counter()
     v, value, calls = maximise(search, simplex)
     rotation, translation = coefficients(search, v)
