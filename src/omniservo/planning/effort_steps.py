@@ -246,7 +246,6 @@ def step_to_least_effort(
         if not merit <= -1e-4 * part * gain:
             return
         for i in range(n):
-            x[i] = trial[i]
-            step[i] *= part
+            x[i], step[i] = trial[i], part * step[i]
             change[i] += gradient[i]
         energy, active = tried, keep_active(rows, count)
