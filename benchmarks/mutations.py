@@ -285,7 +285,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     rng = np.random.default_rng(asked.seed)
-    tried, by_verifier, by_planner, judged = Counter(), Counter(), Counter(), Counter()  # type: ignore[var-annotated]
+    tried: Counter[str] = Counter()
+    by_verifier: Counter[str] = Counter()
+    by_planner: Counter[str] = Counter()
+    judged: Counter[str] = Counter()
     other: dict[str, Counter[str]] = {}
     start = perf_counter()
     for case in plans(-(-asked.count // PER_PLAN)):

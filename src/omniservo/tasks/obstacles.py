@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 from scipy.spatial.transform import Rotation
 
@@ -30,7 +31,7 @@ class SphereSection(_Obstacle):
     @property
     def obstacle(self) -> Sphere:
         """The planner's obstacle."""
-        return Sphere(self.center, self.radius, self.clearance)  # type: ignore[arg-type]
+        return Sphere(np.array(self.center), self.radius, self.clearance)
 
 
 class BoxSection(_Obstacle):
@@ -46,7 +47,7 @@ class BoxSection(_Obstacle):
     def obstacle(self) -> Box:
         """The planner's obstacle."""
         quaternion = Rotation.from_rotvec(self.rotation_vector).as_quat()
-        return Box(self.center, self.half_extents, quaternion, self.clearance)  # type: ignore[arg-type]
+        return Box(np.array(self.center), np.array(self.half_extents), quaternion, self.clearance)
 
 
 class CapsuleSection(_Obstacle):
@@ -60,7 +61,7 @@ class CapsuleSection(_Obstacle):
     @property
     def obstacle(self) -> Capsule:
         """The planner's obstacle."""
-        return Capsule(self.start, self.end, self.radius, self.clearance)  # type: ignore[arg-type]
+        return Capsule(np.array(self.start), np.array(self.end), self.radius, self.clearance)
 
 
 class HalfSpaceSection(_Obstacle):
@@ -82,7 +83,7 @@ class HalfSpaceSection(_Obstacle):
     @property
     def obstacle(self) -> HalfSpace:
         """The planner's obstacle."""
-        return HalfSpace(self.normal, self.offset, self.clearance)  # type: ignore[arg-type]
+        return HalfSpace(np.array(self.normal), self.offset, self.clearance)
 
 
 def _sphere_by_default(value: Any) -> Any:
