@@ -22,7 +22,7 @@ from benchmarks.true_margins import Truth, true_margins
 
 from omniservo.errors import InputError
 from omniservo.planning import CameraPath, PlanningProblem, plan_path
-from omniservo.planning.certify import certify
+from omniservo.planning.certificate.certify import certify
 from omniservo.verification import verify_plan
 
 SETS = ("paper", "fisheye", "perspective", "catadioptric", "occlusion", "past-90", "boxes")

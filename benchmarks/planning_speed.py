@@ -18,9 +18,9 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, PlanningProblem, Sphere, plan_path
-from omniservo.planning.ball_tree import ball_tree
+from omniservo.planning.obstacles.ball_tree import ball_tree
 from omniservo.planning.paper_search import paper_path
-from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.runs.plan_task import problem_of
 from omniservo.tasks import load_task, shipped_tasks
 

@@ -23,9 +23,9 @@ from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path, replan
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.frame_change import problem_from
-from omniservo.planning.problem_search import ProblemSearch
 from omniservo.planning.replan import rest_arguments
-from omniservo.planning.rest_of_path import settle_rest
+from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.search.rest_of_path import settle_rest
 
 SETS = ("fisheye", "perspective", "catadioptric", "occlusion")
 CALLS = 15

@@ -24,7 +24,7 @@ from benchmarks.planning.sets import problems
 from benchmarks.planning.targets import TOLERATED
 
 from omniservo.planning import CameraPath, PlanningProblem
-from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 
 SETS = ("fisheye", "perspective", "catadioptric", "occlusion")
 SEVERAL = 8

@@ -16,7 +16,7 @@ from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
 from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.paper_search import paper_path
-from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 
 Solve = Callable[[PlanningProblem, Neutral, float], Attempt]
 

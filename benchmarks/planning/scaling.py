@@ -12,7 +12,7 @@ from benchmarks.planning_speed import median_seconds
 
 import omniservo.planning as planning
 from omniservo.planning import PlanningProblem
-from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 
 COUNTS = (9, 50, 200, 1000)
 """Target points."""

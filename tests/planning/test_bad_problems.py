@@ -14,7 +14,7 @@ from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
-from omniservo.planning.obstacle_fields import _FIELDS as OBSTACLE_FIELDS
+from omniservo.planning.obstacles.obstacle_fields import _FIELDS as OBSTACLE_FIELDS
 from omniservo.planning.problem_file import _OPTIONAL, _REQUIRED
 
 FULL: dict[str, Any] = {

@@ -21,8 +21,8 @@ from omniservo.planning import (
 from omniservo.planning.end_poses import end_margins
 from omniservo.planning.improving_plans import first_proven
 from omniservo.planning.more_margin import angle_units, tightened
-from omniservo.planning.problem_search import STARTS, ProblemSearch
-from omniservo.planning.search import FEW, scheduled
+from omniservo.planning.search.problem_search import STARTS, ProblemSearch
+from omniservo.planning.search.search import FEW, scheduled
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.verification import verify_plan
 

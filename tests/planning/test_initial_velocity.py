@@ -6,9 +6,9 @@ from scipy.interpolate import BPoly
 
 from omniservo.errors import InputError
 from omniservo.planning import CameraPath, Plan, PlanningProblem, certify, plan_path
-from omniservo.planning.bending import least_bent
-from omniservo.planning.path_family import offsets, path_controls, path_energy, path_family, unknowns
-from omniservo.planning.problem_search import ends_of
+from omniservo.planning.search.bending import least_bent
+from omniservo.planning.search.path_family import offsets, path_controls, path_energy, path_family, unknowns
+from omniservo.planning.search.problem_search import ends_of
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)

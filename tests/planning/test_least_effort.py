@@ -8,12 +8,12 @@ from benchmarks.planning.samples import Samples
 from scipy.optimize import minimize
 
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.descent import room_for
-from omniservo.planning.effort_steps import update_hessian
-from omniservo.planning.path_family import path_family, set_uniform_samples, unknowns
-from omniservo.planning.problem_search import ProblemSearch
-from omniservo.planning.settle import end_values
-from omniservo.planning.worst_rows import LOOKED_AT, look_at_samples, slope_at
+from omniservo.planning.search.descent import room_for
+from omniservo.planning.search.effort_steps import update_hessian
+from omniservo.planning.search.path_family import path_family, set_uniform_samples, unknowns
+from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.search.settle import end_values
+from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples, slope_at
 
 KINDS = ["fisheye", "pinhole", "catadioptric", "occlusion"]
 SAMPLES = 5

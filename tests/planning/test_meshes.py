@@ -23,7 +23,7 @@ from solids import (
 from omniservo.errors import InputError
 from omniservo.planning import Box, Mesh, Plan, PlanningProblem, certify, plan_path
 from omniservo.planning.constraints.hull_gap import hull_gap
-from omniservo.planning.hull_shape import convex_hull
+from omniservo.planning.obstacles.hull_shape import convex_hull
 from omniservo.verification import verify_plan
 
 CUBE = np.array(list(itertools.product((0.0, 1.0), repeat=3)))

@@ -22,7 +22,7 @@ from omniservo.planning import (
 )
 from omniservo.planning.end_poses import margins_at_ends
 from omniservo.planning.frame_change import problem_from, shifted_motion
-from omniservo.planning.rest_of_path import rest_controls
+from omniservo.planning.search.rest_of_path import rest_controls
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)

@@ -44,6 +44,20 @@ def bernstein_from_power(coefficients: FloatArray) -> FloatArray:
 
 
 @kernel
+def set_basis(basis: FloatArray, index: int, w: float) -> None:
+    """Write the Bernstein polynomials at w into row ``index``."""
+    n = basis.shape[1] - 1
+    power = 1.0
+    for k in range(n + 1):
+        basis[index, k] = BINOMIALS[n, k] * power
+        power *= w
+    power = 1.0
+    for k in range(n, -1, -1):
+        basis[index, k] *= power
+        power *= 1.0 - w
+
+
+@kernel
 def power_from_bernstein(controls: FloatArray) -> FloatArray:
     """Return the power coefficients (m, n+1), highest first, of polynomials in the Bernstein basis.
 

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.box import Box
-from omniservo.planning.capsule import Capsule
 from omniservo.planning.constraints.body_gap import BODY_SIZE
 from omniservo.planning.constraints.hull_gap import Hull
-from omniservo.planning.mesh import Mesh
-from omniservo.planning.planning_problem import Obstacle, PlanningProblem
-from omniservo.planning.sphere import Sphere
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.capsule import Capsule
+from omniservo.planning.obstacles.mesh import Mesh
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.planning.planning_problem import PlanningProblem
 
 
 def clearance_of(problem: PlanningProblem, obstacle: Obstacle) -> float:

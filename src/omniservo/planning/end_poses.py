@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.margins import pose_margins
+from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import Entry, asked_of
 

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.box import Box
-from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import (
     HIGHEST_DEGREE,
     Degrees,
-    Obstacle,
     PlanningProblem,
     Workspace,
 )

@@ -12,7 +12,7 @@ from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.more_margin import TINY, paths_of_more_margin, smallest_margin
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_search import Found, ProblemSearch
+from omniservo.planning.search.problem_search import Found, ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 
 NOTABLY = 0.999

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certify import certify
+from omniservo.planning.certificate.certify import certify
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
 

@@ -21,11 +21,12 @@ from omniservo.errors import InputError
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.checks import LARGEST
 from omniservo.planning.end_poses import end_margins
-from omniservo.planning.half_space import HalfSpace
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.plan import Plan
-from omniservo.planning.planning_problem import Obstacle, PlanningProblem, Workspace
-from omniservo.planning.problem_search import ProblemSearch
-from omniservo.planning.search import FEW
+from omniservo.planning.planning_problem import PlanningProblem, Workspace
+from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.search.search import FEW
 from omniservo.planning.time_budget import TimeBudget
 
 CAP = 0.9

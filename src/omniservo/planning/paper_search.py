@@ -12,9 +12,9 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import demands_of, image_limits
-from omniservo.planning.sphere import Sphere
 
 SAMPLES = 100
 """Samples of w, evenly on [0, 1]."""

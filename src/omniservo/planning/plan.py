@@ -12,7 +12,7 @@ from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import finite_number
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate import Certificate
+from omniservo.planning.certificate.certificate import Certificate
 from omniservo.planning.planning_problem import PlanningProblem
 
 FORMAT = "omniservo.plan/1"

@@ -19,7 +19,7 @@ from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.paper_search import paper_path
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 
 Method = Literal["certified", "paper"]

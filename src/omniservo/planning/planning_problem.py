@@ -14,15 +14,10 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.box import Box
-from omniservo.planning.capsule import Capsule
 from omniservo.planning.checks import LARGEST, bounded_array
-from omniservo.planning.cloud import MOST_CLOUD_POINTS, Cloud
-from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.mesh import Mesh
-from omniservo.planning.sphere import Sphere
-
-Obstacle = Sphere | Box | Capsule | HalfSpace | Mesh | Cloud
+from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
 
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""

@@ -13,14 +13,15 @@ from omniservo.cameras.distorted_region import smallest_scale
 from omniservo.cameras.model_domain import model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import margins
-from omniservo.planning.ball_tree import BallTree
 from omniservo.planning.body_arrays import bodies_of, clearance_of, hulls_of, motion_indices, motions_of
-from omniservo.planning.cloud import Cloud
+from omniservo.planning.certificate import margin_kinds
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.planning_problem import Obstacle, PlanningProblem, Workspace
-from omniservo.planning.sphere import Sphere
+from omniservo.planning.obstacles.ball_tree import BallTree
+from omniservo.planning.obstacles.cloud import Cloud
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.planning.planning_problem import PlanningProblem, Workspace
 
 TIGHTER_PX = 3e-7
 """Plans are searched with limits so much further inward: more than proving the margin 0 needs."""
@@ -31,9 +32,9 @@ COARSE = 1e-4
 
 
 _SIGHTS = {
-    margins.CLEARANCE: margins.SIGHT,
-    margins.BODY: margins.BODY_SIGHT,
-    margins.CLOUD: margins.CLOUD_SIGHT,
+    margin_kinds.CLEARANCE: margin_kinds.SIGHT,
+    margin_kinds.BODY: margin_kinds.BODY_SIGHT,
+    margin_kinds.CLOUD: margin_kinds.CLOUD_SIGHT,
 }
 """kind of an obstacle's lines of sight, by that of its clearance"""
 
@@ -139,9 +140,9 @@ def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
 def _clearance_kind(obstacle: Obstacle) -> int:
     """Return the kind of an obstacle's clearance: a sphere that moves is a body."""
     if isinstance(obstacle, HalfSpace | Cloud):
-        return margins.FREE_SIDE if isinstance(obstacle, HalfSpace) else margins.CLOUD
+        return margin_kinds.FREE_SIDE if isinstance(obstacle, HalfSpace) else margin_kinds.CLOUD
     still = isinstance(obstacle, Sphere) and obstacle.motion is None
-    return margins.CLEARANCE if still else margins.BODY
+    return margin_kinds.CLEARANCE if still else margin_kinds.BODY
 
 
 def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
@@ -203,38 +204,38 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     metre, entries = 1e-9 * ell, []
     for i, (o, about) in enumerate(_among_its_kind(problem)):
         kind = _clearance_kind(o)
-        step = COARSE if kind == margins.BODY else metre
-        name, planes = f"clearance obstacle {i}", kind == margins.BODY and not isinstance(o, Sphere)
+        step = COARSE if kind == margin_kinds.BODY else metre
+        name, planes = f"clearance obstacle {i}", kind == margin_kinds.BODY and not isinstance(o, Sphere)
         entries.append(Entry(name, "m", False, kind, about, 1.0, step, planes))
     if not problem.camera.is_distorted:
         entries += _image_entries(problem.camera, limits)
-    entries.append(Entry("domain", "rad", True, margins.DOMAIN, 0, 1.0, 1e-9))
-    entries.append(Entry("least_distance", "m", True, margins.LEAST, 0, 1.0, metre))
+    entries.append(Entry("domain", "rad", True, margin_kinds.DOMAIN, 0, 1.0, 1e-9))
+    entries.append(Entry("least_distance", "m", True, margin_kinds.LEAST, 0, 1.0, metre))
     if problem.occlusion:
         for i, (o, about) in enumerate(_among_its_kind(problem)):
             name = f"occlusion obstacle {i}"
             if isinstance(o, HalfSpace) or (isinstance(o, Sphere | Cloud) and o.radius == 0.0):
                 continue
             kind = _SIGHTS[_clearance_kind(o)]
-            step = COARSE if kind == margins.BODY_SIGHT else metre
-            planes = kind == margins.BODY_SIGHT and not isinstance(o, Sphere)
+            step = COARSE if kind == margin_kinds.BODY_SIGHT else metre
+            planes = kind == margin_kinds.BODY_SIGHT and not isinstance(o, Sphere)
             entries.append(Entry(name, "m", True, kind, about, 1.0, step, planes))
     if problem.workspace is not None:
         entries += _workspace_entries(problem, problem.workspace, metre)
-    entries.append(Entry("rotation", "1", False, margins.ROTATION, 0, 1.0, 1e-9))
+    entries.append(Entry("rotation", "1", False, margin_kinds.ROTATION, 0, 1.0, 1e-9))
     return entries
 
 
 def _workspace_entries(problem: PlanningProblem, workspace: Workspace, metre: float) -> list[Entry]:
     """Return the walls of the box, then the half-spaces, whose rows follow those of the obstacles."""
     entries = [
-        Entry(f"workspace {'xyz'[axis]} {side}", "m", False, margins.WALL, 3 * wall + axis, 1.0, metre)
+        Entry(f"workspace {'xyz'[axis]} {side}", "m", False, margin_kinds.WALL, 3 * wall + axis, 1.0, metre)
         for wall, side in enumerate(("min", "max") if workspace.min is not None else ())
         for axis in range(3)
     ]
     first = sum(isinstance(o, HalfSpace) for o in problem.obstacles)
     return entries + [
-        Entry(f"workspace half-space {i}", "m", False, margins.FREE_SIDE, first + i, 1.0, metre)
+        Entry(f"workspace half-space {i}", "m", False, margin_kinds.FREE_SIDE, first + i, 1.0, metre)
         for i in range(len(workspace.half_spaces))
     ]
 
@@ -257,13 +258,13 @@ def _image_entries(camera: UnifiedCamera, limits: ImageLimits) -> list[Entry]:
         if name.endswith("edge"):
             column, focal = (0, camera.fx) if name in ("left edge", "right edge") else (1, camera.fy)
             scale = abs(focal) / (abs(limits.normals[i, column]) / lengths[i])
-            entries.append(Entry(f"visibility {name}", "px", True, margins.EDGE, i, float(scale), 1e-6))
+            entries.append(Entry(f"visibility {name}", "px", True, margin_kinds.EDGE, i, float(scale), 1e-6))
         elif name == "max_angle":
-            entries.append(Entry("visibility max_angle", "px", True, margins.CIRCLE, i, 1.0, 1e-6))
+            entries.append(Entry("visibility max_angle", "px", True, margin_kinds.CIRCLE, i, 1.0, 1e-6))
     if limits.dead_zone is not None:
-        entries.append(Entry("dead_zone", "px", True, margins.DISC, 0, 1.0, 1e-6))
+        entries.append(Entry("dead_zone", "px", True, margin_kinds.DISC, 0, 1.0, 1e-6))
     for i in range(len(limits.mask)):
-        entries.append(Entry(f"visibility mask {i}", "px", True, margins.MASK, i, 1.0, 1e-6))
+        entries.append(Entry(f"visibility mask {i}", "px", True, margin_kinds.MASK, i, 1.0, 1e-6))
     return entries
 
 

@@ -14,13 +14,13 @@ from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, write_whole
 from omniservo.geometry.arrays import finite_array
 from omniservo.planning.checks import unit_vector
-from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.obstacle_fields import obstacle_fields, obstacles_from_fields, only_fields
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.obstacle_fields import obstacle_fields, obstacles_from_fields, only_fields
 from omniservo.planning.planning_problem import (
     MOST_HALF_SPACES,
     MOST_POINTS,
     Degrees,
-    Obstacle,
     PlanningProblem,
     Workspace,
 )

@@ -16,11 +16,11 @@ from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.frame_change import problem_from
 from omniservo.planning.improving_plans import first_proven, looked
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
-from omniservo.planning.path_family import Ends
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_search import ProblemSearch
-from omniservo.planning.rest_of_path import settle_rest
+from omniservo.planning.search.path_family import Ends
+from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.search.rest_of_path import settle_rest
 from omniservo.planning.time_budget import TimeBudget
 
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -22,11 +22,11 @@ from omniservo.geometry.polynomial import (
     halve,
     magnitude,
 )
-from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
 
 @kernel
@@ -155,7 +155,7 @@ def prove_cloud_clear(
     return prove_off_cloud(square, raised, size, points, nodes, reach)
 
 
-@kernel
+@inlined
 def prove_clouds_clear(
     demands: Demands, translation: FloatArray, square: FloatArray, raised: FloatArray, size: float
 ) -> tuple[int, float]:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -23,12 +23,12 @@ from omniservo.geometry.polynomial import (
     halve,
     magnitude,
 )
-from omniservo.planning.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
 _TOGETHER = 4
 """So often a piece is halved in the attempt to keep all lines of sight beyond one plane a ball."""
@@ -202,7 +202,7 @@ def cloud_sight_margin(
     return least - float(demands.clouds[index, 4]), about
 
 
-@kernel
+@inlined
 def prove_cloud_sights(
     demands: Demands, index: int, margin: float, translation: FloatArray, centre: FloatArray, size: float
 ) -> tuple[int, float, int]:
@@ -219,7 +219,7 @@ def prove_cloud_sights(
     return PROVEN, 0.0, 0
 
 
-@kernel
+@inlined
 def prove_unclouded(
     demands: Demands, translation: FloatArray, centre: FloatArray, size: float
 ) -> tuple[int, float]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.motion import displacement, seen_from_body
 from omniservo.planning.constraints.push import ASLEEP, push_centre
@@ -28,7 +28,7 @@ def prove_free_side(controls: FloatArray, size: float, plane: FloatArray, margin
     return prove_nonnegative(gap, n + 24.0, 3.0 * size + abs(plane[3]) + abs(margin))
 
 
-@kernel
+@inlined
 def prove_free_sides(
     controls: FloatArray, translation: FloatArray, size: float, planes: FloatArray, motions: FloatArray
 ) -> tuple[int, float]:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -169,7 +169,7 @@ def plane_past_ball(
     return False, 0.0, 0.0, 0.0
 
 
-@kernel
+@inlined
 def prove_unoccluded(
     centre: FloatArray, size: float, points: FloatArray, obstacles: FloatArray
 ) -> tuple[int, float]:

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import MAX_LEVEL, PROVEN, REFUTED, TINY, UNDECIDED, UNIT, copy_into, halve
 from omniservo.planning.constraints.body_gap import is_solid
 from omniservo.planning.constraints.hull_gap import Hull
@@ -155,7 +155,7 @@ def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray, hu
     return float(solid_gap(body, hull, x, y, z, x, y, z)[3])
 
 
-@kernel
+@inlined
 def prove_bodies_clear(
     centre: FloatArray,
     translation: FloatArray,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
@@ -22,7 +22,7 @@ def prove_wall(controls: FloatArray, size: float, side: int, axis: int, bound: f
     return prove_nonnegative(gap, n + 6.0, size + abs(bound))
 
 
-@kernel
+@inlined
 def prove_workspace(controls: FloatArray, size: float, box: FloatArray) -> tuple[int, float]:
     """Decide all six walls of ``box`` (2, 3)."""
     for side in range(2):

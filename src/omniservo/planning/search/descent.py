@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.planning.constraints.cloud import push_off_clouds
 from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
@@ -19,11 +20,12 @@ from omniservo.planning.constraints.free_side import push_to_free_side
 from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
+from omniservo.planning.constraints.place import place
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.constraints.separation import push_off_bodies
 from omniservo.planning.constraints.visibility import push_into_image
 from omniservo.planning.constraints.workspace import push_into_box
-from omniservo.planning.path_family import Family, path_controls
+from omniservo.planning.search.path_family import Family, path_controls
 
 STALLED = 1e-3
 """Relative gain of a step below which a descent ends."""
@@ -80,7 +82,7 @@ def groups(demands: Demands) -> int:
     return int(demands.limits.shape[0] + 2 * hiding + alone + 8)
 
 
-@kernel
+@inlined
 def push_all(
     demands: Demands,
     poses: FloatArray,
@@ -115,43 +117,6 @@ def push_all(
         if demands.numbers[1] > 0.0:
             first += demands.clouds.shape[0]
             push_sights_off_clouds(demands, poses, first, targets, least, systems, costs)
-
-
-@kernel
-def place(
-    phi: FloatArray,
-    t: FloatArray,
-    rotation_basis: FloatArray,
-    translation_basis: FloatArray,
-    points: FloatArray,
-    pose: FloatArray,
-    camera_points: FloatArray,
-    turn: FloatArray,
-) -> None:
-    """Write pose (14,) but for its w, camera points (n, 4) and ∂angular/∂φ (3, 4) of the path at a sample."""
-    x, y, z, w = 0.0, 0.0, 0.0, 0.0
-    for k in range(rotation_basis.shape[0]):
-        b = rotation_basis[k]
-        x, y, z, w = x + b * phi[0, k], y + b * phi[1, k], z + b * phi[2, k], w + b * phi[3, k]
-    for c in range(3):
-        total = 0.0
-        for k in range(translation_basis.shape[0]):
-            total += translation_basis[k] * t[c, k]
-        pose[9 + c] = total
-    pose[12] = x * x + y * y + z * z + w * w
-    f = 2.0 / max(pose[12], 1e-12)
-    pose[0], pose[1], pose[2] = 1.0 - f * (y * y + z * z), f * (x * y - z * w), f * (x * z + y * w)
-    pose[3], pose[4], pose[5] = f * (x * y + z * w), 1.0 - f * (x * x + z * z), f * (y * z - x * w)
-    pose[6], pose[7], pose[8] = f * (x * z - y * w), f * (y * z + x * w), 1.0 - f * (x * x + y * y)
-    turn[0, 0], turn[0, 1], turn[0, 2], turn[0, 3] = f * w, f * z, -f * y, -f * x
-    turn[1, 0], turn[1, 1], turn[1, 2], turn[1, 3] = -f * z, f * w, f * x, -f * y
-    turn[2, 0], turn[2, 1], turn[2, 2], turn[2, 3] = f * y, -f * x, f * w, -f * z
-    for j in range(points.shape[0]):
-        a, b, c = points[j, 0] - pose[9], points[j, 1] - pose[10], points[j, 2] - pose[11]
-        camera_points[j, 0] = pose[0] * a + pose[3] * b + pose[6] * c
-        camera_points[j, 1] = pose[1] * a + pose[4] * b + pose[7] * c
-        camera_points[j, 2] = pose[2] * a + pose[5] * b + pose[8] * c
-        camera_points[j, 3] = 1.0 / max(math.sqrt(a * a + b * b + c * c), 1e-12)
 
 
 @kernel
@@ -330,7 +295,7 @@ def solve_damped(normal: FloatArray, damping: float, factor: FloatArray, step: F
     return True
 
 
-@kernel
+@inlined
 def descend(
     demands: Demands,
     family: Family,
@@ -347,7 +312,7 @@ def descend(
     normal, tried = np.empty((size, size + 1)), np.empty((size, size + 1))
     tried_least, factor = np.empty_like(least), np.empty((size, size))
     step, trial = np.empty(size), np.empty(size)
-    room = room_for(family.samples[0], demands.points.shape[0])
+    room = held(room_for(family.samples[0], demands.points.shape[0]))
     cost, damping = linearise(demands, family, x, targets, pull, room, least, normal), DAMPING
     awake = np.empty_like(targets)
     for i in range(targets.shape[0]):

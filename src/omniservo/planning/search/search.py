@@ -5,13 +5,14 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import fill
-from omniservo.planning.economise import economise
-from omniservo.planning.path_family import Ends, Family, path_energy, path_family, unknowns
-from omniservo.planning.settle import PULL, end_values, settle
+from omniservo.planning.search.descent import fill
+from omniservo.planning.search.economise import economise
+from omniservo.planning.search.path_family import Ends, Family, path_energy, path_family, unknowns
+from omniservo.planning.search.settle import PULL, end_values, settle
 
 FEW = 12
 """Starts a degree before the next degree is tried."""
@@ -20,7 +21,7 @@ SPREAD = (0.7548776662466927, 0.5698402909980532, 0.6180339887498949)
 """Multiples of these, modulo 1, fill directions and sizes evenly and independently of each other."""
 
 
-@kernel
+@inlined
 def start_offsets(family: Family, ell: float, index: int, phase: float, x: FloatArray) -> None:
     """Write start ``index``: 0 the straight line, then sideways detours all round, growing.
 
@@ -75,7 +76,7 @@ def starts_in_all(ends: Ends, degrees: IntArray, most: int) -> int:
     return 1 if degree <= 0 else 1 + FEW * (degree - 1) + most
 
 
-@kernel
+@inlined
 def scheduled(ends: Ends, degrees: IntArray, number: int) -> tuple[int, int]:
     """Return the degree and the index among its starts of start ``number``, counted over all degrees."""
     stiff, highest = stiff_degree(ends), max(degrees[0], degrees[1])
@@ -105,8 +106,9 @@ def search(
         the start, the w where the last proof failed, the energy (`path_energy`) before and after economising,
         the least energy that any path could have, and the smallest g of the attempt.
     """
+    demands = held(demands)
     ell, proven = demands.numbers[2], 0
-    family = path_family(ends, degrees[0], degrees[1])
+    family = held(path_family(ends, degrees[0], degrees[1]))
     end_least, floor = end_values(demands, family), path_energy(family, ell, np.zeros(unknowns(family)))
     least, facts = np.empty_like(end_least), np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf])
     rotation, translation = np.empty((4, 0)), np.empty((3, 0))
@@ -114,7 +116,7 @@ def search(
     for number in range(window[0], window[1]):
         degree, start = scheduled(ends, degrees, number)
         if degree != last:
-            family, last = path_family(ends, min(degree, degrees[0]), min(degree, degrees[1])), degree
+            family, last = held(path_family(ends, min(degree, degrees[0]), min(degree, degrees[1]))), degree
         x = np.empty(unknowns(family))
         start_offsets(family, ell, start, phase, x)
         fill(least, -1e300)

@@ -12,8 +12,8 @@ from omniservo.errors import InputError
 from omniservo.files import file_inside
 from omniservo.geometry.arrays import finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, unit_vector
-from omniservo.planning.mesh import Mesh
-from omniservo.planning.mesh_file import read_mesh
+from omniservo.planning.obstacles.mesh import Mesh
+from omniservo.planning.obstacles.mesh_file import read_mesh
 
 
 def meshes_of_file(fields: Mapping[str, Any], folder: Path | None) -> tuple[Mesh, ...]:

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.quadratic_program import quadratic_step
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.descent import Room, add_bending, clear, fill
-from omniservo.planning.path_family import Family
-from omniservo.planning.worst_rows import look_at_samples, slope_at
+from omniservo.planning.search.descent import Room, add_bending, clear, fill
+from omniservo.planning.search.path_family import Family
+from omniservo.planning.search.worst_rows import look_at_samples, slope_at
 
 STEPS = 30
 """Quadratic programs at most."""
@@ -188,7 +188,7 @@ def linearise_rows(
         slope_at(demands, family, room, s, group, levels[s, group], quiet, rows.slope[r])
 
 
-@kernel
+@inlined
 def step_to_least_effort(
     demands: Demands,
     family: Family,

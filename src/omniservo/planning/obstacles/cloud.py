@@ -10,8 +10,8 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.planning.ball_tree import BallTree, ball_tree
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
+from omniservo.planning.obstacles.ball_tree import BallTree, ball_tree
 
 MOST_CLOUD_POINTS = 100_000
 """Points of a cloud, and of all clouds of a problem together."""

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from omniservo.errors import InputError
 from omniservo.files import read_bytes
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.planning.hull_shape import MOST_VERTICES, convex_hull
+from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
 
 MOST_BYTES = 16 * 2**20
 """A larger file is not read."""

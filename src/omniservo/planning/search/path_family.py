@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.polynomial import BINOMIALS
-from omniservo.planning.bending import bending_form, least_bent
+from omniservo.geometry.polynomial import set_basis
+from omniservo.planning.search.bending import bending_form, least_bent
 
 MAX_SAMPLES = 48
 """Samples of w that a descent can hold; the search adds witnesses up to it."""
@@ -88,16 +89,18 @@ def path_family(ends: Ends, sigma: int, tau: int) -> Family:
 @kernel
 def family_like(family: Family, samples: int) -> Family:
     """Return the same paths with ``samples`` evenly spaced samples of their own."""
-    other = Family(
-        family.rotation_base,
-        family.translation_base,
-        family.base_energy,
-        family.rotation_form,
-        family.translation_form,
-        np.empty_like(family.rotation_basis),
-        np.empty_like(family.translation_basis),
-        np.empty_like(family.places),
-        np.zeros(1, dtype=np.int64),
+    other = held(
+        Family(
+            family.rotation_base,
+            family.translation_base,
+            family.base_energy,
+            family.rotation_form,
+            family.translation_form,
+            np.empty_like(family.rotation_basis),
+            np.empty_like(family.translation_basis),
+            np.empty_like(family.places),
+            np.zeros(1, dtype=np.int64),
+        )
     )
     set_uniform_samples(other, samples)
     return other
@@ -114,20 +117,6 @@ def add_sample(family: Family, w: float) -> bool:
     set_basis(family.translation_basis, index, w)
     family.places[index] = w
     return True
-
-
-@kernel
-def set_basis(basis: FloatArray, index: int, w: float) -> None:
-    """Write the Bernstein polynomials at w into row ``index``."""
-    n = basis.shape[1] - 1
-    power = 1.0
-    for k in range(n + 1):
-        basis[index, k] = BINOMIALS[n, k] * power
-        power *= w
-    power = 1.0
-    for k in range(n, -1, -1):
-        basis[index, k] *= power
-        power *= 1.0 - w
 
 
 @kernel

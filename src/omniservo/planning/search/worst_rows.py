@@ -11,9 +11,10 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.place import place
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.descent import Room, clear, fill, place, push_all
-from omniservo.planning.path_family import Family, path_controls
+from omniservo.planning.search.descent import Room, clear, fill, push_all
+from omniservo.planning.search.path_family import Family, path_controls
 
 TOUCH = 1e-8
 """A group is pushed so little to learn its slope."""

@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap
-from omniservo.planning.hull_shape import MOST_VERTICES, convex_hull
+from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
 
 MOST_GIVEN = 100_000
 """Points of which the hull is taken."""

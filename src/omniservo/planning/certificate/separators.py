@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
-from omniservo.planning.certificate import Separator
+from omniservo.planning.certificate.certificate import Separator
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
 from omniservo.planning.constraints.separation import MOST_PLANES, separate

@@ -3,12 +3,13 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import Room, fill, room_for
-from omniservo.planning.effort_steps import bend, step_to_least_effort
-from omniservo.planning.path_family import (
+from omniservo.planning.search.descent import Room, fill, room_for
+from omniservo.planning.search.effort_steps import bend, step_to_least_effort
+from omniservo.planning.search.path_family import (
     MAX_SAMPLES,
     Family,
     add_sample,
@@ -16,9 +17,9 @@ from omniservo.planning.path_family import (
     path_energy,
     set_uniform_samples,
 )
-from omniservo.planning.prove_path import prove_path
-from omniservo.planning.settle import power_path
-from omniservo.planning.worst_rows import LOOKED_AT, look_at_samples
+from omniservo.planning.search.prove_path import prove_path
+from omniservo.planning.search.settle import power_path
+from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples
 
 SAMPLES = 16
 """Samples at first: those where the path loses most between them are added."""
@@ -39,7 +40,7 @@ SHORTER, SHORTEST = 0.7, 0.1
 """Where the way to the least effort is not proven, the first part of it is tried next, down to the second."""
 
 
-@kernel
+@inlined
 def kept_levels(ends: FloatArray, left: float, kept: FloatArray) -> None:
     """Write min(left, half of what the end poses leave), at least 0."""
     for i in range(kept.shape[0]):
@@ -55,7 +56,7 @@ def add_apart(family: Family, w: float) -> bool:
     return add_sample(family, w)
 
 
-@kernel
+@inlined
 def add_lows(
     demands: Demands,
     family: Family,
@@ -84,7 +85,7 @@ def add_lows(
     return added
 
 
-@kernel
+@inlined
 def economise(
     demands: Demands, family: Family, ends: FloatArray, x: FloatArray, least: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray, float]:
@@ -119,7 +120,7 @@ def economise(
     return REFUTED, rotation, translation, before
 
 
-@kernel
+@inlined
 def _bend_and_prove(
     demands: Demands, family: Family, ends: FloatArray, x: FloatArray, kept: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray]:
@@ -128,7 +129,7 @@ def _bend_and_prove(
     More samples leave no less effort: a path that is not below ``beat`` with some is not followed up.
     """
     ell, size, left = demands.numbers[2], x.shape[0], LEFT
-    room = room_for(MAX_SAMPLES, demands.points.shape[0])
+    room = held(room_for(MAX_SAMPLES, demands.points.shape[0]))
     normal, asleep = np.empty((size, size + 1)), np.empty_like(ends)
     bend(family, x, np.empty(size), normal)
     hessian = np.empty((size, size))

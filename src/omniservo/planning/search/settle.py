@@ -8,18 +8,19 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, power_from_bernstein
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import descend, fill, groups, linearise, reached, room_for
-from omniservo.planning.path_family import (
+from omniservo.planning.search.descent import descend, fill, groups, linearise, reached, room_for
+from omniservo.planning.search.path_family import (
     Family,
     add_sample,
     path_controls,
     set_uniform_samples,
     unknowns,
 )
-from omniservo.planning.prove_path import prove_path
+from omniservo.planning.search.prove_path import prove_path
 
 SAMPLES = 8
 """Samples at first: the proof is trusted, not they."""
@@ -44,7 +45,7 @@ def power_path(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray, F
     return power_from_bernstein(phi), power_from_bernstein(t)
 
 
-@kernel
+@inlined
 def end_values(demands: Demands, family: Family) -> FloatArray:
     """Return the smallest g of every group at the two end poses, which no path can improve."""
     family.samples[0] = 0
@@ -54,7 +55,7 @@ def end_values(demands: Demands, family: Family) -> FloatArray:
     least = np.empty(groups(demands))
     targets = np.empty(least.shape[0])
     fill(targets, -math.inf)
-    room = room_for(2, demands.points.shape[0])
+    room = held(room_for(2, demands.points.shape[0]))
     linearise(demands, family, np.zeros(size), targets, 0.0, room, least, np.empty((size, size + 1)))
     return least
 
@@ -68,7 +69,7 @@ def smallest(values: FloatArray) -> float:
     return least
 
 
-@kernel
+@inlined
 def capped_targets(ends: FloatArray, target: float) -> FloatArray:
     """Return min(target, half of what the end poses leave), at least 0."""
     targets = np.empty_like(ends)
@@ -77,7 +78,7 @@ def capped_targets(ends: FloatArray, target: float) -> FloatArray:
     return targets
 
 
-@kernel
+@inlined
 def settle(
     demands: Demands, family: Family, ends: FloatArray, pull: float, x: FloatArray, least: FloatArray
 ) -> tuple[int, FloatArray, FloatArray, float]:

@@ -8,15 +8,15 @@ from typing import Any
 
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside
-from omniservo.planning.box import Box
-from omniservo.planning.capsule import Capsule
-from omniservo.planning.cloud import Cloud
-from omniservo.planning.cloud_file import read_cloud
-from omniservo.planning.half_space import HalfSpace
-from omniservo.planning.mesh import Mesh
-from omniservo.planning.mesh_fields import meshes_of_file
-from omniservo.planning.planning_problem import Obstacle
-from omniservo.planning.sphere import Sphere
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.capsule import Capsule
+from omniservo.planning.obstacles.cloud import Cloud
+from omniservo.planning.obstacles.cloud_file import read_cloud
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.mesh import Mesh
+from omniservo.planning.obstacles.mesh_fields import meshes_of_file
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.sphere import Sphere
 
 _FIELDS = {
     "sphere": (Sphere, {"center": "center", "radius": "radius"}),

@@ -13,7 +13,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate import ConstraintMargin
+from omniservo.planning.certificate.certificate import ConstraintMargin
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.planning_problem import PlanningProblem

@@ -11,10 +11,10 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.path_family import Ends
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
-from omniservo.planning.search import search, starts_in_all
+from omniservo.planning.search.path_family import Ends
+from omniservo.planning.search.search import search, starts_in_all
 
 STARTS = 300
 """Starts at the highest degree before a plan counts as not found."""

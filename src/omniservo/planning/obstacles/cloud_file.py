@@ -10,7 +10,7 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.files import read_bytes, read_text
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.cloud import MOST_CLOUD_POINTS
+from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
 
 _PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2",

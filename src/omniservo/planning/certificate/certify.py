@@ -9,13 +9,13 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import PROVEN, REFUTED
-from omniservo.planning import margins
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate import Certificate, ConstraintMargin
-from omniservo.planning.distorted_margins import distorted_margins
+from omniservo.planning.certificate import margins
+from omniservo.planning.certificate.certificate import Certificate, ConstraintMargin
+from omniservo.planning.certificate.distorted_margins import distorted_margins
+from omniservo.planning.certificate.separators import separators_of
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import asked_of
-from omniservo.planning.separators import separators_of
 
 ENDS_MEET = 1e-9
 """A path starts at the identity and ends at the goal within this, in m and in the unit quaternion; so does an

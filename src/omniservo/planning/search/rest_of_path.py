@@ -5,13 +5,14 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, bernstein_from_power
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.descent import fill
-from omniservo.planning.path_family import Ends, offsets, path_family, unknowns
-from omniservo.planning.prove_path import prove_path
-from omniservo.planning.settle import PULL, end_values, power_path, settle
+from omniservo.planning.search.descent import fill
+from omniservo.planning.search.path_family import Ends, offsets, path_family, unknowns
+from omniservo.planning.search.prove_path import prove_path
+from omniservo.planning.search.settle import PULL, end_values, power_path, settle
 
 
 @kernel
@@ -106,7 +107,7 @@ def settle_rest(
         goal[c] = math.sqrt(square) * ends.quaternion[c]
     if departure.shape[0] > 0:
         departure[3] = sigma * (phi[3, 1] - phi[3, 0])
-    family = path_family(Ends(goal, ends.translation, departure), sigma, tau)
+    demands, family = held(demands), held(path_family(Ends(goal, ends.translation, departure), sigma, tau))
     x = np.empty(unknowns(family))
     offsets(family, demands.numbers[2], phi, t, x)
     rotation, translation = power_path(family, demands.numbers[2], x)

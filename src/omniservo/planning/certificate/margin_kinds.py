@@ -1,0 +1,9 @@
+"""Kinds of constraints that have a margin: an entry is a row (kind, index, scale, …) of floats."""
+
+EDGE, CIRCLE, DOMAIN, DISC, MASK, LEAST, SIGHT, BODY_SIGHT, CLOUD_SIGHT = range(9)
+"""Kinds of entries about a target point."""
+
+CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY, CLOUD = range(9, 15)
+"""Kinds that are not. Index: the limit, wall, or obstacle among its kind; of a MASK its polygon.
+
+Scale: px of one unit of an EDGE's limit at Z + ξρ = 1."""

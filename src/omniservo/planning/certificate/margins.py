@@ -1,0 +1,182 @@
+"""How much of every constraint is left along a path: found by looking, then proven (docs/certificate.md).
+
+An entry is a row (kind, index, scale) of floats; a margin is in its unit, beyond what the problem asks for.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.polynomial import (
+    PROVEN,
+    REFUTED,
+    UNDECIDED,
+    bernstein_from_power,
+    magnitude,
+    set_basis,
+)
+from omniservo.planning.bernstein_path import camera_controls, camera_count, squares
+from omniservo.planning.certificate.margin_kinds import (
+    CLEARANCE,
+    MASK,
+)
+from omniservo.planning.certificate.proven_margins import prove_space, prove_view
+from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.place import place
+
+LOOKS = 32
+"""The path is looked at so many times, evenly, before every minimum is refined."""
+
+TRIES = 24
+"""A margin is proven at most so often, each time a little lower."""
+
+PARABOLAS = 5
+"""Parabolas of a refinement; at the last one the places are 1/160 000 of the path apart."""
+
+
+@kernel
+def refine(
+    entry: FloatArray, demands: Demands, optics: FloatArray, phi: FloatArray, t: FloatArray, j: int, w: float
+) -> tuple[float, float]:
+    """Return (margin, w) of the smallest margin of point j near w.
+
+    Three places around the smallest so far give a parabola; its lowest place is looked at next, and the
+    places move closer together.
+    """
+    scratch = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1])), np.empty(14), np.empty((1, 4))
+    turn, point = np.empty((3, 4)), demands.points[j : j + 1]
+    values, places = np.empty(4), np.empty(4)
+    best, at, width = math.inf, w, 0.25 / LOOKS
+    for _ in range(PARABOLAS):
+        middle = min(max(at, width), 1.0 - width)
+        for k in range(4):
+            if k < 3:
+                places[k] = middle + (k - 1) * width
+            else:
+                curvature = values[0] - 2.0 * values[1] + values[2]
+                shift = 0.5 * (values[0] - values[2]) / curvature if curvature > 0.0 else 0.0
+                places[3] = min(max(middle + width * min(max(shift, -8.0), 8.0), 0.0), 1.0)
+            set_basis(scratch[0], 0, places[k])
+            set_basis(scratch[1], 0, places[k])
+            place(phi, t, scratch[0][0], scratch[1][0], point, scratch[2], scratch[3], turn)
+            scratch[2][13] = places[k]
+            values[k] = smallest_at(entry, demands, optics, scratch[2], scratch[3], point)[0]
+            if values[k] < best:
+                best, at = values[k], places[k]
+        width *= 0.2
+    return best, at
+
+
+@inlined
+def look(
+    demands: Demands,
+    optics: FloatArray,
+    entries: FloatArray,
+    phi: FloatArray,
+    t: FloatArray,
+    table: FloatArray,
+) -> None:
+    """Write (margin, w, point) of every entry's smallest margin at LOOKS + 1 places into ``table`` (e, 4)."""
+    count = entries.shape[0]
+    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
+    for e in range(count):
+        table[e, 0] = math.inf
+    for step in range(LOOKS + 1):
+        w = step / LOOKS
+        set_basis(rotation_basis, 0, w)
+        set_basis(translation_basis, 0, w)
+        place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
+        pose[13] = w
+        for e in range(count):
+            if entries[e, 0] == CLEARANCE:  # there may be thousands
+                margin, about = sphere_margin(demands.obstacles, int(entries[e, 1]), pose), 0
+            else:
+                margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+            if not margin >= table[e, 0]:
+                table[e, 0], table[e, 1], table[e, 2] = margin, w, about
+
+
+@kernel
+def path_margins(
+    demands: Demands, optics: FloatArray, entries: FloatArray, rotation: FloatArray, translation: FloatArray
+) -> FloatArray:
+    """Return a row (margin, w, point, status) for every entry (e, 4) on the path given by powers.
+
+    PROVEN: the margin is ≥ 0 and holds for all w. REFUTED: the requirement itself fails at w. Otherwise
+    UNDECIDED. Where status is not PROVEN the margin is the smallest one seen.
+
+    Args:
+        demands: the problem.
+        optics: ξ, the circle's radius on the plane m̄ before any margin, the least singular value of K's 2×2
+            block [px], the visibility margin [px], the domain's angle [rad].
+        entries: (e, 4): kind, index, scale, first step below the smallest margin seen.
+        rotation: (4, σ+1), highest power first.
+        translation: (3, τ+1) [m], highest power first.
+    """
+    demands = held(demands)
+    table = np.empty((entries.shape[0], 4))
+    phi, centre = bernstein_from_power(rotation), bernstein_from_power(translation)
+    look(demands, optics, entries, phi, centre, table)
+    square, raised = squares(translation)
+    size = magnitude(translation)
+    controls, errors = camera_controls(rotation, translation, demands.points)
+    count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
+    for e in range(entries.shape[0]):
+        entry, row = entries[e], table[e]
+        row[3] = UNDECIDED
+        if 0.0 < row[1] < 1.0:
+            row[0], row[1] = refine(entry, demands, optics, phi, centre, int(row[2]), row[1])
+        step, zero_tried = entry[3], False
+        for _ in range(TRIES):
+            target = row[0] - step
+            if target < 0.0 and not zero_tried:
+                target, zero_tried = 0.0, True
+            else:
+                step *= 4.0
+            if entry[0] <= MASK:
+                status, w, j = prove_view(entry, target, demands, optics, controls, errors, count)
+            else:
+                status, w, j = prove_space(
+                    entry, target, demands, rotation, centre, translation, square, raised, size
+                )
+            if status == PROVEN:
+                row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
+                break
+            if status == REFUTED:
+                seen, w = refine(entry, demands, optics, phi, centre, j, w)
+                if seen < row[0]:
+                    row[0], row[1], row[2] = seen, w, j
+                if target == 0.0 and row[0] < (-1e-9 if entry[0] <= MASK else 0.0):
+                    row[3] = REFUTED
+    return table
+
+
+@kernel
+def pose_margins(
+    demands: Demands,
+    optics: FloatArray,
+    entries: FloatArray,
+    quaternion: FloatArray,
+    translation: FloatArray,
+    w: float,
+) -> FloatArray:
+    """Return a row (margin, point) for every entry at a pose: unit quaternion (4,), t (3,) [m], w."""
+    demands = held(demands)
+    phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
+    for i in range(4):
+        phi[i, 0] = quaternion[i]
+    for i in range(3):
+        t[i, 0] = translation[i]
+    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    place(phi, t, one, one, demands.points, pose, c, turn)
+    pose[13] = w
+    table = np.empty((entries.shape[0], 2))
+    for e in range(entries.shape[0]):
+        margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+        table[e, 0], table[e, 1] = margin, about
+    return table

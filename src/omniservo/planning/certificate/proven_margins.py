@@ -1,0 +1,171 @@
+"""Whether a constraint holds on the whole path with a margin to spare (docs/certificate.md)."""
+
+import math
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.polynomial import (
+    PROVEN,
+    UNDECIDED,
+)
+from omniservo.planning.bernstein_path import ROTATION_FLOOR
+from omniservo.planning.certificate.margin_kinds import (
+    BODY,
+    BODY_SIGHT,
+    CIRCLE,
+    CLEARANCE,
+    CLOUD,
+    CLOUD_SIGHT,
+    DISC,
+    EDGE,
+    FREE_SIDE,
+    LEAST,
+    MASK,
+    SIGHT,
+    WALL,
+)
+from omniservo.planning.certificate.seen_margins import mask_polygon
+from omniservo.planning.constraints.cloud import prove_cloud_clear
+from omniservo.planning.constraints.cloud_sight import prove_cloud_sights
+from omniservo.planning.constraints.collision import prove_outside_ball
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.free_side import prove_free_side
+from omniservo.planning.constraints.image_mask import moved_outward, prove_outside_mask
+from omniservo.planning.constraints.least_distance import prove_least_distance
+from omniservo.planning.constraints.motion import point_from_body, seen_from_body
+from omniservo.planning.constraints.occlusion import prove_clear_sights
+from omniservo.planning.constraints.rotation import prove_rotation
+from omniservo.planning.constraints.separation import separate
+from omniservo.planning.constraints.visibility import prove_visible
+from omniservo.planning.constraints.workspace import prove_wall
+
+SLACK_PX = 1e-7
+"""Limits in px are proven with so much more than is claimed: it covers the limits' own rounding."""
+
+SLACK_RAD = 1e-12
+"""The same for the domain's angle."""
+
+
+@kernel
+def circle_cosine(xi: float, radius: float) -> float:
+    """Return Z/ρ of the bearings at the radius r = ‖m̄‖: (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
+    square = radius * radius
+    root = math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * square))
+    return (xi + root) / (1.0 + square) - xi
+
+
+@inlined
+def prove_view(
+    entry: FloatArray,
+    margin: float,
+    demands: Demands,
+    optics: FloatArray,
+    controls: FloatArray,
+    errors: FloatArray,
+    count: float,
+) -> tuple[int, float, int]:
+    """Decide an EDGE, CIRCLE, DOMAIN, DISC or MASK entry moved inward by ``margin``: status, w, point."""
+    kind = int(entry[0])
+    if kind == MASK:
+        grown = moved_outward(mask_polygon(demands, int(entry[1])), margin + SLACK_PX, optics[0])
+        return prove_outside_mask(controls, errors, count, grown)
+    limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
+    if kind == DISC:
+        for i in range(7):
+            disc[i] = demands.disc[i]
+        disc[5] += margin + SLACK_PX
+        if disc[5] <= 0.0:
+            return PROVEN, 0.0, 0
+    elif kind == EDGE:
+        for i in range(4):
+            limits[0, i] = demands.limits[int(entry[1]), i]
+        inward = (margin + SLACK_PX) / entry[2]
+        limits[0, 2] += inward
+        limits[0, 3] -= inward * optics[0]
+    else:
+        limits[0, 2] = -1.0
+        if kind == CIRCLE:
+            radius = optics[1] - (optics[3] + margin + SLACK_PX) / optics[2]
+            if radius < 0.0:
+                return UNDECIDED, 0.0, 0
+            if math.isinf(radius):
+                return PROVEN, 0.0, 0
+            limits[0, 3] = -circle_cosine(optics[0], radius) - 1e-15
+        else:
+            angle = optics[4] - margin - SLACK_RAD
+            if angle < 0.0:
+                return UNDECIDED, 0.0, 0
+            limits[0, 3] = -math.cos(min(angle, math.pi)) - 1e-15
+    status, w, j, _ = prove_visible(controls, errors, count, limits, disc)
+    return status, w, j
+
+
+@inlined
+def prove_space(
+    entry: FloatArray,
+    margin: float,
+    demands: Demands,
+    rotation: FloatArray,
+    centre: FloatArray,
+    translation: FloatArray,
+    square: FloatArray,
+    raised: FloatArray,
+    size: float,
+) -> tuple[int, float, int]:
+    """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
+    kind, index = int(entry[0]), int(entry[1])
+    if kind == CLOUD_SIGHT:
+        return prove_cloud_sights(demands, index, margin, translation, centre, size)
+    if kind in (FREE_SIDE, BODY, BODY_SIGHT):
+        return prove_solid(kind, index, margin, demands, centre, translation, size)
+    if kind == LEAST:
+        return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
+    if kind == SIGHT:
+        o = demands.obstacles[index]
+        return prove_clear_sights(centre, size, demands.points, o, o[3] + margin)
+    status, w = PROVEN, 0.0
+    if kind == CLOUD:
+        status, w = prove_cloud_clear(demands, index, margin, translation, square, raised, size)
+    elif kind == CLEARANCE:
+        o = demands.obstacles[index]
+        if o[4] + margin > 0.0:
+            status, w = prove_outside_ball(square, raised, size, o, o[4] + margin)
+    elif kind == WALL:
+        side, axis = index // 3, index % 3
+        bound = demands.box[side, axis] + (margin if side == 0 else -margin)
+        status, w = prove_wall(centre, size, side, axis, bound)
+    else:
+        status, w = prove_rotation(rotation, ROTATION_FLOOR + margin)
+    return status, w, 0
+
+
+@inlined
+def prove_solid(
+    kind: int,
+    index: int,
+    margin: float,
+    demands: Demands,
+    centre: FloatArray,
+    translation: FloatArray,
+    size: float,
+) -> tuple[int, float, int]:
+    """Decide a FREE_SIDE, BODY or BODY_SIGHT entry with ``margin`` to spare: status, w, point."""
+    motions = demands.motions
+    if kind == FREE_SIDE:
+        plane = demands.planes[index]
+        path, largest = seen_from_body(centre, translation, size, motions, plane[5])
+        status, w = prove_free_side(path, largest, plane, margin)
+        return status, w, 0
+    body, hulls, planes = demands.bodies[index], demands.hulls, np.empty((0, 5))
+    path, largest = seen_from_body(centre, translation, size, motions, body[17])
+    if kind == BODY:
+        status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[16] + margin, planes)
+        return status, w, 0
+    for j in range(demands.points.shape[0]):
+        h = point_from_body(demands.points[j], motions, body[17])
+        status, w, _ = separate(path, largest, h, body, hulls, body[15] + margin, planes)
+        if status != PROVEN:
+            return status, w, j
+    return PROVEN, 0.0, 0
