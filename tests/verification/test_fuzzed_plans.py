@@ -161,3 +161,18 @@ def test_no_margin_may_grow(k, by):
     document["certificate"]["constraints"][k]["margin"] += by * 100
     document["certificate"]["worst"] = None
     assert answered(document) != "certified"
+
+
+def nested(depth):
+    found = []
+    for _ in range(depth):
+        found = [found]
+    return found
+
+
+@pytest.mark.parametrize("value", [10**5000, [10**5000] * 3, nested(100_000)], ids=["long", "longs", "deep"])
+@pytest.mark.parametrize("name", ["clearance", "goal", "points", "camera", "obstacles", "occlusion"])
+def test_what_cannot_be_shown_is_answered(name, value):
+    document = copy.deepcopy(BASE)
+    document["problem"][name] = value
+    assert answered(document) == "refuted"

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from omniservo.verification.fields import Vector
 from omniservo.verification.motion import Motion
+from omniservo.verification.work import spend, spend_on_fractions
 
 _HALVINGS = 60
 
@@ -130,6 +131,7 @@ def dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
 
 def axes_of(quaternion: Vector) -> tuple[Vector, ...]:
     """Return the columns of Λ(q)/‖q‖² (20): exact, and of length 1 whatever the quaternion's."""
+    spend_on_fractions(40, *quaternion)
     x, y, z, w = quaternion
     squared = dot(quaternion, quaternion)
     rows = (
@@ -148,6 +150,7 @@ def between(start: Sequence[float], end: Sequence[float], share: float) -> list[
 def _lowest(body: Body, start: Sequence[float], end: Sequence[float]) -> float:
     """Return where on the segment the distance to the core, which is convex along it, is smallest."""
     low, high = 0.0, 1.0
+    spend(_HALVINGS * 300)
     for _ in range(_HALVINGS):
         third = (high - low) / 3
         at = body.from_core(between(start, end, low + third))[0]

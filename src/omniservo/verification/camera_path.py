@@ -7,6 +7,10 @@ from math import copysign, lcm, sqrt
 
 from omniservo.verification.fields import Vector
 from omniservo.verification.polynomials import Polynomial, combine, integers, squares, times, value
+from omniservo.verification.work import spend, spend_on_fractions
+
+_POINT = 800
+"""What a target point costs in small steps, in the unit of `work`."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,8 @@ def camera_points(path: CameraPath, points: tuple[Vector, ...]) -> Iterator[Came
     matrix = _rotation_matrix(path.rotation)
     norm_fourth = squares(squares(*path.rotation))
     for index, point in enumerate(points):
+        spend(_POINT)
+        spend_on_fractions(6, Fraction(path.scale))
         away = [[-a for a in p] for p in path.offsets(point)]
         x, y, z = (combine(*((1, times(matrix[i][k], away[i])) for i in range(3))) for k in range(3))
         distance_squared = squares(*away)

@@ -14,10 +14,12 @@ from omniservo.verification.fields import BEYOND_FLOATS, Vector
 from omniservo.verification.motion import Relative, relative
 from omniservo.verification.obstacles import Cloud
 from omniservo.verification.sphere import far_from_ball, sight_clear_of_ball
+from omniservo.verification.work import spend
 
 MOST_TESTS = 400_000
 """Planes that are tried for one line; a ball judged by itself counts as many as take that long."""
 _BALL, _SIGHT = 10, 100
+_SMALL_STEPS = 40
 Ball = Callable[[Relative, Vector, Fraction], Finding]
 
 
@@ -69,6 +71,7 @@ class _Judge:
                     continue
                 done.add(i)
                 self._count(self._cost)
+                spend(_SMALL_STEPS * self._cost)
                 finding = self._ball(seen, self._cloud.points[i], distance)
                 if finding.verdict == "violated":
                     return finding

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 from omniservo.verification.polynomials import Polynomial, bernstein, halves
 from omniservo.verification.sphere import to_sight
+from omniservo.verification.work import bits, spend
 
 _LEAF, _DEEPEST, _STEPS = 8, 10, 4
-_UNIT = 1 << 24
+_UNIT, _NODE = 1 << 24, 64
 Integers = tuple[int, ...]
 Point = tuple[float, ...]
 
@@ -44,6 +45,7 @@ def tree(points: Sequence[Integers], indices: list[int]) -> Node:
     """Halve the points along the longest side of their box until few are left."""
     columns = [[points[i][k] for i in indices] for k in range(3)]
     low, high = tuple(map(min, columns)), tuple(map(max, columns))
+    spend(len(indices) * (16 + (bits((*low, *high)) >> 8)))
     if len(indices) <= _LEAF or low == high:
         return _node(low, high, tuple(_single(points[i], i) for i in indices))
     axis = max(range(3), key=lambda k: high[k] - low[k])
@@ -101,10 +103,13 @@ def _left(
     """Yield what is not excluded: nodes that are smaller than the hull; with ``split`` single points only."""
     floats = [[x / hull.unit for x in point] for point in hull.points]
     mean = [sum(column) / len(floats) for column in zip(*floats, strict=True)]
+    longest = bits(x for point in hull.points for x in point) + bits((reach.numerator, reach.denominator))
+    test = 32 + len(hull.points) * (24 + (longest >> 10)) + (longest * longest >> 16)
     stack = list(nodes)
     while stack:
         node = stack.pop()
         count()
+        spend(test)
         if _apart(hull, node, _toward(floats, mean, node), reach):
             continue
         size = max(b - a for a, b in zip(node.low, node.high, strict=True))
@@ -149,6 +154,7 @@ def nearest(root: Node, start: Sequence[float], end: Sequence[float]) -> float:
     best, stack = inf, [(0.0, root)]
     while stack:
         bound, node = stack.pop()
+        spend(_NODE)
         if bound >= best:
             continue
         if not node.branches:

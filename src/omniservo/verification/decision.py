@@ -14,6 +14,7 @@ from omniservo.verification.polynomials import (
     sturm_chain,
     times,
 )
+from omniservo.verification.work import bits, spend
 
 Verdict = Literal["holds", "violated", "undecided"]
 
@@ -59,6 +60,7 @@ def decide(
         if depth == _DEEPEST:
             unsettled = ends[0]
             continue
+        spend(sum(16 + len(b) ** 2 * (1 + (bits(b) >> 12)) for b in pieces))
         left, right = zip(*map(halves, pieces), strict=True)
         stack += [(2 * index + 1, depth + 1, list(right)), (2 * index, depth + 1, list(left))]
     return Finding("undecided", ends[0])
@@ -82,12 +84,10 @@ def root_sum(a: Polynomial, b: Polynomial, q: Polynomial, *, strict: bool = Fals
 
 def _settled(pieces: list[list[int]], branches: Sequence[Sequence[int]], strict: bool) -> bool:
     """True where one branch has no negative coefficient (strict: and positive values at both ends)."""
-    for branch in branches:
-        if all(
-            min(pieces[i]) >= 0 and (not strict or (pieces[i][0] > 0 and pieces[i][-1] > 0)) for i in branch
-        ):
-            return True
-    return False
+    return any(
+        all(min(pieces[i]) >= 0 and (not strict or (pieces[i][0] > 0 < pieces[i][-1])) for i in branch)
+        for branch in branches
+    )
 
 
 def _one_root(
@@ -116,5 +116,6 @@ def _chain_of_product(polynomials: list[Polynomial]) -> list[Polynomial]:
         if [-a for a in p] not in seen:
             seen.append(p)
             product = times(product, p)
-    size = max(a.bit_length() for a in product)
-    return sturm_chain(product) if len(product) ** 3 * size <= _MOST_STURM else []
+    work = len(product) ** 3 * bits(product)
+    spend(min(work, _MOST_STURM) >> 5)
+    return sturm_chain(product) if work <= _MOST_STURM else []

@@ -19,6 +19,7 @@ from omniservo.verification.image_limits import circle_radius, edges, least_stre
 from omniservo.verification.pixels import combine_sums, distort
 from omniservo.verification.plan_file import Camera
 from omniservo.verification.polynomials import integers
+from omniservo.verification.work import bits, products, spend, spend_on_fractions
 
 _MOST_TRIANGLES = 20_000
 _RINGS = 64
@@ -35,6 +36,7 @@ def anticlockwise(polygon: tuple[Vector, ...]) -> tuple[Vector, ...] | None:
     vertices = polygon if area > 0 else polygon[::-1]
     flat = integers(*(x for vertex in vertices for x in vertex))
     corners = list(zip(flat[::2], flat[1::2], strict=True))
+    spend(products(16 * n * n, bits(flat), bits(flat)))
     for i in range(n):
         (x0, y0), (x1, y1) = corners[i - 1], corners[i]
         dx, dy = x1 - x0, y1 - y0
@@ -78,6 +80,7 @@ def _eigenvalues(camera: Camera, radius: Fraction, reach: Fraction) -> tuple[Fra
 
     Radially 1 + 3k₁r² + 5k₂r⁴, across 1 + k₁r² + k₂r⁴; the tangential terms move both by at most 6‖p‖r.
     """
+    spend_on_fractions(40, radius**4, *camera.distortion)
     k1, k2, p1, p2 = camera.distortion
     below, above = [], []
     for f1, f2 in ((k1, k2), (3 * k1, 5 * k2)):
@@ -150,6 +153,7 @@ def _bisected(scale: int, triangle: Triangle) -> list[tuple[int, Triangle]]:
 
 
 def _times(p: Form, q: Form) -> Form:
+    spend(products(64 + 4 * len(p) * len(q), bits(p.values()), bits(q.values())))
     product: Form = {}
     for i, a in p.items():
         for j, b in q.items():

@@ -1,5 +1,6 @@
 """The list of separating planes: one for each constraint about a box, capsule or mesh, and no other."""
 
+from omniservo.verification.fields import shown
 from omniservo.verification.obstacles import SEPARATED
 from omniservo.verification.plan_file import PlanFile
 
@@ -32,4 +33,4 @@ def _asked(key: tuple[str, int | None], bodies: list[int], points: int) -> bool:
 
 
 def _name(key: tuple[str, int | None]) -> str:
-    return key[0] if key[1] is None else f"{key[0]} (point {key[1]})"
+    return key[0] if key[1] is None else f"{key[0]} (point {shown(key[1])})"

@@ -5,10 +5,13 @@ from fractions import Fraction
 from math import inf, sqrt
 from typing import Any
 
+from omniservo.verification.work import spend
+
 Vector = tuple[Fraction, ...]
 BEYOND_FLOATS = (ArithmeticError, ValueError)
 """What floating point raises where exact arithmetic has no trouble: hints and amounts are then left out."""
 _MISSING = object()
+_VECTOR, _NUMBER = 16, 20
 _NEAR_UNIT = Fraction(1, 10**6)
 
 
@@ -24,6 +27,14 @@ class NotJudged(Exception):
     """The plan asks for something that this verifier does not know: it must not be called certified."""
 
 
+def shown(value: Any) -> str:
+    """Return the first characters of any value."""
+    try:
+        return f"{value!r:.60}"
+    except (ValueError, RecursionError):
+        return "a value too long or too deep to show"
+
+
 def number(value: Any, where: str) -> Fraction:
     """Return a finite number exactly.
 
@@ -31,17 +42,18 @@ def number(value: Any, where: str) -> Fraction:
         Malformed: not a number, NaN, infinite.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise Malformed(f"{where}: {value!r:.60} given; a number is needed")
+        raise Malformed(f"{where}: {shown(value)} given; a number is needed")
     try:
         return Fraction(float(value))
     except (ValueError, OverflowError):
-        raise Malformed(f"{where}: {value!r:.60} given; a finite number is needed") from None
+        raise Malformed(f"{where}: {shown(value)} given; a finite number is needed") from None
 
 
 def numbers(value: Any, count: int, where: str) -> Vector:
     """Return a list of exactly ``count`` finite numbers."""
     if not isinstance(value, list | tuple) or len(value) != count:
-        raise Malformed(f"{where}: {value!r:.60} given; {count} numbers are needed")
+        raise Malformed(f"{where}: {shown(value)} given; {count} numbers are needed")
+    spend(_VECTOR + _NUMBER * count)
     return tuple(number(item, f"{where}[{i}]") for i, item in enumerate(value))
 
 
@@ -66,7 +78,7 @@ class Fields:
 
     def __init__(self, value: Any, where: str, known: str | None = None) -> None:
         if not isinstance(value, Mapping):
-            raise Malformed(f"{where}: {value!r:.60} given; an object with fields is needed")
+            raise Malformed(f"{where}: {shown(value)} given; an object with fields is needed")
         self.where = where
         self._value = value
         if known is not None:
@@ -74,9 +86,9 @@ class Fields:
 
     def only(self, known: str) -> None:
         """Refuse any field but the known ones: it may be a constraint."""
-        unknown = sorted(str(name) for name in self._value if name not in known.split())
+        unknown = sorted(shown(name) for name in self._value if name not in known.split())
         if unknown:
-            raise NotJudged(f"{self.where}: this verifier does not know the field {unknown[0]!r:.60}")
+            raise NotJudged(f"{self.where}: this verifier does not know the field {unknown[0]}")
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return the raw value."""
@@ -86,21 +98,21 @@ class Fields:
         """Check that the field has the one legal value."""
         if self.get(name) != wanted:
             raise Malformed(
-                f"{self.where}.{name}: {self.get(name)!r:.60} given; this verifier knows {wanted!r}"
+                f"{self.where}.{name}: {shown(self.get(name))} given; this verifier knows {wanted!r}"
             )
 
     def one_of(self, name: str, legal: Sequence[str]) -> str:
         """Return one of the legal words."""
         value = self.get(name)
         if not isinstance(value, str) or value not in legal:
-            raise Malformed(f"{self.where}.{name}: {value!r:.60} given; legal: {', '.join(legal)}")
+            raise Malformed(f"{self.where}.{name}: {shown(value)} given; legal: {', '.join(legal)}")
         return value
 
     def flag(self, name: str, *, default: bool) -> bool:
         """Return true or false."""
         value = self.get(name, default)
         if not isinstance(value, bool):
-            raise Malformed(f"{self.where}.{name}: {value!r:.60} given; legal: true, false")
+            raise Malformed(f"{self.where}.{name}: {shown(value)} given; legal: true, false")
         return value
 
     def number(
@@ -124,7 +136,7 @@ class Fields:
         """Return the field as a list of at most ``most`` items."""
         value = self._value.get(name, default)
         if not isinstance(value, list | tuple):
-            raise Malformed(f"{self.where}.{name}: {value!r:.60} given; a list is needed")
+            raise Malformed(f"{self.where}.{name}: {shown(value)} given; a list is needed")
         if len(value) > most:
             raise Malformed(f"{self.where}.{name}: {len(value)} given; at most {most} are judged")
         return value

@@ -20,11 +20,12 @@ from omniservo.verification.occlusion import occlusion
 from omniservo.verification.plan_file import Problem, Separators
 from omniservo.verification.rotation import rotation
 from omniservo.verification.visibility import visibility
+from omniservo.verification.work import WorkExceeded, spend
 from omniservo.verification.workspace import workspace
 
 MOST_WORK = 300_000_000
 """Target points times limits on each times the degree squared: more is not judged."""
-_SAMPLES = 128
+_SAMPLES, _DECISION = 128, 600
 _BODY = 300
 """What a line of sight past a box, capsule or mesh costs, in limits."""
 MOST_SUPPORTS = 50_000_000
@@ -49,9 +50,15 @@ class Case:
     def judge(self, judges: list[Any], subject: CameraPath | CameraPoint, point: int | None) -> None:
         """Keep the first violation, else the first doubt."""
         for judge in judges if self.finding.verdict != "violated" else ():
+            spend(_DECISION)
             finding = judge(subject)
             if finding.verdict == "violated" or (finding.verdict != "holds" and self.finding is HOLDS):
                 self.finding, self.subject, self.point = finding, subject, point
+
+    def give_up(self, note: str) -> None:
+        """Leave open what is not violated: no more work is taken on."""
+        if self.finding.verdict != "violated":
+            self.finding = Finding("undecided", None, note)
 
     def reason(self) -> str:
         """Name constraint, point, w and amount in one line."""
@@ -63,7 +70,7 @@ class Case:
         needed = f"{max(0.0, float(self.margin)):.9g} {unit} needed"
         try:
             left, w = min((self.constraint.left(self.subject, w), w) for w in (self.finding.w, *candidates))
-        except BEYOND_FLOATS:
+        except (WorkExceeded, *BEYOND_FLOATS):
             return f"{self.name}: violated at w = {float(self.finding.w):.6g}, {needed}"
         return f"{self.name}: {left:.9g} {unit} left at w = {float(w):.6g}, {needed}"
 
@@ -79,6 +86,7 @@ def judged(
 
     Raises:
         NotJudged: more points and limits than are judged.
+        WorkExceeded: more work than is taken on, and no violation found before.
     """
     families = [lambda p: clearance(p, separators), workspace, rotation]
     on_path = [_prepared(c, margins) for family in families for c in family(problem)]
@@ -96,12 +104,19 @@ def judged(
         raise NotJudged(f"{len(problem.points)} points under {len(on_points)} limits: more than is judged")
     if _support_work(problem, separators) > MOST_SUPPORTS:
         raise NotJudged("certificate.separators: more planes times vertices than are judged")
-    for case, judges in on_path:
-        case.judge(judges, path, None)
-    for j, point in enumerate(camera_points(path, problem.points)):
-        for case, judges in on_points:
-            case.judge(judges, point, j)
-    return [case for case, _ in on_path + on_points]
+    cases = [case for case, _ in on_path + on_points]
+    try:
+        for case, judges in on_path:
+            case.judge(judges, path, None)
+        for j, point in enumerate(camera_points(path, problem.points)):
+            for case, judges in on_points:
+                case.judge(judges, point, j)
+    except WorkExceeded as fault:
+        if all(case.finding.verdict != "violated" for case in cases):
+            raise
+        for case in cases:
+            case.give_up(str(fault))
+    return cases
 
 
 def _effort(problem: Problem, path: CameraPath, limits: int) -> int:

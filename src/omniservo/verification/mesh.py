@@ -5,14 +5,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import sqrt
+from operator import mul
+from typing import TypeVar
 
 from omniservo.verification.bodies import dot
 from omniservo.verification.fields import Vector
 from omniservo.verification.motion import Motion
 from omniservo.verification.nearest_point import Corner, Point, nearest
 from omniservo.verification.polynomials import integers
+from omniservo.verification.work import bits, products, spend
 
 Integers = tuple[int, ...]
+Number = TypeVar("Number", int, Fraction)
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class Mesh:
     def support(self, normal: Vector) -> Fraction:
         """Max over the vertices of n·v."""
         one, x, y, z = integers(Fraction(1), *normal)
+        spend(products(4 * len(self.vertices), bits((x, y, z)), self._longest))
         return Fraction(max(x * a + y * b + z * c for a, b, c in self.vertices), one * self.scale)
 
     def nearer(self, x: Vector, distance: Fraction) -> bool:
@@ -63,17 +68,21 @@ class Mesh:
         return tuple(Fraction(a, self.scale) for a in self.vertices[index])
 
     @cached_property
+    def _longest(self) -> int:
+        return bits(a for vertex in self.vertices for a in vertex)
+
+    @cached_property
     def _corners(self) -> list[Point]:
         return [tuple(a / self.scale for a in vertex) for vertex in self.vertices]
 
 
-def is_flat(vertices: Sequence[Vector]) -> bool:
+def is_flat(vertices: Sequence[Integers]) -> bool:
     """True where all vertices lie in one plane."""
     away = [_minus(v, vertices[0]) for v in vertices]
     along = next((v for v in away if any(v)), None)
     normals = (_cross(along, v) for v in away) if along is not None else ()
     normal = next((n for n in normals if any(n)), None)
-    return normal is None or not any(dot(normal, v) for v in away)
+    return normal is None or not any(sum(map(mul, normal, v)) for v in away)
 
 
 def _depth_squared(x: Vector, corners: Sequence[Vector]) -> Fraction | None:
@@ -89,9 +98,9 @@ def _depth_squared(x: Vector, corners: Sequence[Vector]) -> Fraction | None:
     return min(found)
 
 
-def _minus(a: Vector, b: Vector) -> Vector:
+def _minus(a: tuple[Number, ...], b: tuple[Number, ...]) -> tuple[Number, ...]:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
-def _cross(a: Vector, b: Vector) -> Vector:
+def _cross(a: tuple[Number, ...], b: tuple[Number, ...]) -> tuple[Number, ...]:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -7,10 +7,13 @@ from math import lcm
 from omniservo.verification.camera_path import CameraPath
 from omniservo.verification.fields import Vector
 from omniservo.verification.polynomials import Polynomial, combine, value
+from omniservo.verification.work import spend, spend_on_fractions
 
 Motion = tuple[Vector, ...]
 """m(w) [m]: three rows of coefficients, highest power of w first"""
 _STILL: Motion = ((Fraction(0),),) * 3
+_SEEN = 600
+"""What looking from an obstacle costs in small steps, in the unit of `work`."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ def relative(
     rows = motion or _STILL
     scale = lcm(path.scale, unit, *(unit_of(row) for row in rows))
     moved = [[int(x * scale) for x in reversed(row)] for row in rows]
+    spend(_SEEN)
+    spend_on_fractions(3 * (len(rows[0]) + len(path.translation[0])), Fraction(scale))
     factor = scale // path.scale
     camera = tuple(combine((factor, p), (-1, m)) for p, m in zip(path.translation, moved, strict=True))
     ends = [[int(x * scale)] for x in target or ()]

@@ -8,6 +8,8 @@ from itertools import combinations
 from math import inf
 from typing import NamedTuple
 
+from omniservo.verification.work import spend
+
 Point = tuple[float, ...]
 _MOST_STEPS, _CLOSE = 64, 1e-13
 
@@ -37,6 +39,7 @@ def nearest(
         simplex = {keys[k]: simplex[keys[k]] for k in weights}
         size = dot(apart, apart)
         x, y, z = apart
+        spend(1000 + 8 * len(corners))
         heights = [x * a + y * b + z * c for a, b, c in corners]
         index, side = heights.index(max(heights)), int(dot(apart, end) < dot(apart, start))
         new = tuple(s - c for s, c in zip(ends[side], corners[index], strict=True))

@@ -6,13 +6,16 @@ from math import lcm
 
 from omniservo.verification.bodies import Box, Capsule, axes_of
 from omniservo.verification.cloud_tree import Node
-from omniservo.verification.fields import Fields, Malformed, NotJudged, Vector, near_unit, numbers
+from omniservo.verification.fields import Fields, Malformed, NotJudged, Vector, near_unit, numbers, shown
 from omniservo.verification.mesh import Mesh, is_flat
 from omniservo.verification.motion import Motion
+from omniservo.verification.work import bits, products, spend
 
 FEWEST_VERTICES, MOST_VERTICES = 4, 1000
 MOST_CLOUD_POINTS = 100_000
 HIGHEST_MOTION = 16
+_OBSTACLE = 1000
+"""What reading one costs, in the unit of `work`."""
 _KINDS = ("sphere", "box", "capsule", "half_space", "mesh", "cloud")
 
 
@@ -57,9 +60,10 @@ SEPARATED = (Box, Capsule, Mesh)
 
 def obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
     """Read one obstacle; without a clearance of its own it has the problem's."""
+    spend(_OBSTACLE)
     kind = fields.get("type")
     if kind not in _KINDS:
-        raise NotJudged(f"{fields.where}: this verifier does not judge obstacles of type {kind!r:.60}")
+        raise NotJudged(f"{fields.where}: this verifier does not judge obstacles of type {shown(kind)}")
     if fields.get("clearance") is not None:
         clearance = fields.number("clearance", least=0)
     motion = _motion(fields)
@@ -114,10 +118,12 @@ def _mesh(fields: Fields, clearance: Fraction, motion: Motion | None) -> Mesh:
     if len(vertices) < FEWEST_VERTICES:
         raise Malformed(f"{fields.where}.vertices: {len(vertices)} given; at least {FEWEST_VERTICES}")
     scale = lcm(*{x.denominator for vertex in vertices for x in vertex})
-    corners = [[int(x * scale) for x in vertex] for vertex in vertices]
-    if is_flat(vertices):
+    corners = [tuple(int(x * scale) for x in vertex) for vertex in vertices]
+    longest = bits(x for corner in corners for x in corner)
+    spend(products(64 * len(corners), longest, 2 * longest))
+    if is_flat(corners):
         raise Malformed(f"{fields.where}.vertices: all in one plane; a solid is needed")
-    return Mesh(tuple(map(tuple, corners)), scale, clearance, motion)
+    return Mesh(tuple(corners), scale, clearance, motion)
 
 
 def _cloud(fields: Fields, clearance: Fraction, motion: Motion | None) -> Cloud:

@@ -16,9 +16,11 @@ from omniservo.verification.fields import (
     Vector,
     near_unit,
     numbers,
+    shown,
 )
 from omniservo.verification.obstacles import HalfSpace, Obstacle, half_space, obstacle
 from omniservo.verification.polynomials import integers
+from omniservo.verification.work import bits, products, spend
 
 MOST_BYTES = 16 << 20
 MOST_POINTS = MOST_OBSTACLES = 100_000
@@ -179,7 +181,7 @@ def _separators(certificate: Fields) -> Separators:
         if not isinstance(name, str) or isinstance(point, bool) or not isinstance(point, int | None):
             raise Malformed(f"{fields.where}: constraint must be text, point a whole number")
         if (name, point) in found:
-            raise Malformed(f"{fields.where}: {name!r:.80}, point {point}, stands twice")
+            raise Malformed(f"{fields.where}: {name!r:.80}, point {shown(point)}, stands twice")
         rows = fields.vectors("pieces", 5, MOST_PIECES)
         total += len(rows)
         if total > MOST_PIECES:
@@ -293,6 +295,7 @@ def _strictly_convex(polygon: tuple[Vector, ...]) -> bool:
     """True where every corner but a side's own two lies on the same side of it, and none on it."""
     n, flat = len(polygon), integers(*(x for corner in polygon for x in corner))
     corners = list(zip(flat[::2], flat[1::2], strict=True))
+    spend(products(16 * n * n, bits(flat), bits(flat)))
     turns = set()
     for i, (x, y) in enumerate(corners):
         dx, dy = corners[(i + 1) % n][0] - x, corners[(i + 1) % n][1] - y

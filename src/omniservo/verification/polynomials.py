@@ -6,9 +6,11 @@ coefficients are integers; only its sign is ever asked for, so that factor is fo
 
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import comb, gcd, lcm
 from operator import add, mul
+
+from omniservo.verification.work import bits, products, spend
 
 Polynomial = list[int]
 
@@ -31,6 +33,7 @@ def combine(*terms: tuple[int, Polynomial]) -> Polynomial:
 
 def times(p: Polynomial, q: Polynomial) -> Polynomial:
     """Return p·q."""
+    spend(products(24 + len(p) * len(q), bits(p), bits(q)))
     product = [0] * (len(p) + len(q) - 1)
     for i, a in enumerate(p):
         if a:
@@ -51,7 +54,8 @@ def minus(p: Polynomial, bound: Fraction) -> Polynomial:
 
 def value(p: Polynomial, w: Fraction) -> Fraction:
     """Return p(w)."""
-    total, power = 0, 1
+    total, power, longest = 0, 1, len(p) * w.denominator.bit_length()
+    spend(products(4 * len(p), bits(p) + longest, longest))
     for a in reversed(p):
         total = total * w.numerator + a * power
         power *= w.denominator
@@ -59,17 +63,20 @@ def value(p: Polynomial, w: Fraction) -> Fraction:
 
 
 @lru_cache(maxsize=256)
-def _conversion(n: int) -> tuple[tuple[int, ...], ...]:
-    factor = lcm(*(comb(n, j) for j in range(n + 1)))
-    return tuple(tuple(comb(i, j) * (factor // comb(n, j)) for j in range(i + 1)) for i in range(n + 1))
+def _weights(n: int) -> tuple[int, ...]:
+    return tuple(integers(*(Fraction(1, comb(n, j)) for j in range(n + 1))))
 
 
 def bernstein(p: Polynomial) -> list[int]:
-    """Return the Bernstein coefficients Σⱼ C(i,j)/C(n,j) pⱼ on [0, 1], times one positive integer.
+    """Return the Bernstein coefficients Σⱼ C(i,j) pⱼ/C(n,j) on [0, 1], times one positive integer.
 
     p lies between the smallest and the largest of them; the first and last are p's values at 0 and 1.
     """
-    return [sum(map(mul, row, p)) for row in _conversion(len(p) - 1)]
+    spend(products(16 + len(p) ** 2, bits(p) + len(p), 16))
+    first = list(map(mul, _weights(len(p) - 1), p))
+    # Pascal's rule: the i-th row begins with Σⱼ C(i,j) times the first one's j-th.
+    rows = accumulate(p[1:], lambda row, _: list(map(add, row, row[1:])), initial=first)
+    return [row[0] for row in rows]
 
 
 def on_piece(p: Polynomial, start: Fraction, end: Fraction) -> Polynomial:
@@ -91,8 +98,7 @@ def halves(b: list[int]) -> tuple[list[int], list[int]]:
         b = list(map(add, b, b[1:]))
         left.append(b[0] << k)
         right.append(b[-1] << k)
-    right.reverse()
-    return left, right
+    return left, right[::-1]
 
 
 def sturm_chain(p: Polynomial) -> list[Polynomial]:
@@ -125,8 +131,7 @@ def _remainder(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def _reduced(p: Polynomial) -> Polynomial:
-    p = list(p)
     while p and p[-1] == 0:
-        p.pop()
+        p = p[:-1]
     factor = gcd(*p) or 1
     return [a // factor for a in p]

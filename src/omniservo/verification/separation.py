@@ -17,6 +17,7 @@ from omniservo.verification.fields import BEYOND_FLOATS, Vector
 from omniservo.verification.motion import Relative, relative
 from omniservo.verification.plan_file import Piece, Separators
 from omniservo.verification.polynomials import bernstein, combine, integers, on_piece
+from omniservo.verification.work import spend_on_fractions
 
 _LOOKS = 16
 
@@ -104,6 +105,7 @@ def _separates(piece: Piece, body: Body, seen: Relative, distance: Fraction) -> 
     if squared == 0:
         return False
     bound = body.support(n) + distance * (root_above(squared) if distance > 0 else root_below(squared))
+    spend_on_fractions(40, bound, *n)
     *normal, least = integers(*n, bound * seen.scale)
     for end in (seen.camera, seen.target):
         along = combine(*zip(normal, end, strict=True), (-least, [1])) if end else [0]
@@ -125,6 +127,8 @@ def _nearest(body: Body, seen: Relative, w: Fraction) -> Vector:
 def _short(body: Body, seen: Relative, distance: Fraction, w: Fraction) -> bool:
     """True where a point of the sight at w shows that it is nearer than the distance."""
     try:
-        return body.nearer(_nearest(body, seen, w), distance)
+        at = _nearest(body, seen, w)
+        spend_on_fractions(40, *at)
+        return body.nearer(at, distance)
     except BEYOND_FLOATS:
         return False

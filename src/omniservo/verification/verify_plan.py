@@ -12,6 +12,7 @@ from omniservo.verification.faults_of_separators import faults_of_separators
 from omniservo.verification.fields import Malformed, NotJudged, Vector
 from omniservo.verification.judged import Case, judged
 from omniservo.verification.plan_file import PlanFile, Problem, read_plan
+from omniservo.verification.work import WorkExceeded, bounded
 
 _MOST_REASONS = 50
 
@@ -23,11 +24,12 @@ def verify_plan(plan: Any) -> Certificate:
         PlanFileError: not a plan, or the file cannot be read.
     """
     try:
-        file = read_plan(plan)
-        return _infeasible(file) if file.status == "infeasible" else _judged_path(file)
+        with bounded():
+            file = read_plan(plan)
+            return _infeasible(file) if file.status == "infeasible" else _judged_path(file)
     except Malformed as fault:
         return Certificate("refuted", (), (str(fault),))
-    except NotJudged as fault:
+    except (NotJudged, WorkExceeded) as fault:
         return Certificate("undecided", (), (str(fault),))
 
 
