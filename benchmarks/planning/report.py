@@ -47,6 +47,7 @@ def page(
     """Return the page as Markdown. ``hardest``: set → problems, straight path's failures, checksum."""
     parts = ["# Planning benchmark\n", _where(command), _how(), "## Targets\n", _targets(wanted)]
     parts += ["![Success against time](images/benchmark-planning.svg)\n"]
+    parts += ["## In short\n", "Feasible of the solvable problems, and the median time [ms].\n", _short(found)]
     for name, facts in hardest.items():
         parts += [f"## {name}\n", _set(name, facts, rows), _table([s for s in found if s.set == name])]
     parts += ["## Methods\n", _methods({s.method.name: s.method for s in found}.values(), missing)]
@@ -90,7 +91,8 @@ failures included: `perf_counter` around solver or kernel, the building of a mod
 is shorter than 20 ms, the median of repeated calls. *Energy*: ∫‖t″‖²/ℓ² + ‖φ″‖² dw, its median over
 feasible paths; the ratio to {OURS!r} (ours, least effort) over problems that both solve. *Least g*: the
 smallest of all constraints without dimension: of an image limit about radians, of a length over its
-requirement. *Least margins*: the smallest proven margins beyond what is asked for.
+requirement. *Least margins*: the smallest proven margins beyond what is asked for. A dash instead of a time:
+not tried, since too large (IPOPT, 10 000 rows).
 """
 
 
@@ -99,6 +101,21 @@ def _targets(wanted: Iterable[Target]) -> str:
     says = {True: "met", False: "**missed**", None: ""}
     lines += [f"| {t.figure} | {t.must} | {t.ambition} | {t.here} | {says[t.met]} |" for t in wanted]
     return "\n".join(lines) + "\n"
+
+
+def _short(found: Sequence[Summary]) -> str:
+    """Return a row for each method, a column for each set."""
+    sets = list(dict.fromkeys(s.set for s in found))
+    lines = ["| method | " + " | ".join(sets) + " |", "|---" * (len(sets) + 1) + "|"]
+    for label in dict.fromkeys(s.method.label for s in found):
+        by_set = {s.set: s for s in found if s.method.label == label}
+        lines.append(f"| {label} | " + " | ".join(_cell(by_set.get(name)) for name in sets) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(s: Summary | None) -> str:
+    median = np.nan if s is None else quantile(s.seconds, 0.5)
+    return "–" if s is None or np.isnan(median) else f"{100.0 * s.success:.1f}%, {number(1e3 * median)}"
 
 
 def _set(name: str, facts: tuple[int, float, str], rows: Sequence[Row]) -> str:

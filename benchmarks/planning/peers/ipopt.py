@@ -55,7 +55,7 @@ def solve(problem: PlanningProblem, neutral: Neutral, budget: float, settings: S
     """Return the path of the first start (straight line, then detours) that IPOPT calls solved."""
     rows = settings.samples * row_count(neutral)
     if rows > MOST_ROWS:
-        return Attempt(False, None, 0.0, f"{rows} rows: not tried, see MOST_ROWS")
+        return Attempt(False, None, math.nan, f"{rows} rows: not tried, see MOST_ROWS")
     seconds = math.ceil(budget)
     return multistart(neutral, lambda space: _descent(space, settings, seconds), settings, budget)
 

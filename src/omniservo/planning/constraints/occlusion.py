@@ -24,7 +24,7 @@ from omniservo.geometry.polynomial import (
     copy_into,
     halve,
 )
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, push_centre_often
 from omniservo.planning.constraints.visibility import sum_of_controls
 
 _STEPS = 8
@@ -206,12 +206,14 @@ def push_sight(
         target, lowest = targets[group], least[group]
         for s in range(poses.shape[0]):
             tx, ty, tz = poses[s, 9], poses[s, 10], poses[s, 11]
+            px, py, pz = tx - ox, ty - oy, tz - oz
+            xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            bx, by, bz, cost = 0.0, 0.0, 0.0, 0.0
             for j in range(points.shape[0]):
                 lx, ly, lz = points[j, 0] - tx, points[j, 1] - ty, points[j, 2] - tz
-                x, y, z = tx - ox, ty - oy, tz - oz
-                k = -(x * lx + y * ly + z * lz) / max(lx * lx + ly * ly + lz * lz, 1e-300)
+                k = -(px * lx + py * ly + pz * lz) / max(lx * lx + ly * ly + lz * lz, 1e-300)
                 k = min(max(k, 0.0), 1.0)
-                x, y, z = x + k * lx, y + k * ly, z + k * lz
+                x, y, z = px + k * lx, py + k * ly, pz + k * lz
                 square = x * x + y * y + z * z
                 far = radius + unit * max(target, lowest)
                 if square >= far * far:
@@ -220,6 +222,17 @@ def push_sight(
                 g = (distance - radius) / unit
                 lowest = min(lowest, g)
                 if g < target:
-                    f = (1.0 - k) / (unit * max(distance, 1e-9 * unit))
-                    push_centre(systems, costs, s, poses, f * x, f * y, f * z, target - g)
+                    f, r = (1.0 - k) / (unit * max(distance, 1e-9 * unit)), target - g
+                    x, y, z = f * x, f * y, f * z
+                    xx, xy, xz, yy, yz, zz = (
+                        xx + x * x,
+                        xy + x * y,
+                        xz + x * z,
+                        yy + y * y,
+                        yz + y * z,
+                        zz + z * z,
+                    )
+                    bx, by, bz, cost = bx + x * r, by + y * r, bz + z * r, cost + 0.5 * r * r
+            if cost > 0.0:
+                push_centre_often(systems, costs, s, poses, (xx, xy, xz, yy, yz, zz), (bx, by, bz), cost)
         least[group] = lowest

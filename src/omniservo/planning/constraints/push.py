@@ -35,6 +35,28 @@ def push_centre(
 
 
 @kernel
+def push_centre_often(
+    systems: FloatArray,
+    costs: FloatArray,
+    s: int,
+    poses: FloatArray,
+    square: tuple[float, float, float, float, float, float],
+    side: tuple[float, float, float],
+    cost: float,
+) -> None:
+    """Add many rows of `push_centre` at once, given Σ g gᵀ (xx, xy, xz, yy, yz, zz), Σ g r and Σ r²/2."""
+    xx, xy, xz, yy, yz, zz = square
+    x, y, z = side
+    for i in range(3):
+        a, b, c = poses[s, i], poses[s, 3 + i], poses[s, 6 + i]
+        u, v, w = xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c
+        for j in range(i, 3):
+            systems[s, i, j] += poses[s, j] * u + poses[s, 3 + j] * v + poses[s, 6 + j] * w
+        systems[s, i, 6] += a * x + b * y + c * z
+    costs[s] += cost
+
+
+@kernel
 def push_camera_point(
     systems: FloatArray,
     costs: FloatArray,

@@ -136,7 +136,7 @@ def spread(
     ``room`` (13, 8) holds S J and the block.
     """
     turns = system[3, 3] + system[4, 4] + system[5, 5] > 0.0
-    for a in range(6):
+    for a in range(6 if turns else 3):
         for b in range(a):
             system[a, b] = system[b, a]
         for c in range(3):
@@ -150,8 +150,9 @@ def spread(
                 total += system[a, 3 + b] * turn[b, c]
             room[a, c] = total
         room[a, 7] = system[a, 6]
-    for r in range(0 if turns else 4, 7):
-        for c in range(8):
+    first = 0 if turns else 4
+    for r in range(first, 7):
+        for c in range(first, 8):
             total = 0.0
             for a in range(3):
                 total += turn[a, r] * room[3 + a, c] if r < 4 else pose[3 * (r - 4) + a] * room[a, c]

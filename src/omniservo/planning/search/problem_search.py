@@ -16,7 +16,7 @@ from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limi
 from omniservo.planning.search.path_family import Ends
 from omniservo.planning.search.search import search, starts_in_all
 
-STARTS = 300
+STARTS = 1000
 """Starts at the highest degree before a plan counts as not found."""
 
 GOLDEN_ANGLE = 2.399963229728653

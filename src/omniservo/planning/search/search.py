@@ -20,31 +20,35 @@ FEW = 12
 SPREAD = (0.7548776662466927, 0.5698402909980532, 0.6180339887498949)
 """Multiples of these, modulo 1, fill directions and sizes evenly and independently of each other."""
 
+TWISTS = (0.0, 2.1, -2.1)
+"""How far detours turn from one inner control point to the next [rad]."""
+
 
 @inlined
 def start_offsets(family: Family, ell: float, index: int, phase: float, x: FloatArray) -> None:
     """Write start ``index``: 0 the straight line, then sideways detours all round, growing.
 
-    A detour offsets every inner control point by one vector: across t(1), or in any direction where the
-    camera mostly turns on the spot. Every second one also tilts φ.
+    A detour offsets every inner control point across t(1), or in any direction where the camera mostly turns
+    on the spot; in every third one all go the same way, the others turn from point to point. Every second one
+    also tilts φ.
     """
     fill(x, 0.0)
     if index == 0:
         return
-    angle = phase + 2.0 * math.pi * SPREAD[0] * index
-    size = (0.2 + 0.12 * math.sqrt(index)) * (0.4 + 1.2 * ((SPREAD[2] * index) % 1.0))
+    angle, size = phase + 2.0 * math.pi * SPREAD[0] * index, detour_size(index)
     t = family.translation_base[:, family.translation_base.shape[1] - 1]
     distance = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     height = 1.0 - 2.0 * ((SPREAD[1] * index) % 1.0)
     ring = math.sqrt(1.0 - height * height)
-    a, b, c = ring * math.cos(angle), ring * math.sin(angle), height
-    if distance > 0.05 * ell:
-        along = (a * t[0] + b * t[1] + c * t[2]) / (distance * distance)
-        a, b, c = a - along * t[0], b - along * t[1], c - along * t[2]
-        size /= max(math.sqrt(a * a + b * b + c * c), 1e-6)
     inner = family.rotation_form.shape[0]
     for k in range(4 * inner, x.shape[0], 3):
-        x[k], x[k + 1], x[k + 2] = size * a, size * b, size * c
+        a, b, c, length = ring * math.cos(angle), ring * math.sin(angle), height, 1.0
+        if distance > 0.05 * ell:
+            along = (a * t[0] + b * t[1] + c * t[2]) / (distance * distance)
+            a, b, c = a - along * t[0], b - along * t[1], c - along * t[2]
+            length = max(math.sqrt(a * a + b * b + c * c), 1e-6)
+        x[k], x[k + 1], x[k + 2] = size * a / length, size * b / length, size * c / length
+        angle += TWISTS[index % 3]
     if index % 2 == 1:
         return
     tilt = 0.3 * math.sqrt(index)
@@ -52,6 +56,12 @@ def start_offsets(family: Family, ell: float, index: int, phase: float, x: Float
         x[4 * k] = tilt * ring * math.sin(2.0 * angle)
         x[4 * k + 1] = tilt * height
         x[4 * k + 2] = tilt * ring * math.cos(2.0 * angle)
+
+
+@kernel
+def detour_size(index: int) -> float:
+    """Return the size of detour ``index`` over ℓ: small ones first, soon from 0.2 to 6.4, evenly in scale."""
+    return float(0.2 * 2.0 ** (min(5.0, 1.0 + 0.8 * math.sqrt(index)) * ((SPREAD[2] * index) % 1.0)))
 
 
 @kernel

@@ -22,7 +22,7 @@ from omniservo.planning.search.path_family import (
 )
 from omniservo.planning.search.prove_path import prove_path
 
-SAMPLES = 8
+SAMPLES = 6
 """Samples at first: the proof is trusted, not they."""
 
 TARGET = 0.03
