@@ -47,7 +47,7 @@ def page(
     """Return the page as Markdown. ``hardest``: set → problems, straight path's failures, checksum."""
     parts = ["# Planning benchmark\n", _where(command), _how(), "## Targets\n", _targets(wanted)]
     parts += ["![Success against time](images/benchmark-planning.svg)\n"]
-    parts += ["## In short\n", "Feasible of the solvable problems, and the median time [ms].\n", _short(found)]
+    parts += ["## In short\n", "Feasible of the solvable problems; median time [ms].\n", _short(found)]
     for name, facts in hardest.items():
         parts += [f"## {name}\n", _set(name, facts, rows), _table([s for s in found if s.set == name])]
     parts += ["## Methods\n", _methods({s.method.name: s.method for s in found}.values(), missing)]
