@@ -7,10 +7,12 @@ from benchmarks.planning.path_space import PathSpace
 from benchmarks.planning.samples import Samples
 from scipy.optimize import minimize
 
+from omniservo.geometry.polynomial import bernstein_from_power
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import room_for
+from omniservo.planning.search.economise import leads_back
 from omniservo.planning.search.effort_steps import update_hessian
-from omniservo.planning.search.path_family import path_family, set_uniform_samples, unknowns
+from omniservo.planning.search.path_family import offsets, path_family, set_uniform_samples, unknowns
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.settle import end_values
 from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples, slope_at
@@ -38,10 +40,10 @@ def test_the_slope_of_a_groups_worst_constraint_is_that_of_differences(random_pr
 
         h = 1e-6
         steps = [(levels(x + h * e), levels(x - h * e)) for e in np.eye(len(x))]
-        here, row = levels(x), np.empty(len(x))
+        here, row, scratch = levels(x), np.empty(len(x)), np.empty(len(asleep))
         quiet = np.full(len(asleep), ASLEEP)
         for s, group in np.argwhere(np.isfinite(here)):
-            slope_at(search.demands, family, room, s, group, here[s, group], quiet, row)
+            slope_at(search.demands, family, room, s, group, here[s, group], quiet, scratch, row)
             ahead = np.array([a[s, group] for a, _ in steps]) - here[s, group]
             behind = here[s, group] - np.array([b[s, group] for _, b in steps])
             if np.allclose(ahead, behind, atol=1e-9):  # no other point or end of a segment takes over
@@ -51,6 +53,33 @@ def test_the_slope_of_a_groups_worst_constraint_is_that_of_differences(random_pr
                 compared += 1
         assert (quiet == ASLEEP).all()
     assert compared > 40
+
+
+def test_a_way_back_is_clear_along_a_proven_path_alone(random_problems):
+    blocked = 0
+    for problem in (problem for kind in KINDS for problem in random_problems(kind, 3)):
+        search = ProblemSearch.of(problem)
+        path = search.run(0, search.starts, 0).path
+        family = path_family(search.ends, path.rotation.shape[1] - 1, path.translation.shape[1] - 1)
+        x, straight = np.empty(unknowns(family)), np.zeros((1, unknowns(family)))
+        controls = bernstein_from_power(path.rotation), bernstein_from_power(path.translation)
+        offsets(family, search.demands.numbers[2], *controls, x)
+        assert leads_back(search.demands, family, x, np.vstack([straight, x]))
+        assert not leads_back(search.demands, family, x, straight[:0])
+        blocked += not leads_back(search.demands, family, x, straight)
+    assert blocked > 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_starts_never_leave_more_effort(random_problems, kind):
+    for problem in random_problems(kind, 3):
+        search = ProblemSearch.of(problem)
+        one, four, eight = (search.run(0, search.starts, k) for k in (1, 4, 8))
+        assert one.proven
+        assert eight.energy <= four.energy <= one.energy
+        beaten = search.run(one.number, one.number + 1, 1, 0.5 * one.least_energy)
+        assert beaten.proven
+        assert beaten.energy >= one.energy
 
 
 def test_the_hessian_stays_positive_and_learns_the_curvature():

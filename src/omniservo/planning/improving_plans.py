@@ -128,7 +128,7 @@ def paths_of_less_effort(
     for number in (first.number, *range(tried, search.starts)):
         if budget.is_used_up or best <= first.least_energy:
             return
-        found = search.run(number, number + 1, 1)
+        found = search.run(number, number + 1, 1, best)
         if found.proven and found.energy < NOTABLY * best:
             best = found.energy
             yield found

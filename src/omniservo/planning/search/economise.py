@@ -1,5 +1,7 @@
 """From a proven path to the one of least effort nearby, proven again (method section 6)."""
 
+import math
+
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
@@ -7,7 +9,8 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.search.descent import Room, fill, room_for
+from omniservo.planning.constraints.push import ASLEEP
+from omniservo.planning.search.descent import PLENTY, Room, fill, groups, room_for
 from omniservo.planning.search.effort_steps import bend, step_to_least_effort
 from omniservo.planning.search.path_family import (
     MAX_SAMPLES,
@@ -21,8 +24,20 @@ from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import power_path
 from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples
 
-SAMPLES = 16
-"""Samples at first: those where the path loses most between them are added."""
+SAMPLES, BETWEEN = 10, 33
+"""Samples at first, and those that show where the path loses most between them, which is added."""
+
+LOOSE, FINE = 1e-2, 1e-4
+"""Steps end where the next would gain less than this part of the energy: at first, and with more samples."""
+
+NOTABLY = 0.999
+"""A path that is followed up gets below this part of the energy to beat."""
+
+LOOKS, PARTS = 16, (0.25, 0.5, 0.75)
+"""Samples, and the places between two paths, of the look at what is in the way from the one to the other."""
+
+JUMPED, RETURNS = 0.05, 3
+"""A path that violates something by more has jumped over it: back to where it came from, so often."""
 
 LEFT = 5e-5
 """What the active constraints keep, dimensionless; more where a proof asks for it."""
@@ -62,19 +77,26 @@ def add_lows(
     family: Family,
     between: Family,
     x: FloatArray,
-    asleep: FloatArray,
     kept: FloatArray,
     room: Room,
-) -> bool:
+    asleep: FloatArray,
+) -> tuple[bool, float]:
     """Add samples where groups have their lowest places between samples, and less left than half of ``kept``.
 
-    Tell whether there are any. ``between`` has evenly spaced samples; a parabola through three of them shows
-    the place.
+    Tell whether there are any, and the lowest g of all. ``between`` has evenly spaced samples; a parabola
+    through three of them shows the place. A group with plenty left is put to sleep in ``asleep`` (groups,).
     """
-    count, added = between.samples[0], False
+    count, added, bottom = between.samples[0], False, math.inf
     levels = np.empty((count, kept.shape[0]))
+    fill(asleep, LOOKED_AT)
     look_at_samples(demands, between, x, asleep, room, levels)
     for i in range(kept.shape[0]):
+        lowest = math.inf
+        for s in range(count):
+            lowest = min(lowest, levels[s, i])
+        bottom = min(bottom, lowest)
+        if lowest > PLENTY:
+            asleep[i] = ASLEEP
         for s in range(1, count - 1):
             before, low, after = levels[s - 1, i], levels[s, i], levels[s + 1, i]
             if low < kept[i] + 0.1 and low <= before and low <= after:
@@ -82,7 +104,31 @@ def add_lows(
                 shift = 0.5 * (before - after) / curvature if curvature > 0.0 else 0.0
                 if low - 0.25 * (before - after) * shift < 0.5 * kept[i]:
                     added = add_apart(family, (s + 1.0 + shift) / (count + 1.0)) or added
-    return added
+    return added, bottom
+
+
+@kernel
+def leads_back(demands: Demands, family: Family, x: FloatArray, optima: FloatArray) -> bool:
+    """Tell whether nothing seems to be in the way from the path x straight to one of ``optima`` (m, nx).
+
+    Its least effort nearby is then taken for that one's. The samples of ``family`` are replaced.
+    """
+    set_uniform_samples(family, LOOKS)
+    room = held(room_for(LOOKS, demands.points.shape[0]))
+    asleep, trial = np.empty(groups(demands)), np.empty_like(x)
+    levels = np.empty((LOOKS, asleep.shape[0]))
+    fill(asleep, LOOKED_AT)
+    for i in range(optima.shape[0]):
+        clear_way = True
+        for part in PARTS:
+            if clear_way:
+                for k in range(x.shape[0]):
+                    trial[k] = x[k] + part * (optima[i, k] - x[k])
+                look_at_samples(demands, family, trial, asleep, room, levels)
+                clear_way = levels.min() >= 0.0
+        if clear_way:
+            return True
+    return False
 
 
 @inlined
@@ -126,33 +172,43 @@ def _bend_and_prove(
 ) -> tuple[int, FloatArray, FloatArray]:
     """Step to the least effort at the samples, and again with more of them, until the path is proven.
 
-    More samples leave no less effort: a path that is not below ``beat`` with some is not followed up.
+    More samples leave no less effort: where a path is not below ``beat`` with some, x is left alone. A path
+    that has jumped over something between samples starts again with samples there.
     """
-    ell, size, left = demands.numbers[2], x.shape[0], LEFT
+    ell, size, left, beat = demands.numbers[2], x.shape[0], LEFT, NOTABLY * beat
     room = held(room_for(MAX_SAMPLES, demands.points.shape[0]))
-    normal, asleep = np.empty((size, size + 1)), np.empty_like(ends)
+    normal, hessian = np.empty((size, size + 1)), np.empty((size, size))
     bend(family, x, np.empty(size), normal)
-    hessian = np.empty((size, size))
-    fill(asleep, LOOKED_AT)
+    asleep, found = np.empty_like(ends), x.copy()
     set_uniform_samples(family, SAMPLES)
-    between = family_like(family, 2 * SAMPLES + 1)
-    status = REFUTED
+    between = family_like(family, BETWEEN)
+    status, fine, returns = REFUTED, math.inf, 0
     rotation, translation = power_path(family, ell, x)
     for done in range(ROUNDS):
+        if fine == math.inf:
+            x[:], hessian[:], fine = found, normal[:, :size], LOOSE
+            fill(asleep, LOOKED_AT)
         kept_levels(ends, left, kept)
-        for i in range(size):
-            for k in range(size):
-                hessian[i, k] = normal[i, k]
-        step_to_least_effort(demands, family, kept, asleep, room, hessian, x)
-        if path_energy(family, ell, x) >= beat:
+        missing = step_to_least_effort(demands, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
+        if missing == math.inf or path_energy(family, ell, x) >= beat:
+            x[:] = found
             break
-        if add_lows(demands, family, between, x, asleep, kept, room):
+        added, lowest = add_lows(demands, family, between, x, kept, room, asleep)
+        if max(missing, -lowest) > JUMPED:
+            returns += 1
+            if not added or returns > RETURNS:
+                break
+            fine = math.inf
+            continue
+        if added or fine > FINE:
+            fine = FINE
             continue
         rotation, translation = power_path(family, ell, x)
         status, w = prove_path(demands, rotation, translation)
         if status == PROVEN:
             break
-        added = status == REFUTED and add_apart(family, w)
-        if not added or done >= PATIENCE:
+        fill(asleep, LOOKED_AT)
+        hessian[:] = normal[:, :size]
+        if not (status == REFUTED and add_apart(family, w)) or done >= PATIENCE:
             left *= MORE
     return status, rotation, translation

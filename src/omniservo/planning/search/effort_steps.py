@@ -28,8 +28,11 @@ MOST_ROWS = 60
 BAND = 0.2
 """Constraints with more left than this are not in the quadratic program."""
 
-FINE = 1e-4
-"""The steps end where the next would gain less than this part of the energy."""
+FARTHER = 2.0
+"""Steps end where so many times what the next one gains in energy would not be enough."""
+
+ASTRAY = 1.0
+"""A step adds no shortfall beyond this: the path would be on the wrong side of something."""
 
 FLATTEST = 0.1
 """The Hessian's curvature along a step is at least this part of the energy's."""
@@ -180,12 +183,16 @@ def linearise_rows(
     rows: Rows,
     count: int,
     right: FloatArray,
+    scratch: FloatArray,
 ) -> None:
-    """Write ∂g/∂x of the ``count`` first rows, and what each has to gain, kept − g, into ``right``."""
+    """Write ∂g/∂x of the ``count`` first rows, and what each has to gain, kept − g, into ``right``.
+
+    ``scratch`` is room for a number a group.
+    """
     for r in range(count):
         s, group = rows.sample[r], rows.group[r]
         right[r] = kept[group] - levels[s, group]
-        slope_at(demands, family, room, s, group, levels[s, group], quiet, rows.slope[r])
+        slope_at(demands, family, room, s, group, levels[s, group], quiet, scratch, rows.slope[r])
 
 
 @inlined
@@ -197,7 +204,9 @@ def step_to_least_effort(
     room: Room,
     hessian: FloatArray,
     x: FloatArray,
-) -> None:
+    fine: float,
+    beat: float,
+) -> float:
     """Lower the energy from x in place, keeping g ≥ ``kept`` (groups,) at the samples.
 
     Args:
@@ -208,44 +217,61 @@ def step_to_least_effort(
         room: for all samples.
         hessian: of the Lagrangian (nx, nx), to begin with; with what the steps have learnt at the end.
         x: offsets (nx,).
+        fine: the steps end where the next would gain less than this part of the energy.
+        beat: half an energy; the steps end where they are not likely to get below it.
+
+    Returns:
+        Σ max(0, kept − g) at x; ∞ where the steps ended because of ``beat``.
     """
     n, samples = x.shape[0], family.samples[0]
     gradient, change, step, trial = np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
     normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.empty_like(kept)
+    scratch = np.empty_like(kept)
     levels, right = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS)
     fill(quiet, ASLEEP)
+    trial_gradient = np.empty(n)
     look_at_samples(demands, family, x, asleep, room, levels)
     energy, active = bend(family, x, gradient, normal), 0
+    missing = shortfall(levels, samples, kept)
     for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
         plain = dot(change, step)
         add_constraint_slopes(rows, active, 1.0, change)
-        linearise_rows(demands, family, room, levels, kept, quiet, rows, count, right)
+        linearise_rows(demands, family, room, levels, kept, quiet, rows, count, right, scratch)
         add_constraint_slopes(rows, active, -1.0, change)
         if dot(change, change) * dot(step, step) < (STEEPEST * plain) ** 2:
             update_hessian(hessian, step, change, FLATTEST * plain)
         slopes, multipliers = rows.slope[:count], rows.multiplier[:count]
         if not quadratic_step(hessian, gradient, slopes, right[:count], step, multipliers):
-            return
-        missing, price = shortfall(levels, samples, kept), price_of(multipliers, gradient)
+            return missing
+        price = price_of(multipliers, gradient)
         gain = price * missing - dot(gradient, step)
         for i in range(n):
             change[i] = -gradient[i]
-        if not gain > FINE * energy:
-            return
-        part, merit = 2.0, math.inf
+        if not gain > fine * energy:
+            return missing
+        for i in range(n):
+            trial[i] = x[i] + step[i]
+        after = bend(family, trial, trial_gradient, normal)
+        if energy + FARTHER * (after - energy) > beat:
+            return math.inf
+        part, merit, violated = 2.0, math.inf, 0.0
         for _ in range(HALVINGS):
             part *= 0.5
             for i in range(n):
                 trial[i] = x[i] + part * step[i]
             look_at_samples(demands, family, trial, asleep, room, levels)
             tried = bend(family, trial, gradient, normal)
-            merit = tried - energy + price * (shortfall(levels, samples, kept) - missing)
+            violated = shortfall(levels, samples, kept)
+            merit = tried - energy + price * (violated - missing)
+            if violated > max(missing, ASTRAY):
+                merit = math.inf
             if merit <= -1e-4 * part * gain:
                 break
         if not merit <= -1e-4 * part * gain:
-            return
+            return missing
         for i in range(n):
             x[i], step[i] = trial[i], part * step[i]
             change[i] += gradient[i]
-        energy, active = tried, keep_active(rows, count)
+        energy, missing, active = tried, violated, keep_active(rows, count)
+    return missing

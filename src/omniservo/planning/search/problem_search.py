@@ -68,14 +68,16 @@ class ProblemSearch:
         """How many starts there are."""
         return int(starts_in_all(self.ends, self.degrees, STARTS))
 
-    def kernel(self, begin: int, end: int, economised: int) -> tuple[int, FloatArray, FloatArray, FloatArray]:
+    def kernel(
+        self, begin: int, end: int, economised: int, beat: float = math.inf
+    ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
         """Return what `search` does for the starts begin ≤ number < end."""
         window = np.array([begin, end], dtype=np.int64)
-        return search(self.demands, self.ends, self.degrees, window, self.phase, economised)
+        return search(self.demands, self.ends, self.degrees, window, self.phase, economised, beat)
 
-    def run(self, begin: int, end: int, economised: int) -> Found:
+    def run(self, begin: int, end: int, economised: int, beat: float = math.inf) -> Found:
         """Try the starts begin ≤ number < end, see `search`."""
-        status, rotation, translation, facts = self.kernel(begin, end, economised)
+        status, rotation, translation, facts = self.kernel(begin, end, economised, beat)
         path = CameraPath(rotation, translation)
         number, energy, floor, worst = int(facts[0]), float(facts[3]), float(facts[4]), float(facts[5])
         return Found(status == PROVEN, path, number, energy, floor, worst)

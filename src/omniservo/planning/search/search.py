@@ -10,7 +10,7 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.descent import fill
-from omniservo.planning.search.economise import economise
+from omniservo.planning.search.economise import economise, leads_back
 from omniservo.planning.search.path_family import Ends, Family, path_energy, path_family, unknowns
 from omniservo.planning.search.settle import PULL, end_values, settle
 
@@ -98,7 +98,13 @@ def scheduled(ends: Ends, degrees: IntArray, number: int) -> tuple[int, int]:
 
 @kernel
 def search(
-    demands: Demands, ends: Ends, degrees: IntArray, window: IntArray, phase: float, economised: int
+    demands: Demands,
+    ends: Ends,
+    degrees: IntArray,
+    window: IntArray,
+    phase: float,
+    economised: int,
+    beat: float,
 ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
     """Return status, φ and t by powers, and facts: the first proven path or the best of a few, or an attempt.
 
@@ -109,7 +115,8 @@ def search(
         window: the starts to try, window[0] ≤ number < window[1]; see `scheduled`.
         phase: turns the directions of the detours [rad].
         economised: 0: the first proven path. k > 0: the least effort near each of the first k starts that
-            are proven, and of these the path of least energy.
+            are proven, and of these the path of least energy; one that leads back to another is left out.
+        beat: the least energy so far; a start that leads to no less is not economised to the end.
 
     Returns:
         PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (6,): the number of
@@ -122,11 +129,12 @@ def search(
     end_least, floor = end_values(demands, family), path_energy(family, ell, np.zeros(unknowns(family)))
     least, facts = np.empty_like(end_least), np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf])
     rotation, translation = np.empty((4, 0)), np.empty((3, 0))
-    last = -1
+    optima, last, known = np.empty((0, 0)), -1, 0
     for number in range(window[0], window[1]):
         degree, start = scheduled(ends, degrees, number)
         if degree != last:
             family, last = held(path_family(ends, min(degree, degrees[0]), min(degree, degrees[1]))), degree
+            optima, known = np.empty((economised, unknowns(family))), 0
         x = np.empty(unknowns(family))
         start_offsets(family, ell, start, phase, x)
         fill(least, -1e300)
@@ -139,12 +147,13 @@ def search(
             continue
         proven += 1
         found = energy = path_energy(family, ell, x)
-        if economised > 0 and x.shape[0] > 0:
+        if economised > 0 and x.shape[0] > 0 and not leads_back(demands, family, x, optima[:known]):
             status, better_turn, better_move, energy = economise(
-                demands, family, end_least, x, least, facts[3]
+                demands, family, end_least, x, least, min(beat, facts[3])
             )
             if status == PROVEN:
-                turn, move = better_turn, better_move
+                turn, move, optima[known] = better_turn, better_move, x
+                known += 1
         if proven == 1 or energy < facts[3]:
             rotation, translation = turn, move
             facts[0], facts[2], facts[3], facts[5] = number, found, energy, smallest(least)

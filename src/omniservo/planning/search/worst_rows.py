@@ -6,14 +6,12 @@ with its worst constraint alone.
 
 import math
 
-import numpy as np
-
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.place import place
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.search.descent import Room, clear, fill, push_all
+from omniservo.planning.search.descent import Room, fill, push_all
 from omniservo.planning.search.path_family import Family, path_controls
 
 TOUCH = 1e-8
@@ -61,15 +59,16 @@ def slope_at(
     group: int,
     level: float,
     quiet: FloatArray,
+    least: FloatArray,
     row: FloatArray,
 ) -> None:
     """Write ∂g/∂x (nx,) of the worst constraint of a group at sample s, after `look_at_samples`.
 
-    ``level`` is its g; ``quiet`` (groups,) is all ASLEEP.
+    ``level`` is its g; ``quiet`` (groups,) is all ASLEEP; ``least`` is room for a number a group.
     """
     system, pose, turn = room.systems[s], room.poses[s], room.turns[s]
-    clear(system)
-    least = np.empty_like(quiet)
+    for a in range(6):
+        system[a, 6] = 0.0
     least[group] = math.inf
     quiet[group] = level + TOUCH
     _push_at(demands, room, s, quiet, least)
