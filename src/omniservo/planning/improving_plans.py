@@ -102,7 +102,7 @@ def first_proven(search: ProblemSearch, budget: TimeBudget, economised: int = 0)
     """
     if not budget.is_bounded:
         found = search.run(0, search.starts, economised)
-        return found, found.number + 1 if found.proven else search.starts
+        return found, found.tried
     best = search.run(0, 1, economised)
     tried = 1
     while not best.proven and tried < search.starts and not budget.is_used_up:

@@ -15,7 +15,7 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.quadratic_program import quadratic_step
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.search.descent import Room, add_bending, clear, fill
+from omniservo.planning.search.descent import Room, add_bending, clear
 from omniservo.planning.search.path_family import Family
 from omniservo.planning.search.worst_rows import look_at_samples, slope_at
 
@@ -196,6 +196,49 @@ def linearise_rows(
 
 
 @inlined
+def learn_curvature(hessian: FloatArray, step: FloatArray, change: FloatArray, plain: float) -> None:
+    """Update the Hessian by what the Lagrangian's gradient did along a step, the energy's ``plain``."""
+    if dot(change, change) * dot(step, step) < (STEEPEST * plain) ** 2:
+        update_hessian(hessian, step, change, FLATTEST * plain)
+
+
+@inlined
+def as_far_as_it_pays(
+    demands: Demands,
+    family: Family,
+    kept: FloatArray,
+    asleep: FloatArray,
+    room: Room,
+    x: FloatArray,
+    step: FloatArray,
+    trial: FloatArray,
+    levels: FloatArray,
+    gradient: FloatArray,
+    energy: float,
+    short: float,
+    price: float,
+    gain: float,
+) -> tuple[float, float, float]:
+    """Halve a step from x until the ℓ₁ merit falls by enough of the ``gain`` that it promises.
+
+    ``trial``, x + step at first, gets the place, ``levels`` and ``gradient`` what is there. Returns the part
+    of the step, 0 where none will do, and half the energy and the shortfall there.
+    """
+    part, normal = 1.0, np.empty((x.shape[0], x.shape[0] + 1))
+    for _ in range(HALVINGS):
+        tried = bend(family, trial, gradient, normal)
+        look_at_samples(demands, family, trial, asleep, room, levels)
+        violated = shortfall(levels, levels.shape[0], kept)
+        merit = tried - energy + price * (violated - short)
+        if violated <= max(short, ASTRAY) and merit <= -1e-4 * part * gain:
+            return part, tried, violated
+        part *= 0.5
+        for i in range(x.shape[0]):
+            trial[i] = x[i] + part * step[i]
+    return 0.0, energy, short
+
+
+@inlined
 def step_to_least_effort(
     demands: Demands,
     family: Family,
@@ -224,54 +267,35 @@ def step_to_least_effort(
         Σ max(0, kept − g) at x; ∞ where the steps ended because of ``beat``.
     """
     n, samples = x.shape[0], family.samples[0]
-    gradient, change, step, trial = np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
-    normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.empty_like(kept)
-    scratch = np.empty_like(kept)
-    levels, right = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS)
-    fill(quiet, ASLEEP)
-    trial_gradient = np.empty(n)
+    gradient, whole, change, step, trial = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
+    normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.full(kept.shape[0], ASLEEP)
+    levels, right, scratch = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS), np.empty_like(kept)
     look_at_samples(demands, family, x, asleep, room, levels)
-    energy, active = bend(family, x, gradient, normal), 0
-    missing = shortfall(levels, samples, kept)
+    energy, active, plain = bend(family, x, gradient, normal), 0, 0.0
+    short = shortfall(levels, samples, kept)
     for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
-        plain = dot(change, step)
         add_constraint_slopes(rows, active, 1.0, change)
         linearise_rows(demands, family, room, levels, kept, quiet, rows, count, right, scratch)
         add_constraint_slopes(rows, active, -1.0, change)
-        if dot(change, change) * dot(step, step) < (STEEPEST * plain) ** 2:
-            update_hessian(hessian, step, change, FLATTEST * plain)
-        slopes, multipliers = rows.slope[:count], rows.multiplier[:count]
-        if not quadratic_step(hessian, gradient, slopes, right[:count], step, multipliers):
-            return missing
+        learn_curvature(hessian, step, change, plain)
+        multipliers = rows.multiplier[:count]
+        if not quadratic_step(hessian, gradient, rows.slope[:count], right[:count], step, multipliers):
+            break
         price = price_of(multipliers, gradient)
-        gain = price * missing - dot(gradient, step)
-        for i in range(n):
-            change[i] = -gradient[i]
+        gain = price * short - dot(gradient, step)
         if not gain > fine * energy:
-            return missing
+            break
         for i in range(n):
-            trial[i] = x[i] + step[i]
-        after = bend(family, trial, trial_gradient, normal)
-        if energy + FARTHER * (after - energy) > beat:
+            change[i], trial[i] = -gradient[i], x[i] + step[i]
+        if energy + FARTHER * (bend(family, trial, whole, normal) - energy) > beat:
             return math.inf
-        part, merit, violated = 2.0, math.inf, 0.0
-        for _ in range(HALVINGS):
-            part *= 0.5
-            for i in range(n):
-                trial[i] = x[i] + part * step[i]
-            look_at_samples(demands, family, trial, asleep, room, levels)
-            tried = bend(family, trial, gradient, normal)
-            violated = shortfall(levels, samples, kept)
-            merit = tried - energy + price * (violated - missing)
-            if violated > max(missing, ASTRAY):
-                merit = math.inf
-            if merit <= -1e-4 * part * gain:
-                break
-        if not merit <= -1e-4 * part * gain:
-            return missing
+        part, tried, violated = as_far_as_it_pays(
+            demands, family, kept, asleep, room, x, step, trial, levels, gradient, energy, short, price, gain
+        )
+        if part == 0.0:
+            break
         for i in range(n):
-            x[i], step[i] = trial[i], part * step[i]
-            change[i] += gradient[i]
-        energy, missing, active = tried, violated, keep_active(rows, count)
-    return missing
+            x[i], step[i], change[i] = trial[i], part * step[i], change[i] + gradient[i]
+        energy, short, active, plain = tried, violated, keep_active(rows, count), dot(change, step)
+    return short

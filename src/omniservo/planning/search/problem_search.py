@@ -14,7 +14,7 @@ from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
 from omniservo.planning.search.path_family import Ends
-from omniservo.planning.search.search import search, starts_in_all
+from omniservo.planning.search.search import ENERGY, FLOOR, NUMBER, TRIED, WORST, search, starts_in_all
 
 STARTS = 1000
 """Starts at the highest degree before a plan counts as not found."""
@@ -37,6 +37,8 @@ class Found:
     """no path between these ends has less"""
     worst: float
     """smallest dimensionless value of a constraint at the samples: tells the best of failed attempts"""
+    tried: int
+    """so many starts, counted from the first of all"""
 
 
 @dataclass(frozen=True)
@@ -79,8 +81,9 @@ class ProblemSearch:
         """Try the starts begin ≤ number < end, see `search`."""
         status, rotation, translation, facts = self.kernel(begin, end, economised, beat)
         path = CameraPath(rotation, translation)
-        number, energy, floor, worst = int(facts[0]), float(facts[3]), float(facts[4]), float(facts[5])
-        return Found(status == PROVEN, path, number, energy, floor, worst)
+        number, tried = int(facts[NUMBER]), int(facts[TRIED])
+        energy, floor, worst = float(facts[ENERGY]), float(facts[FLOOR]), float(facts[WORST])
+        return Found(status == PROVEN, path, number, energy, floor, worst, tried)
 
 
 def ends_of(problem: PlanningProblem) -> Ends:

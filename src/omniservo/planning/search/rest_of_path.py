@@ -9,7 +9,6 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED, bernstein_from_power
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.search.descent import fill
 from omniservo.planning.search.path_family import Ends, offsets, path_family, unknowns
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import PULL, end_values, power_path, settle
@@ -116,6 +115,5 @@ def settle_rest(
         return PROVEN, rotation, translation
     end_least = end_values(demands, family)
     least = np.empty_like(end_least)
-    fill(least, -1e300)
     status, phi, t, _ = settle(demands, family, end_least, PULL, x, least)
     return PROVEN if status == PROVEN else REFUTED, phi, t

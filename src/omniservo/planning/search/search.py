@@ -9,7 +9,6 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
-from omniservo.planning.search.descent import fill
 from omniservo.planning.search.economise import economise, leads_back
 from omniservo.planning.search.path_family import Ends, Family, path_energy, path_family, unknowns
 from omniservo.planning.search.settle import PULL, end_values, settle
@@ -23,18 +22,23 @@ SPREAD = (0.7548776662466927, 0.5698402909980532, 0.6180339887498949)
 TWISTS = (0.0, 2.1, -2.1)
 """How far detours turn from one inner control point to the next [rad]."""
 
+NUMBER, FAILED_AT, FOUND, ENERGY, FLOOR, WORST, TRIED = range(7)
+"""Facts of a search: the number of the start, the w where its last proof failed, the energy (`path_energy`)
+before and after economising, the least that any path could have, the smallest g of the attempt, and how many
+starts were tried, counted from the first of all: only one more where not even the end poses can be proven."""
+
 
 @inlined
-def start_offsets(family: Family, ell: float, index: int, phase: float, x: FloatArray) -> None:
-    """Write start ``index``: 0 the straight line, then sideways detours all round, growing.
+def start_offsets(family: Family, ell: float, index: int, phase: float) -> FloatArray:
+    """Return the offsets of start ``index``: 0 the straight line, then sideways detours all round, growing.
 
     A detour offsets every inner control point across t(1), or in any direction where the camera mostly turns
     on the spot; in every third one all go the same way, the others turn from point to point. Every second one
     also tilts φ.
     """
-    fill(x, 0.0)
+    x = np.zeros(unknowns(family))
     if index == 0:
-        return
+        return x
     angle, size = phase + 2.0 * math.pi * SPREAD[0] * index, detour_size(index)
     t = family.translation_base[:, family.translation_base.shape[1] - 1]
     distance = math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
@@ -50,12 +54,13 @@ def start_offsets(family: Family, ell: float, index: int, phase: float, x: Float
         x[k], x[k + 1], x[k + 2] = size * a / length, size * b / length, size * c / length
         angle += TWISTS[index % 3]
     if index % 2 == 1:
-        return
+        return x
     tilt = 0.3 * math.sqrt(index)
     for k in range(inner):
         x[4 * k] = tilt * ring * math.sin(2.0 * angle)
         x[4 * k + 1] = tilt * height
         x[4 * k + 2] = tilt * ring * math.cos(2.0 * angle)
+    return x
 
 
 @kernel
@@ -119,44 +124,41 @@ def search(
         beat: the least energy so far; a start that leads to no less is not economised to the end.
 
     Returns:
-        PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (6,): the number of
-        the start, the w where the last proof failed, the energy (`path_energy`) before and after economising,
-        the least energy that any path could have, and the smallest g of the attempt.
+        PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (7,), see `NUMBER`.
     """
     demands = held(demands)
     ell, proven = demands.numbers[2], 0
     family = held(path_family(ends, degrees[0], degrees[1]))
     end_least, floor = end_values(demands, family), path_energy(family, ell, np.zeros(unknowns(family)))
-    least, facts = np.empty_like(end_least), np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf])
+    facts = np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf, 0.0])
+    least, until = np.empty_like(end_least), window[1] if smallest(end_least) >= 0.0 else window[0] + 1
     rotation, translation = np.empty((4, 0)), np.empty((3, 0))
     optima, last, known = np.empty((0, 0)), -1, 0
-    for number in range(window[0], window[1]):
+    for number in range(window[0], until):
+        facts[TRIED] = number + 1
         degree, start = scheduled(ends, degrees, number)
         if degree != last:
             family, last = held(path_family(ends, min(degree, degrees[0]), min(degree, degrees[1]))), degree
             optima, known = np.empty((economised, unknowns(family))), 0
-        x = np.empty(unknowns(family))
-        start_offsets(family, ell, start, phase, x)
-        fill(least, -1e300)
+        x = start_offsets(family, ell, start, phase)
         status, turn, move, w = settle(demands, family, end_least, PULL, x, least)
         if status != PROVEN:
-            worst = smallest(least)
-            if proven == 0 and worst > facts[5]:
+            if proven == 0 and smallest(least) >= facts[WORST]:
                 rotation, translation = turn, move
-                facts[0], facts[1], facts[5] = number, w, worst
+                facts[NUMBER], facts[FAILED_AT], facts[WORST] = number, w, smallest(least)
             continue
         proven += 1
         found = energy = path_energy(family, ell, x)
         if economised > 0 and x.shape[0] > 0 and not leads_back(demands, family, x, optima[:known]):
             status, better_turn, better_move, energy = economise(
-                demands, family, end_least, x, least, min(beat, facts[3])
+                demands, family, end_least, x, least, min(beat, facts[ENERGY])
             )
             if status == PROVEN:
                 turn, move, optima[known] = better_turn, better_move, x
                 known += 1
-        if proven == 1 or energy < facts[3]:
+        if proven == 1 or energy < facts[ENERGY]:
             rotation, translation = turn, move
-            facts[0], facts[2], facts[3], facts[5] = number, found, energy, smallest(least)
-        if proven >= economised or facts[3] <= floor:
+            facts[NUMBER], facts[FOUND], facts[ENERGY], facts[WORST] = number, found, energy, smallest(least)
+        if proven >= economised or facts[ENERGY] <= floor:
             break
     return PROVEN if proven > 0 else REFUTED, rotation, translation, facts

@@ -90,12 +90,13 @@ def settle(
         ends: `end_values`.
         pull: weight of the bending energy.
         x: offsets, see `path_family`.
-        least: the smallest g of every group at the samples is written here.
+        least: the smallest g of every group at the samples is written here; −∞ where nothing can be moved.
 
     Returns:
         status, φ and t by powers, and the w where the proof failed.
     """
     ell = demands.numbers[2]
+    fill(least, -math.inf)
     set_uniform_samples(family, SAMPLES)
     target, status, w = TARGET, REFUTED, 0.5
     rotation, translation = power_path(family, ell, x)
