@@ -65,7 +65,8 @@ def spared(case: Certified, rng: np.random.Generator) -> tuple[str, bool, bool] 
     name = str(rng.choice(sorted(case.truth)))
     if case.truth[name].unit == "px" and "visibility polygon" in case.truth:
         return None  # the polygon lies inside the image: what is left to its edges is more than it proves
-    document = changed(case, name, -float(10 ** rng.uniform(-5.9995, -3)))
+    relative = -float(10 ** rng.uniform(-5.9995, -3))
+    document = changed(case, name, relative * max(1.0, _size(case, name) / float(case.truth[name].needed)))
     if document is None:
         return None
     if name.startswith("occlusion"):
@@ -77,6 +78,16 @@ def spared(case: Certified, rng: np.random.Generator) -> tuple[str, bool, bool] 
     verdict, certificate = certify(asked, path)
     document["certificate"] = certificate.to_dict()
     return name.split()[0], verdict == "certified", verify_plan(document).status == "certified"
+
+
+def _size(case: Certified, name: str) -> float:
+    """Return the size of a solid that is seen past [m]: of a sphere the radius counts already."""
+    if not name.startswith("occlusion"):
+        return 0.0
+    solid = case.document["problem"]["obstacles"][int(name.split()[2])]
+    if solid["type"] == "mesh":
+        return float(0.5 * np.linalg.norm(np.ptp(solid["vertices"], axis=0)))
+    return float(np.linalg.norm(solid.get("half_extents", 0.0)))
 
 
 @dataclass
