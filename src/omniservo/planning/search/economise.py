@@ -21,7 +21,7 @@ from omniservo.planning.search.path_family import (
     set_uniform_samples,
 )
 from omniservo.planning.search.prove_path import prove_path
-from omniservo.planning.search.settle import power_path
+from omniservo.planning.search.settle import capped_targets, power_path
 from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples
 
 SAMPLES, BETWEEN = 10, 33
@@ -53,13 +53,6 @@ ROUNDS, PATIENCE = 20, 10
 
 SHORTER, SHORTEST = 0.7, 0.1
 """Where the way to the least effort is not proven, the first part of it is tried next, down to the second."""
-
-
-@inlined
-def kept_levels(ends: FloatArray, left: float, kept: FloatArray) -> None:
-    """Write min(left, half of what the end poses leave), at least 0."""
-    for i in range(kept.shape[0]):
-        kept[i] = max(0.0, min(left, 0.5 * ends[i]))
 
 
 @kernel
@@ -133,7 +126,7 @@ def leads_back(demands: Demands, family: Family, x: FloatArray, optima: FloatArr
 
 @inlined
 def economise(
-    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, least: FloatArray, beat: float
+    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray, float]:
     """Lower the bending energy of a proven path in place, as far as it stays proven.
 
@@ -142,7 +135,6 @@ def economise(
         family: where to move.
         ends: `settle.end_values`.
         x: offsets of a proven path; of the better path where status is PROVEN, else unchanged.
-        least: room for a number a group.
         beat: an energy (`path_energy`); x may be left alone where the least nearby is not below it.
 
     Returns:
@@ -150,7 +142,7 @@ def economise(
     """
     ell, found = demands.numbers[2], x.copy()
     before = path_energy(family, ell, x)
-    status, rotation, translation = _bend_and_prove(demands, family, ends, x, least, beat)
+    status, rotation, translation = _bend_and_prove(demands, family, ends, x, beat)
     part = 1.0 if path_energy(family, ell, x) < beat else 0.0
     while status != PROVEN and part > SHORTEST:
         part *= SHORTER
@@ -168,7 +160,7 @@ def economise(
 
 @inlined
 def _bend_and_prove(
-    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, kept: FloatArray, beat: float
+    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray]:
     """Step to the least effort at the samples, and again with more of them, until the path is proven.
 
@@ -188,7 +180,7 @@ def _bend_and_prove(
         if fine == math.inf:
             x[:], hessian[:], fine = found, normal[:, :size], LOOSE
             fill(asleep, LOOKED_AT)
-        kept_levels(ends, left, kept)
+        kept = capped_targets(ends, left)
         missing = step_to_least_effort(demands, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
         if missing == math.inf or path_energy(family, ell, x) >= beat:
             x[:] = found

@@ -151,7 +151,7 @@ def search(
         found = energy = path_energy(family, ell, x)
         if economised > 0 and x.shape[0] > 0 and not leads_back(demands, family, x, optima[:known]):
             status, better_turn, better_move, energy = economise(
-                demands, family, end_least, x, least, min(beat, facts[ENERGY])
+                demands, family, end_least, x, min(beat, facts[ENERGY])
             )
             if status == PROVEN:
                 turn, move, optima[known] = better_turn, better_move, x

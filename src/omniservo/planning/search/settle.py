@@ -60,15 +60,6 @@ def end_values(demands: Demands, family: Family) -> FloatArray:
     return least
 
 
-@kernel
-def smallest(values: FloatArray) -> float:
-    """Return the smallest of ``values``."""
-    least = math.inf
-    for i in range(values.shape[0]):
-        least = min(least, values[i])
-    return least
-
-
 @inlined
 def capped_targets(ends: FloatArray, target: float) -> FloatArray:
     """Return min(target, half of what the end poses leave), at least 0."""
