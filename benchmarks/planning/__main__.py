@@ -19,7 +19,7 @@ from benchmarks.planning.methods import Method, all_methods
 from benchmarks.planning.plot import plot_success
 from benchmarks.planning.report import page
 from benchmarks.planning.runner import Row, run_set
-from benchmarks.planning.scaling import scaling
+from benchmarks.planning.scaling import Scaling
 from benchmarks.planning.sets import SIZES, checksum, problems, straight_is_good
 from benchmarks.planning.summary import summaries
 from benchmarks.planning.targets import targets
@@ -45,12 +45,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     full = not (given.quick or given.sets or given.methods or given.count)
     out = given.out or (Path("docs") if full else RUNS)
     begin = perf_counter()
-    rows, hardest = _run(names, methods, given)
+    timed = Scaling()
+    rows, hardest = _run(names, methods, given, timed)
     found = summaries(rows, methods)
     (out / "images").mkdir(parents=True, exist_ok=True)
     RUNS.mkdir(parents=True, exist_ok=True)
     _write_rows(rows)
-    wanted = list(targets(rows, found, {} if given.sets else scaling()))
+    wanted = list(targets(rows, found, timed.passes))
     command = " ".join(["python -m benchmarks.planning", *_said(given)])
     text = page(command, hardest, rows, found, wanted, missing)
     (out / "benchmark-planning.md").write_text(text, encoding="utf-8")
@@ -84,11 +85,12 @@ def _fewer(method: Method) -> Method:
 
 
 def _run(
-    names: Sequence[str], methods: Sequence[Method], given: argparse.Namespace
+    names: Sequence[str], methods: Sequence[Method], given: argparse.Namespace, timed: Scaling
 ) -> tuple[list[Row], dict[str, tuple[int, float, str]]]:
     """Return all rows, and of each set its size, the part that a straight path fails, and its checksum."""
     rows: list[Row] = []
     hardest = {}
+    timed.measure()
     for name in names:
         count = max(FEWEST, int(QUICK * SIZES[name])) if given.quick else SIZES[name]
         found = problems(name, min(count, given.count or count))
@@ -96,6 +98,7 @@ def _run(
         hardest[name] = len(found), failing, checksum(found)
         begin = perf_counter()
         rows += run_set(name, methods, len(found))
+        timed.measure()
         print(f"{name}: {len(found)} problems, {perf_counter() - begin:.0f} s", flush=True)
     return rows, hardest
 
