@@ -17,7 +17,7 @@ _MAX_BYTES = 2**20
 _LENS = "omniservo_lens"
 """where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
 
-_LENS_FIELDS = ("max_angle", "dead_zone", "mask")
+_LENS_FIELDS = ("max_angle", "dead_zone", "mask", "deviation_px")
 
 
 @dataclass(frozen=True)

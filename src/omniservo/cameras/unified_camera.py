@@ -29,7 +29,7 @@ _RADIUS_SLACK = 1e-13
 """on r²: the rounded pixel of a valid point can be unprojected"""
 
 _REQUIRED = ("model", "fx", "fy", "cx", "cy", "xi", "width", "height")
-_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask")
+_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px")
 
 
 @dataclass(frozen=True, init=False)
@@ -58,6 +58,8 @@ class UnifiedCamera:
         dead_zone: where the image shows the camera itself; see `DeadZoneLike`.
         mask: where else it shows the camera itself, or nothing: at most 64 strictly convex polygons of 3 to
             64 corners (u, v) [px], in either order round. Not together with distortion.
+        deviation_px: how far a true pixel may lie from `project`'s [px]: what a conversion from another model
+            or a calibration leaves. Plans keep it in addition to their visibility margin.
 
     Raises:
         InputError: a number is not finite or not legal; the message names field, value and what is legal.
@@ -75,6 +77,7 @@ class UnifiedCamera:
     max_angle: float | None
     dead_zone: DeadZone | None
     mask: ImageMask
+    deviation_px: float
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -95,6 +98,7 @@ class UnifiedCamera:
         max_angle: float | None = None,
         dead_zone: DeadZoneLike = None,
         mask: Sequence[Sequence[Sequence[float]]] = (),
+        deviation_px: float = 0.0,
     ) -> None:
         self._set(
             fx=_focal_length("fx", fx),
@@ -109,6 +113,7 @@ class UnifiedCamera:
             max_angle=max_angle if max_angle is None else _angle(max_angle),
             dead_zone=dead_zone_from(dead_zone),
             mask=mask_from(mask),
+            deviation_px=finite_number("deviation_px", deviation_px, minimum=0.0, maximum=LARGEST_PX),
         )
         if self.mask and self.is_distorted:
             raise InputError("mask: given with distortion; both together are not supported yet")
@@ -241,6 +246,7 @@ class UnifiedCamera:
             "max_angle": self.max_angle,
             "dead_zone": None if zone is None else {"center": list(zone.center), "radius": zone.radius},
             **({"mask": polygons} if polygons else {}),
+            **({"deviation_px": self.deviation_px} if self.deviation_px else {}),
         }
 
     @classmethod
@@ -249,7 +255,7 @@ class UnifiedCamera:
 
         Args:
             fields: model ("unified"), fx, fy, cx, cy, xi, width, height; optional skew, distortion,
-                max_angle, dead_zone, mask.
+                max_angle, dead_zone, mask, deviation_px.
             source: stands first in messages.
 
         Raises:
@@ -267,7 +273,7 @@ class UnifiedCamera:
         if fields["model"] != "unified":
             raise InputError(f"{source}: model: {spelled(fields['model'])} given; legal: 'unified'")
         given = {name: value for name, value in fields.items() if name != "model"}
-        for name, default in (("skew", 0.0), ("distortion", (0.0, 0.0, 0.0, 0.0)), ("mask", ())):
+        for name, default in (("skew", 0.0), ("distortion", (0.0,) * 4), ("mask", ()), ("deviation_px", 0.0)):
             if given.get(name, 0.0) is None:
                 given[name] = default
         try:

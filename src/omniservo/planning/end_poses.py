@@ -68,7 +68,7 @@ def _sentence(w: int, violated: list[tuple[float, str, str]]) -> str:
 
 def _violated_pixels(problem: PlanningProblem, w: int) -> list[tuple[float, str, str]]:
     """Return the edges and the dead zone that a distorted camera's pixels violate at an end pose."""
-    camera, margin = problem.camera, problem.visibility_margin
+    camera, margin = problem.camera, problem.image_margin
     points = problem.points if w == 0 else problem.initial_T_goal.inv().apply(problem.points)
     pixels, valid = camera.project(points)
     u, v = pixels[:, 0], pixels[:, 1]

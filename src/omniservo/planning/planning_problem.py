@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -123,7 +124,7 @@ class PlanningProblem:
     least_distance: float = 1e-3
     """camera centre to every target point [m]"""
     visibility_margin: float = 0.0
-    """every target point to every image limit, and to the dead zone [px]"""
+    """every target point to every image limit, and to the dead zone [px]; see `image_margin`"""
     occlusion: bool = False
     """no obstacle between camera and any target point"""
     workspace: Workspace | None = None
@@ -153,6 +154,16 @@ class PlanningProblem:
                 f"degrees: {spelled(self.degrees)} given; Degrees(rotation, translation) is needed"
             )
         self._check_velocity()
+
+    @property
+    def image_margin(self) -> float:
+        """What every target point keeps to every image limit in the camera's own pixels [px], rounded up.
+
+        The visibility margin, and how far the camera's pixels may lie from the true ones.
+        """
+        deviation = self.camera.deviation_px
+        asked = self.visibility_margin
+        return asked if deviation == 0.0 else math.nextafter(asked + deviation, math.inf)
 
     def _check_velocity(self) -> None:
         if self.initial_velocity is None:

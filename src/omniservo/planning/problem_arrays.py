@@ -124,9 +124,15 @@ def image_limits(problem: PlanningProblem, extra: float) -> ImageLimits:
         InputError: the margin leaves nothing of the image.
     """
     try:
-        return problem.camera.image_limits(problem.visibility_margin + extra)
+        return problem.camera.image_limits(problem.image_margin + extra)
     except InputError as error:
-        raise InputError(f"visibility_margin: {problem.visibility_margin:g} px given: {error}") from None
+        raise InputError(f"visibility_margin: {_spelled(problem)} given: {error}") from None
+
+
+def _spelled(problem: PlanningProblem) -> str:
+    deviation = problem.camera.deviation_px
+    more = f", and the camera's deviation of {deviation:g} px," if deviation else ""
+    return f"{problem.visibility_margin:g} px{more}"
 
 
 def _disc(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
@@ -193,7 +199,7 @@ def optics_of(problem: PlanningProblem) -> FloatArray:
     angle = camera.max_angle
     radius = math.inf if angle is None else radius_of_angle(camera.xi, angle)
     domain = math.acos(model_domain(camera.xi)[0])
-    return np.array([camera.xi, radius, smallest_scale(camera), problem.visibility_margin, domain])
+    return np.array([camera.xi, radius, smallest_scale(camera), problem.image_margin, domain])
 
 
 def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> list[Entry]:

@@ -54,6 +54,8 @@ class Camera:
     """(u₀, v₀, radius) [px]"""
     mask: tuple[tuple[Vector, ...], ...] = ()
     """convex polygons [px] in which the camera sees itself or nothing; corners in either order"""
+    deviation: Fraction = Fraction(0)
+    """how far a true pixel may lie from the model's [px]"""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ class Problem:
     obstacles: tuple[Obstacle, ...]
     least_distance: Fraction
     visibility_margin: Fraction
+    """what is asked for, and the camera's deviation [px]"""
     occlusion: bool
     workspace: tuple[Vector, Vector] | None
     workspace_half_spaces: tuple[HalfSpace, ...]
@@ -220,14 +223,15 @@ def _problem(plan: Fields) -> Problem:
     points = problem.vectors("points", 3, MOST_POINTS)
     if not points:
         raise Malformed("problem.points: empty; at least one target point is needed")
+    camera = _camera(problem)
     return Problem(
-        camera=_camera(problem),
+        camera=camera,
         points=points,
         goal_translation=goal.vector("translation", 3),
         goal_quaternion=near_unit(goal.vector("quaternion", 4), f"{goal.where}.quaternion"),
         obstacles=tuple(obstacle(fields, clearance) for fields in obstacles),
         least_distance=problem.number("least_distance", default=1e-3, least=0),
-        visibility_margin=problem.number("visibility_margin", default=0, least=0),
+        visibility_margin=problem.number("visibility_margin", default=0, least=0) + camera.deviation,
         occlusion=problem.flag("occlusion", default=False),
         workspace=_workspace(problem),
         workspace_half_spaces=_workspace_half_spaces(problem),
@@ -237,7 +241,7 @@ def _problem(plan: Fields) -> Problem:
 
 
 def _camera(problem: Fields) -> Camera:
-    known = "model fx fy cx cy skew xi distortion width height max_angle dead_zone mask"
+    known = "model fx fy cx cy skew xi distortion width height max_angle dead_zone mask deviation_px"
     camera = problem.table("camera", known)
     camera.exactly("model", "unified")
     fx, fy = camera.number("fx"), camera.number("fy")
@@ -265,6 +269,7 @@ def _camera(problem: Fields) -> Camera:
         max_angle=angle,
         dead_zone=_dead_zone(camera),
         mask=mask,
+        deviation=camera.number("deviation_px", default=0, least=0),
     )
 
 

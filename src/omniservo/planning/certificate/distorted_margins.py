@@ -36,7 +36,7 @@ def distorted_margins(
     """
     controls = camera_controls(rotation, translation, demands.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
-    margin_px, found, statuses, polygon = problem.visibility_margin, [], [], None
+    margin_px, found, statuses, polygon = problem.image_margin, [], [], None
     for name, seen in _seen_margins(problem, CameraPath(rotation, translation)):
 
         def proven(margin: float, name: str = name) -> ImageLimits | None:
@@ -98,6 +98,6 @@ def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str,
     result = []
     for name, values in seen:
         step, point = np.unravel_index(int(np.argmin(values)), values.shape)
-        smallest = max(-1e6, float(values[step, point]) - problem.visibility_margin)
+        smallest = max(-1e6, float(values[step, point]) - problem.image_margin)
         result.append((name, (smallest, float(w[step]), int(point))))
     return result
