@@ -13,6 +13,7 @@ import numpy.typing as npt
 from omniservo.cameras import unified_kernels as kernels
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
+from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_limits import ImageLimits, image_limits
 from omniservo.cameras.image_mask import ImageMask, distance_beyond, mask_from
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
@@ -151,6 +152,11 @@ class UnifiedCamera:
     def is_distorted(self) -> bool:
         """Whether any of k1, k2, p1, p2 differs from 0."""
         return any(self.distortion)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person must know: where the formula stops being one-to-one inside the image."""
+        return domain_warnings(self)
 
     def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Project points in the camera frame.

@@ -1,0 +1,60 @@
+"""What every central camera offers, whatever its formula."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy.typing as npt
+
+from omniservo.cameras.dead_zone import DeadZone
+from omniservo.cameras.image_mask import ImageMask
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+
+@runtime_checkable
+class CentralModel(Protocol):
+    """A camera whose rays meet in one point: `UnifiedCamera` and every class of this room.
+
+    Inside its domain, `project` and `unproject` are inverse to each other (≤ 10⁻⁹ px). Outside, numbers are
+    NaN and ``valid`` is False, from both sides of the border.
+    """
+
+    @property
+    def width(self) -> int:
+        """Of the image [px]; it covers u ∈ [−½, W−½]."""
+
+    @property
+    def height(self) -> int:
+        """Of the image [px]; it covers v ∈ [−½, H−½]."""
+
+    @property
+    def max_angle(self) -> float | None:
+        """The largest angle from the axis that the lens sees [rad], where it is stated."""
+
+    @property
+    def dead_zone(self) -> DeadZone | None:
+        """The disc of the image that shows the camera itself."""
+
+    @property
+    def mask(self) -> ImageMask:
+        """The polygons of the image that show the camera itself, or nothing."""
+
+    @property
+    def usable_angle(self) -> float:
+        """Largest angle from the axis at which points can be projected [rad]."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person must know, such as a formula that folds inside the image."""
+
+    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
+        """Return pixels (…, 2) [px] of points (…, 3) [m] in the camera frame, and valid (…)."""
+
+    def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
+        """Return bearings (…, 3), unit, that pixels (…, 2) [px] see, and valid (…)."""
+
+    def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
+        """Say which pixels (…, 2) [px] lie in the image, outside dead zone and mask."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the camera's fields, "model" first; `camera_from_dict` gives an equal camera."""

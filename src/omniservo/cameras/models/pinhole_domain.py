@@ -1,0 +1,118 @@
+"""Where OpenCV's distortion stays one-to-one, and the numbers that its inverse starts from."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from omniservo.cameras.distortion import largest_invertible_radius
+from omniservo.cameras.models.polynomial_domain import first_positive_root, inverse_table
+from omniservo.cameras.models.radial_kernels import TABLE
+from omniservo.geometry.arrays import FloatArray
+
+_SHORT_OF_THE_END = 1.0 - 1e-6
+_LARGEST_DISTORTED = 1e3
+"""‖m‖ that is looked at where there is distortion: 89.94° from the axis"""
+_ANGLES = 2000
+_DIRECTIONS = 180
+
+
+def tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
+    """Return the homography (3, 3) of a tilted sensor: [[R₃₃, 0, −R₁₃], [0, R₃₃, −R₂₃], [0, 0, 1]] R.
+
+    R turns by τx about x, then by τy about y (Louhichi et al. 2007, OpenCV's calib3d), with OpenCV's
+    signs: R = R_y(τy) R_x(τx) with the transposes of the usual elementary rotations.
+    """
+    R = Rotation.from_euler("xy", [-tau_x, -tau_y]).as_matrix()
+    projection = np.array([[R[2, 2], 0.0, -R[0, 2]], [0.0, R[2, 2], -R[1, 2]], [0.0, 0.0, 1.0]])
+    return np.asarray(projection @ R)
+
+
+def largest_disc(coefficients: FloatArray, sensor: FloatArray) -> float:
+    """Return the radius of the largest disc in which D is one-to-one and its image in front of the sensor.
+
+    That holds on a disc on which the symmetric part of D's Jacobian is positive definite. With k1, k2,
+    p1, p2 alone the radius is known in closed form; else the smallest eigenvalue is followed outwards in 180
+    directions, in steps of 0.045° from the axis, and the end halved down to the last digit.
+
+    Args:
+        coefficients: (14,) in OpenCV's order.
+        sensor: (3,) what has to be positive for (D(m), 1): the tilted sensor's last row over its last number.
+    """
+    if not coefficients.any():
+        return math.inf
+    if not coefficients[4:].any():
+        closed = largest_invertible_radius(tuple(coefficients[:4].tolist()))
+        return min(closed, _LARGEST_DISTORTED)
+    pole = first_positive_root([1.0, *coefficients[5:8]])
+    end = min(_LARGEST_DISTORTED, math.sqrt(pole) * _SHORT_OF_THE_END)
+    radii = np.tan(np.linspace(0.0, math.atan(end), _ANGLES))
+    bad = _worst(coefficients, sensor, radii) <= 0.0
+    if not bad.any():
+        return end * _SHORT_OF_THE_END
+    first = int(np.argmax(bad))
+    low, high = radii[first - 1], radii[first]
+    for _ in range(60):
+        half = 0.5 * (low + high)
+        low, high = (low, half) if _worst(coefficients, sensor, np.array([half]))[0] <= 0.0 else (half, high)
+    return float(low) * _SHORT_OF_THE_END
+
+
+def largest_reach(coefficients: FloatArray, disc: float) -> float:
+    """Return an upper bound of ‖D(m)‖ over the disc: twice the largest on its rim, where it is largest."""
+    m = disc * _rays()
+    return 2.0 * float(np.hypot(*_distorted(coefficients, m).T).max())
+
+
+def radial_table(coefficients: FloatArray, disc: float) -> tuple[FloatArray, float]:
+    """Return radii (TABLE + 1,) at equal steps of the distortion's radial part, and 1/step.
+
+    The radial part grows over the disc: its slope is the Jacobian's mean over m and −m.
+    """
+
+    def radial(r: FloatArray) -> FloatArray:
+        return np.asarray(r * _radial(coefficients, r * r))
+
+    return inverse_table(radial, disc, TABLE), TABLE / float(radial(np.array(disc)))
+
+
+def _rays() -> FloatArray:
+    around = np.linspace(0.0, 2.0 * math.pi, _DIRECTIONS, endpoint=False)
+    return np.column_stack([np.cos(around), np.sin(around)])
+
+
+def _radial(c: FloatArray, r2: FloatArray) -> FloatArray:
+    above = 1.0 + r2 * (c[0] + r2 * (c[1] + r2 * c[4]))
+    return np.asarray(above / (1.0 + r2 * (c[5] + r2 * (c[6] + r2 * c[7]))))
+
+
+def _distorted(c: FloatArray, m: FloatArray) -> FloatArray:
+    x, y = m[..., 0], m[..., 1]
+    r2 = x * x + y * y
+    factor = _radial(c, r2) + 2.0 * (c[3] * x + c[2] * y)
+    return np.stack(
+        [x * factor + r2 * (c[3] + c[8] + r2 * c[9]), y * factor + r2 * (c[2] + c[10] + r2 * c[11])], axis=-1
+    )
+
+
+def _worst(c: FloatArray, sensor: FloatArray, radii: FloatArray) -> FloatArray:
+    """Return, for each radius, the least of the eigenvalue and the sensor's distance over all directions."""
+    m = radii[:, None, None] * _rays()
+    x, y = m[..., 0], m[..., 1]
+    r2 = x * x + y * y
+    above = 1.0 + r2 * (c[0] + r2 * (c[1] + r2 * c[4]))
+    below = 1.0 + r2 * (c[5] + r2 * (c[6] + r2 * c[7]))
+    radial = above / below
+    up, down = c[0] + r2 * (2.0 * c[1] + 3.0 * r2 * c[4]), c[5] + r2 * (2.0 * c[6] + 3.0 * r2 * c[7])
+    slope = 2.0 * (up - radial * down) / below
+    factor = radial + 2.0 * (c[3] * x + c[2] * y)
+    px, py = 2.0 * (c[3] + c[8] + 2.0 * r2 * c[9]), 2.0 * (c[2] + c[10] + 2.0 * r2 * c[11])
+    xx = factor + x * (slope * x + 2.0 * c[3]) + px * x
+    yy = factor + y * (slope * y + 2.0 * c[2]) + py * y
+    xy = 0.5 * (x * (slope * y + 2.0 * c[2]) + px * y + y * (slope * x + 2.0 * c[3]) + py * x)
+    least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
+    d = _distorted(c, m)
+    before = d[..., 0] * sensor[0] + d[..., 1] * sensor[1] + sensor[2]
+    return np.asarray(np.minimum(least, before).min(axis=1))

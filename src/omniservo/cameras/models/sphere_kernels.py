@@ -1,0 +1,84 @@
+"""Extended unified, double sphere and equirectangular, one point at a time; all in closed form.
+
+Every function takes a lens's ``parameters``; `lens_model` says what stands in the first 13, and its own are
+
+| | 13 | 14 |
+|---|---|---|
+| extended unified | α | β |
+| double sphere | α | ξ |
+| equirectangular | width | height |
+"""
+
+import math
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+
+_RIM = 1e-12
+"""how much of the image is left out at the seam and the poles, where a direction has several pixels"""
+
+
+@kernel
+def _height(alpha: float, s: float) -> float:
+    """Return m_z = (1 − α²s)/(α√(1 − (2α−1)s) + 1 − α); for large α in the form without 0/0 at the rim."""
+    root = math.sqrt(max(0.0, 1.0 - (2.0 * alpha - 1.0) * s))
+    if alpha > 0.75:
+        return (alpha * root - (1.0 - alpha)) / (2.0 * alpha - 1.0)
+    return (1.0 - alpha * alpha * s) / (alpha * root + 1.0 - alpha)
+
+
+@kernel
+def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
+    """Return m = (X, Y)/(αd + (1−α)Z) with d = √(β(X² + Y²) + Z²)."""
+    d = math.sqrt(p[14] * (x * x + y * y) + z * z)
+    denominator = p[13] * d + (1.0 - p[13]) * z
+    return x / denominator, y / denominator, denominator > 0.0
+
+
+@kernel
+def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+    """Return the unit vector along (m, (1 − βα²r²)/(α√(1 − (2α−1)βr²) + 1 − α))."""
+    z = _height(p[13], p[14] * (mx * mx + my * my))
+    scale = 1.0 / math.sqrt(mx * mx + my * my + z * z)
+    return scale * mx, scale * my, scale * z, True
+
+
+@kernel
+def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
+    """Return m = (X, Y)/(αd + (1−α)Z′) with Z′ = Z + ξρ and d = ‖(X, Y, Z′)‖."""
+    shifted = z + p[14] * rho
+    d = math.sqrt(x * x + y * y + shifted * shifted)
+    denominator = p[13] * d + (1.0 - p[13]) * shifted
+    return x / denominator, y / denominator, denominator > 0.0
+
+
+@kernel
+def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+    """Return η(m, m_z) − (0, 0, ξ): m_z from the inner sphere, η to the outer."""
+    alpha, xi, s = p[13], p[14], mx * mx + my * my
+    mz = _height(alpha, s)
+    radicand = max(0.0, mz * mz + (1.0 - xi) * (1.0 + xi) * s)
+    eta = (mz * xi + math.sqrt(radicand)) / (mz * mz + s)
+    return eta * mx, eta * my, eta * mz - xi, True
+
+
+@kernel
+def equirectangular_pixel(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
+    """Return u = W(λ/2π + ½) − ½, v = H(φ/π + ½) − ½ with λ = atan2(X, Z), φ = atan2(Y, ‖(X, Z)‖)."""
+    level = math.sqrt(x * x + z * z)
+    across = math.atan2(x, z) / (2.0 * math.pi) + 0.5
+    if across >= 1.0 - _RIM:
+        across = 0.0  # the seam, straight behind, belongs to the left border
+    down = math.atan2(y, level) / math.pi + 0.5
+    return across * p[13] - 0.5, down * p[14] - 0.5, _RIM <= down <= 1.0 - _RIM
+
+
+@kernel
+def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
+    """Return (cos φ sin λ, sin φ, cos φ cos λ)."""
+    across, down = (u + 0.5) / p[13], (v + 0.5) / p[14]
+    if not (-1e-14 <= across < 1.0 - _RIM and _RIM * 0.99 <= down <= 1.0 - _RIM * 0.99):
+        return math.nan, math.nan, math.nan, False
+    longitude, latitude = 2.0 * math.pi * (max(across, 0.0) - 0.5), math.pi * (down - 0.5)
+    level = math.cos(latitude)
+    return level * math.sin(longitude), math.sin(latitude), level * math.cos(longitude), True
