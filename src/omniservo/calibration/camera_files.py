@@ -2,107 +2,195 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-import yaml
-
-from omniservo.calibration import kalibr, mei_yaml, own
 from omniservo.calibration.calibration_file import CalibrationFile
+from omniservo.calibration.formats import (
+    basalt,
+    boofcv,
+    camodocal,
+    colmap,
+    kalibr,
+    mei_toolbox,
+    ocamcalib,
+    opencv,
+    own,
+    ros,
+    svo,
+    visp,
+)
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
+from omniservo.cameras.models import CentralModel
+from omniservo.errors import InputError, spelled
 from omniservo.files import write_whole
 
 
-class _CameraFormat(Protocol):
+class _Reader(Protocol):
     """What a format's module offers."""
 
-    def recognises(self, fields: Any) -> bool:
+    def recognises(self, fields: object) -> bool:
         """Say whether a file's fields are of this kind."""
-        ...
 
     def names(self, file: CalibrationFile) -> list[str]:
         """Return the names of the file's cameras."""
-        ...
 
-    def read(self, file: CalibrationFile, name: str) -> UnifiedCamera:
+    def read(self, file: CalibrationFile, name: str) -> CentralModel:
         """Return the camera of this name."""
-        ...
-
-    def fields_of(self, camera: UnifiedCamera) -> dict[str, Any]:
-        """Return the fields of a file that holds the camera."""
-        ...
 
 
-_MODULES: dict[str, _CameraFormat] = {"own": own, "mei": mei_yaml, "kalibr": kalibr}
+class _Writer(Protocol):
+    """What a format's module offers that can be written, too."""
 
-FORMATS: tuple[str, ...] = tuple(_MODULES)
+    def text_of(self, model: CentralModel, suffix: str) -> str:
+        """Return the text of a file that holds the camera; ``suffix`` chooses between XML, JSON and YAML."""
+
+
+@dataclass(frozen=True)
+class WrittenFormat:
+    """A format that can be written."""
+
+    writer: _Writer
+    kinds: tuple[type, ...]
+    """the classes that it holds, if not with every number; () is any"""
+
+
+_READERS: tuple[_Reader, ...] = (
+    own,
+    opencv,
+    kalibr,
+    camodocal,
+    basalt,
+    ros,
+    ocamcalib,
+    svo,
+    boofcv,
+    colmap,
+    mei_toolbox,
+    visp,
+)
+
+WRITTEN: dict[str, WrittenFormat] = {
+    "own": WrittenFormat(own, own.KINDS),
+    "mei": WrittenFormat(camodocal, (UnifiedCamera,)),
+    "camodocal": WrittenFormat(camodocal, camodocal.KINDS),
+    "kalibr": WrittenFormat(kalibr, kalibr.KINDS),
+    "opencv": WrittenFormat(opencv, opencv.KINDS),
+    "ros": WrittenFormat(ros, ros.KINDS),
+    "basalt": WrittenFormat(basalt, basalt.KINDS),
+    "ocamcalib": WrittenFormat(ocamcalib, ocamcalib.KINDS),
+    "boofcv": WrittenFormat(boofcv, boofcv.KINDS),
+    "colmap": WrittenFormat(colmap, colmap.KINDS),
+    "visp": WrittenFormat(visp, visp.KINDS),
+}
+
+FORMATS: tuple[str, ...] = tuple(WRITTEN)
 """Names that `save_camera` knows."""
 
+_OPEN_MODELS = ("pinhole", "fisheye")
 
-def load_camera(path: str | Path, *, name: str | None = None) -> UnifiedCamera:
-    """Return the camera of a calibration file; the format is recognised by its content.
 
-    Read are our own format, CamOdoCal / VINS MEI YAML (also inside a larger configuration) and Kalibr
-    chains of ``omni-radtan`` cameras.
+def load_model(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    size: tuple[int, int] | None = None,
+    model: str | None = None,
+) -> CentralModel:
+    """Return the camera of a calibration file as the file has it; its content tells the format.
+
+    Read are our own format, OpenCV's FileStorage, Kalibr chains, CamOdoCal and VINS, Basalt, ROS CameraInfo,
+    OCamCalib, SVO, BoofCV, COLMAP, values of Mei's toolbox and ViSP; docs/camera.md lists what of each.
 
     Args:
-        path: a JSON or YAML file of at most 1 MB. Nothing in it is executed or followed.
+        path: a file of at most 1 MB. Nothing in it is executed or followed.
         name: which camera of a file with several ("cam1"); a file with one needs none.
+        size: (width, height) of the image [px]: needed where the file does not say it, else compared.
+        model: "pinhole" or "fisheye", for an OpenCV file whose four numbers may be either's.
 
     Raises:
         InputError: unreadable, of no known format, or not a legal camera: the message names file, line,
             field, given value and what is legal; or several cameras and no name: it lists the names.
     """
-    file = CalibrationFile.read(path)
-    module = next((m for m in _MODULES.values() if m.recognises(file.fields)), None)
-    if module is None:
+    if model is not None and model not in _OPEN_MODELS:
+        raise InputError(f"model: {spelled(model)} given; legal: {', '.join(_OPEN_MODELS)}")
+    file = CalibrationFile.read(path, size, model)
+    reader = next((r for r in _READERS if r.recognises(file.fields)), None)
+    if reader is None:
         raise InputError(
-            f"{path}: no known camera format; legal: a file with format: omniservo.camera/1 (own), with"
-            " model_type: MEI (CamOdoCal, VINS), or with cam0, cam1, … of camera_model: omni (Kalibr)"
+            f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS"
+            " (model_type), Basalt, ROS CameraInfo, OCamCalib, SVO, BoofCV, COLMAP cameras.txt,"
+            " Mei's toolbox (xi), ViSP"
         )
-    names = module.names(file)
+    if model is not None and reader is not opencv:
+        raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")
+    names = reader.names(file)
     if name is None:
-        if len(names) > 1:
-            raise InputError(f"{path}: several cameras; name one of: {', '.join(names)}")
-        return module.read(file, names[0])
+        if len(names) != 1:
+            raise InputError(f"{path}: {len(names)} cameras; name one of: {', '.join(names)[:1000]}")
+        return reader.read(file, names[0])
     if name not in names:
-        raise InputError(f"{path}: no camera named {name!r}; legal: {', '.join(names) or 'no name'}")
-    return module.read(file, name)
+        raise InputError(
+            f"{path}: no camera named {spelled(name)}; legal: {', '.join(names)[:1000] or 'no name'}"
+        )
+    return reader.read(file, name)
 
 
-def save_camera(camera: UnifiedCamera, path: str | Path, format: str = "own", *, force: bool = False) -> None:  # noqa: A002  the published name
-    """Write a camera so that `load_camera` gives an equal one; the file is written whole or not at all.
+def load_camera(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    size: tuple[int, int] | None = None,
+    model: str | None = None,
+) -> UnifiedCamera:
+    """Return the camera of a calibration file that holds a unified camera; arguments as `load_model`.
+
+    Raises:
+        InputError: as `load_model`, or the file's camera is of another model.
+    """
+    camera = load_model(path, name=name, size=size, model=model)
+    if not isinstance(camera, UnifiedCamera):
+        raise InputError(f"{path}: a {type(camera).__name__} camera; legal: a unified one")
+    return camera
+
+
+def save_camera(
+    camera: CentralModel,
+    path: str | Path,
+    format: str = "own",  # noqa: A002  the published name
+    *,
+    force: bool = False,
+) -> None:
+    """Write a camera so that `load_model` gives an equal one; the file is written whole or not at all.
 
     Args:
         camera: what to write.
-        path: ``own`` is JSON where the path ends in .json, else YAML; the others are YAML.
-        format: "own", "mei" or "kalibr". In the last two, max_angle, dead_zone and mask stand in a field
-            that other programs ignore.
+        path: where. ``own``, ``kalibr``, ``ros`` and ``opencv`` are JSON where it ends in .json, else YAML,
+            and ``opencv`` is XML where it ends in .xml; every other format has one way to be written.
+        format: one of `FORMATS`; ``mei`` is ``camodocal`` with the unified model only. Where other programs
+            ignore a field more, max_angle, dead_zone and mask stand in one; elsewhere they are refused.
         force: replace an existing file.
 
     Raises:
         InputError: unknown format, a camera that the format cannot hold, or a path that cannot be written.
     """
-    module = _MODULES.get(format)
-    if module is None:
-        raise InputError(f"format: {format!r} given; legal: {', '.join(FORMATS)}")
-    fields = module.fields_of(camera)
-    if module is own and Path(path).suffix.lower() == ".json":
-        text = json.dumps(fields, indent=2) + "\n"
-    else:
-        header = mei_yaml.HEADER if module is mei_yaml else ""
-        text = header + yaml.dump(fields, Dumper=_Dumper, sort_keys=False, width=1000)
-    write_whole(path, text, force=force)
+    write_whole(path, text_in_format(camera, format, Path(path).suffix.lower()), force=force)
 
 
-class _Dumper(yaml.SafeDumper):
-    """Lists on one line, as in the originals; OpenCV's reader refuses the other way that YAML has."""
+def text_in_format(camera: CentralModel, format_name: str, suffix: str = "") -> str:
+    """Return the text that `save_camera` writes.
 
-
-def _list_on_one_line(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.SequenceNode:
-    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
-
-
-_Dumper.add_representer(list, _list_on_one_line)
+    Raises:
+        InputError: unknown format, or a camera that it cannot hold.
+    """
+    written = WRITTEN.get(format_name)
+    if written is None:
+        raise InputError(f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}")
+    if written.kinds and not isinstance(camera, written.kinds):
+        legal = ", ".join(kind.__name__ for kind in written.kinds)
+        raise InputError(
+            f"format {format_name!r} cannot hold a {type(camera).__name__}; legal: {legal}"
+            " (`omniservo camera convert` converts)"
+        )
+    return written.writer.text_of(camera, suffix)

@@ -1,0 +1,93 @@
+"""A calibration file's text as fields, whatever it is written in, with the line of each field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import yaml
+
+from omniservo.calibration.xml_document import parse_xml
+from omniservo.errors import InputError
+from omniservo.files import parse_document
+
+FieldPath = tuple[str | int, ...]
+"""Names of fields and places in lists, from the outermost inwards."""
+
+_TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
+
+
+def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[FieldPath], int]]:
+    """Return the fields of XML, of a table of numbers, of JSON or of YAML, also as OpenCV writes them.
+
+    A table's rows are ``{"rows": [[…], …]}``: what stands between blanks, lines with # left out.
+
+    Returns:
+        the fields, and a function that gives the line of a field, 0 where it is not found.
+
+    Raises:
+        InputError: none of these, or no mapping of fields.
+    """
+    if text.lstrip().startswith("<"):
+        fields, lines = parse_xml(text, source)
+        return fields, lambda path: lines.get(path, 0)
+    rows = _rows(text)
+    if rows is not None:
+        numbers = [number for number, _ in rows]
+        return {"rows": [row for _, row in rows]}, lambda path: _line_of_row(numbers, path)
+    plain = re.sub(r"^%YAML.*$", "", text, count=1, flags=re.MULTILINE).replace("!!opencv-matrix", "")
+    plain = re.sub(r"\n---\s*\Z", "\n", plain)
+    fields = parse_document(plain, source)
+    if not isinstance(fields, Mapping):
+        raise InputError(f"{source}: {type(fields).__name__} found; a calibration is a mapping of fields")
+    return fields, lambda path: _line_in_yaml(plain, path)
+
+
+def _rows(text: str) -> list[tuple[int, list[Any]]] | None:
+    """Return line numbers and values of a text whose every line begins with a number, or None."""
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].strip()
+        if not words:
+            continue
+        if not _TABLE_ROW.fullmatch(words):
+            return None
+        rows.append((number, [_value(word) for word in words.split()]))
+    return rows or None
+
+
+def _value(word: str) -> Any:
+    try:
+        return int(word) if len(word) < 10 else float(word)
+    except ValueError:
+        pass
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def _line_of_row(numbers: list[int], path: FieldPath) -> int:
+    return numbers[path[1]] if len(path) > 1 and isinstance(path[1], int) and path[1] < len(numbers) else 0
+
+
+def _line_in_yaml(text: str, path: FieldPath) -> int:
+    """Return the line on which a field's name stands; JSON reads as YAML. The text was read before."""
+    try:
+        node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError:
+        return 0
+    line = 0
+    for step in path:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(step)), None)
+            if found is None:
+                return line
+            line, node = found[0].start_mark.line + 1, found[1]
+        elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
+            node = node.value[step]
+            line = node.start_mark.line + 1
+        else:
+            return line
+    return line

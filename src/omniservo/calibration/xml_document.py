@@ -1,0 +1,104 @@
+"""XML as fields: what a small, harmless file holds, with the line of each field."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+from xml.parsers import expat
+
+from omniservo.errors import InputError
+
+_MAX_DEPTH = 32
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.?(inf|nan)", re.IGNORECASE)
+
+
+@dataclass
+class _Element:
+    tag: str
+    line: int
+    children: list[_Element] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)
+
+
+def parse_xml(text: str, source: str) -> tuple[dict[str, Any], dict[tuple[str | int, ...], int]]:
+    """Return ``{root: content}`` and the line of every field, by its path.
+
+    An element with elements inside is a dict; elements of one name beside each other, and OpenCV's ``_``, are
+    a list; text is a number, a list of numbers, or a string without its quotes. Attributes are not read.
+
+    Document types are refused, and with them entities and everything else that could refer or grow.
+
+    Raises:
+        InputError: not XML, with a document type, or nested deeper than 32; with the line.
+    """
+    parser = expat.ParserCreate()
+    open_elements = [_Element("", 0)]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_elements) > _MAX_DEPTH:
+            raise InputError(f"{source}: line {parser.CurrentLineNumber}: nested deeper than {_MAX_DEPTH}")
+        element = _Element(tag, parser.CurrentLineNumber)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def refuse(*_: Any) -> None:
+        raise InputError(f"{source}: line {parser.CurrentLineNumber}: document types (DOCTYPE) are not read")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda tag: open_elements.pop()
+    parser.CharacterDataHandler = lambda words: open_elements[-1].text.append(words)
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise InputError(f"{source}: line {error.lineno}: not XML: {expat.ErrorString(error.code)}") from None
+    root = open_elements[0].children[0]
+    lines: dict[tuple[str | int, ...], int] = {}
+    return {root.tag: _content(root, (root.tag,), lines)}, lines
+
+
+def xml_text(fields: dict[str, Any], root: str) -> str:
+    """Return fields as XML, two spaces a level; values are numbers and strings without markup."""
+    return f'<?xml version="1.0"?>\n<{root}>\n{_children(fields, "  ")}</{root}>\n'
+
+
+def _children(fields: dict[str, Any], indent: str) -> str:
+    lines = []
+    for tag, value in fields.items():
+        if isinstance(value, dict):
+            lines.append(f"{indent}<{tag}>\n{_children(value, indent + '  ')}{indent}</{tag}>\n")
+        else:
+            lines.append(f"{indent}<{tag}>{value}</{tag}>\n")
+    return "".join(lines)
+
+
+def _content(element: _Element, path: tuple[str | int, ...], lines: dict[tuple[str | int, ...], int]) -> Any:
+    lines[path] = element.line
+    if not element.children:
+        return _value("".join(element.text))
+    names = [child.tag for child in element.children]
+    if set(names) == {"_"}:
+        return [_content(child, (*path, i), lines) for i, child in enumerate(element.children)]
+    fields: dict[str, Any] = {}
+    for name in dict.fromkeys(names):
+        same = [child for child in element.children if child.tag == name]
+        if len(same) == 1:
+            fields[name] = _content(same[0], (*path, name), lines)
+        else:
+            lines[(*path, name)] = same[0].line
+            fields[name] = [_content(child, (*path, name, i), lines) for i, child in enumerate(same)]
+    return fields
+
+
+def _value(text: str) -> Any:
+    words = text.split()
+    if words and all(_NUMBER.fullmatch(word) for word in words):
+        numbers = [_number(word) for word in words]
+        return numbers[0] if len(numbers) == 1 else numbers
+    return text.strip().strip('"')
+
+
+def _number(word: str) -> float | int:
+    word = re.sub(r"\.(?=[inIN])", "", word)
+    return int(word) if re.fullmatch(r"[-+]?[1-9]\d{0,8}|0", word) else float(word)
