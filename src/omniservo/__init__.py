@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from omniservo.calibration import load_camera, save_camera
-    from omniservo.cameras import DeadZone, UnifiedCamera, preset, tangent_view
+    from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
     from omniservo.estimation import TwoViewEstimate, estimate_two_view
     from omniservo.planning import (
@@ -31,6 +31,7 @@ _HOME = {
     "DeadZone": "cameras",
     "UnifiedCamera": "cameras",
     "preset": "cameras",
+    "rectify": "cameras",
     "tangent_view": "cameras",
     "AnswerIsNo": "errors",
     "InputError": "errors",
@@ -69,6 +70,7 @@ __all__ = [
     "load_camera",
     "plan_path",
     "preset",
+    "rectify",
     "replan",
     "save_camera",
     "tangent_view",

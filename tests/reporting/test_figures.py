@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from omniservo.reporting import write_figures
-from omniservo.reporting.write_figures import drawings, image_bytes
+from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_log import RunLog
 
 EVERY = {

@@ -3,7 +3,14 @@
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.image_limits import ImageLimits
 from omniservo.cameras.presets import PRESETS, preset
-from omniservo.cameras.tangent_view import TangentView, tangent_view
+from omniservo.cameras.rectify import (
+    RectifiedView,
+    cylindrical_view,
+    equirectangular_view,
+    perspective_view,
+    rectify,
+    tangent_view,
+)
 from omniservo.cameras.unified_camera import UnifiedCamera
 from omniservo.cameras.virtual_plane import from_virtual_plane, to_virtual_plane
 
@@ -11,10 +18,14 @@ __all__ = [
     "PRESETS",
     "DeadZone",
     "ImageLimits",
-    "TangentView",
+    "RectifiedView",
     "UnifiedCamera",
+    "cylindrical_view",
+    "equirectangular_view",
     "from_virtual_plane",
+    "perspective_view",
     "preset",
+    "rectify",
     "tangent_view",
     "to_virtual_plane",
 ]

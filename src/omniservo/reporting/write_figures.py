@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from omniservo.files import write_whole
+from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.margins import arm_gap, clearance, visibility
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.robot_motion import rotation, translation
@@ -32,8 +31,6 @@ _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     joint_velocities,
 )
 
-_DPI = 170
-
 
 def write_figures(result: RunResult, folder: Path) -> list[Path]:
     """Draw every figure that the run has the data for, each as PNG and as SVG; return the files written.
@@ -43,13 +40,7 @@ def write_figures(result: RunResult, folder: Path) -> list[Path]:
     Raises:
         InputError: the folder cannot be written.
     """
-    written = []
-    for drawing in drawings(result):
-        for ending in ("png", "svg"):
-            path = folder / f"{drawing.name}.{ending}"
-            write_whole(path, image_bytes(drawing, ending), force=True)
-            written.append(path)
-    return written
+    return write_drawings(drawings(result), folder)
 
 
 def drawings(result: RunResult) -> Iterator[Drawing]:
@@ -59,16 +50,3 @@ def drawings(result: RunResult) -> Iterator[Drawing]:
             drawing = draw(result)
         if drawing is not None:
             yield drawing
-
-
-def image_bytes(drawing: Drawing, ending: str) -> bytes:
-    """Return a figure as the bytes of a ``png`` or ``svg`` file; equal figures give equal bytes."""
-    stream = io.BytesIO()
-    with styled():
-        drawing.figure.savefig(
-            stream,
-            format=ending,
-            dpi=_DPI,
-            metadata={"Date": None} if ending == "svg" else {"Software": None},
-        )
-    return stream.getvalue()

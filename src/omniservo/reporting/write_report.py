@@ -10,9 +10,10 @@ from omniservo.errors import InputError
 from omniservo.files import write_whole
 from omniservo.reporting import report_sections as section
 from omniservo.reporting.animation import animation_bytes
+from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.html import Markup, inlined, joined, tag
 from omniservo.reporting.style import Drawing
-from omniservo.reporting.write_figures import drawings, image_bytes
+from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_result import RunResult
 
 _WIDE = 9.0

@@ -1,11 +1,19 @@
-"""Perspective cut-outs of any camera's image."""
+"""Images resampled into perspective, cylindrical, equirectangular and other views."""
 
 import math
 
 import numpy as np
 import pytest
 
-from omniservo.cameras import preset, tangent_view
+from omniservo.cameras import (
+    cylindrical_view,
+    equirectangular_view,
+    perspective_view,
+    preset,
+    rectify,
+    tangent_view,
+)
+from omniservo.cameras.models import KannalaBrandt
 from omniservo.errors import InputError
 
 
@@ -33,6 +41,59 @@ def test_view_shows_at_each_pixel_what_its_bearing_sees(name, direction):
     assert inner.any() or (name, direction[2]) == ("perspective", 0.2)
     assert np.abs(view.image - expected)[inner].max(initial=0.0) < 0.05
     assert (view.image[~view.valid] == 0).all()
+
+
+VIEWS = {
+    "perspective": perspective_view(1.2, (160, 120)),
+    "cylindrical": cylindrical_view(math.radians(200), (240, 120)),
+    "whole turn": cylindrical_view(2 * math.pi, (360, 120)),
+    "equirectangular": equirectangular_view((240, 120)),
+    "another camera": preset("fe185"),
+}
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.4, 0.3, 0.6)])
+def test_every_view_shows_at_each_pixel_what_its_bearing_sees(name, direction):
+    lens = KannalaBrandt(190.0, 191.0, 255.0, 256.0, 512, 512, k=(0.01, -0.004, 1e-3, -2e-4), max_angle=1.6)
+
+    def colour(b):
+        return 100 + 50 * b[..., 0] + 30 * b[..., 1] - 20 * b[..., 2]
+
+    view = rectify(lens, painted(lens, colour), VIEWS[name], direction=direction)
+    v, u = np.mgrid[0 : view.camera.height, 0 : view.camera.width].astype(float)
+    bearings = view.bearings(np.stack([u, v], axis=-1))
+    pixels, seen = lens.project(np.nan_to_num(bearings))
+    inner = view.valid & (bearings[..., 2] > math.cos(1.5)) & (np.abs(pixels - 255.5) < 255.5).all(axis=-1)
+    assert inner.mean() > 0.1
+    assert np.abs(view.image - colour(bearings))[inner].max() < 0.05
+    shown = seen & lens.in_image(np.nan_to_num(pixels, nan=-1e6)) & np.isfinite(bearings).all(axis=-1)
+    assert np.array_equal(view.valid, shown)
+
+
+@pytest.mark.parametrize("field", [1.0, math.pi, 2 * math.pi])
+def test_cylinder_spans_its_field_and_is_invertible(field):
+    view = cylindrical_view(field, (301, 200))
+    v, u = np.mgrid[0:200, 0:301].astype(float)
+    grid = np.stack([u, v], axis=-1)
+    bearings, valid = view.unproject(grid)
+    assert valid.all()
+    assert np.linalg.norm(bearings, axis=-1) == pytest.approx(1.0)
+    back, seen = view.project(3.0 * bearings)
+    assert seen.all()
+    assert np.abs(back - grid).max() < 1e-9
+    left = view.unproject([-0.5 + 1e-9, 99.5])[0]
+    assert math.atan2(left[0], left[2]) == pytest.approx(-field / 2, abs=1e-6)
+    assert not view.project([0.0, 1.0, 0.0])[1]
+    assert not view.unproject([np.nan, 0.0])[1]
+
+
+def test_upright_lines_stay_upright_on_the_cylinder():
+    camera = preset("fe185")
+    image = painted(camera, lambda b: 255.0 * np.exp(-(((b[..., 0] - 0.8 * b[..., 2]) / 0.01) ** 2)))
+    view = rectify(camera, image, cylindrical_view(math.radians(120), (480, 200)))
+    columns = (view.image * np.arange(480)).sum(axis=1) / view.image.sum(axis=1)
+    assert np.ptp(columns[20:-20]) < 0.2
 
 
 def test_centre_and_borders_of_the_view_lie_where_asked():
@@ -103,3 +164,17 @@ def test_what_is_no_view_is_refused(change, named):
     }
     with pytest.raises(InputError, match=named):
         tangent_view(preset("fe185"), **arguments)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: cylindrical_view(7.0, (10, 10)),
+        lambda: cylindrical_view(1.0, (10, 20_000)),
+        lambda: equirectangular_view((16_384, 16_384)),
+        lambda: perspective_view(1.0, (10,)),
+    ],
+)
+def test_views_that_cannot_be_are_refused(made):
+    with pytest.raises(InputError, match="field_of_view|size"):
+        made()

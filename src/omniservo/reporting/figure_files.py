@@ -1,0 +1,40 @@
+"""A finished figure as files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+
+from omniservo.files import write_whole
+from omniservo.reporting.style import Drawing, styled
+
+_DPI = 170
+
+
+def image_bytes(drawing: Drawing, ending: str) -> bytes:
+    """Return a figure as the bytes of a ``png`` or ``svg`` file; equal figures give equal bytes."""
+    stream = io.BytesIO()
+    with styled():
+        drawing.figure.savefig(
+            stream,
+            format=ending,
+            dpi=_DPI,
+            metadata={"Date": None} if ending == "svg" else {"Software": None},
+        )
+    return stream.getvalue()
+
+
+def write_drawings(drawings: Iterable[Drawing], folder: Path) -> list[Path]:
+    """Write each figure as PNG and as SVG, replacing existing files; return the files written.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    written = []
+    for drawing in drawings:
+        for ending in ("png", "svg"):
+            path = folder / f"{drawing.name}.{ending}"
+            write_whole(path, image_bytes(drawing, ending), force=True)
+            written.append(path)
+    return written

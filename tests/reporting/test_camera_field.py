@@ -1,0 +1,69 @@
+"""Figures of what a camera sees."""
+
+import math
+
+import numpy as np
+import pytest
+from matplotlib import colors
+
+from omniservo.cameras import UnifiedCamera, preset
+from omniservo.reporting.camera_field import draw_field, pixel_density
+from omniservo.reporting.figure_files import write_drawings
+
+MASKED = UnifiedCamera(
+    300.0,
+    300.0,
+    320.0,
+    240.0,
+    1.2,
+    640,
+    480,
+    mask=[[[10, 10], [60, 10], [10, 60]], [[600, 400], [630, 400], [615, 440]]],
+)
+DISTORTED = UnifiedCamera(500.0, 505.0, 320.0, 240.0, 0.9, 640, 480, distortion=(-0.1, 0.02, 1e-3, -5e-4))
+CAMERAS = {
+    "fisheye": preset("fe185"),
+    "mirror": preset("para-catadioptric"),
+    "perspective": preset("perspective"),
+    "masked": MASKED,
+    "distorted": DISTORTED,
+}
+
+
+def test_density_of_a_perspective_camera_is_the_known_one():
+    camera = preset("perspective")
+    u, v, density = pixel_density(camera)
+    x = (0.5 * (u[1:] + u[:-1])[None, :] - camera.cx) / camera.fx
+    y = (0.5 * (v[1:] + v[:-1])[:, None] - camera.cy) / camera.fy
+    # solid angle of a pixel: cos³θ / (fx fy)
+    known = np.sqrt(camera.fx * camera.fy * (1 + x**2 + y**2) ** 1.5) * math.pi / 180
+    assert density == pytest.approx(known, rel=1e-4)
+
+
+def test_density_is_nothing_where_nothing_is_seen():
+    camera = preset("para-catadioptric")
+    u, v, density = pixel_density(camera)
+    column, row = np.searchsorted(u, camera.cx) - 1, np.searchsorted(v, camera.cy) - 1
+    assert np.isnan(density[row, column])  # the dead zone
+    assert np.isnan(density[0, 0])  # beyond the lens
+    assert np.isfinite(density).mean() > 0.3
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_field_is_drawn_with_its_limits(name, tmp_path):
+    drawings = draw_field(CAMERAS[name])
+    assert [d.name for d in drawings] == ["camera-field", "camera-density"]
+    axes = drawings[0].figure.axes[0]
+    labels = {t.get_text() for t in drawings[0].figure.legends[0].get_texts()}
+    assert "image" in labels
+    assert ("dead zone" in labels) == (name == "mirror")
+    assert ("mask" in labels) == (name == "masked")
+    assert ("plans keep to" in labels) == (name == "distorted")
+    assert any(label.startswith("usable to") for label in labels) == (name in ("fisheye", "mirror"))
+    hatched = any(getattr(c, "hatches", None) and c.hatches[0] for c in axes.collections)
+    assert hatched == (name in ("fisheye", "mirror", "masked"))
+    assert axes.yaxis_inverted()
+    files = write_drawings(drawings, tmp_path)
+    assert sorted(f.suffix for f in files) == [".png", ".png", ".svg", ".svg"]
+    assert all(f.stat().st_size > 5000 for f in files)
+    assert colors.to_hex(axes.get_facecolor()) != "#ffffff"
