@@ -1,0 +1,119 @@
+"""The public conversions: to the unified camera that planning works with, and between any two classes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from omniservo.cameras.conversion.equivalence import as_unified, from_unified
+from omniservo.cameras.conversion.families import FAMILIES
+from omniservo.cameras.conversion.fit import field_of, fitted
+from omniservo.cameras.conversion.residual import Residual, exact, measured
+from omniservo.cameras.models.central_model import CentralModel
+from omniservo.cameras.unified_camera import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import finite_number
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A unified camera that stands for another model."""
+
+    camera: UnifiedCamera
+    """With ``deviation_px`` set to the largest residual."""
+    residual: Residual
+    warnings: tuple[str, ...]
+    """What a person must know about both cameras' domains."""
+
+
+def to_unified(model: CentralModel, *, largest_px: float = 1.0) -> Conversion:
+    """Return the unified camera that ``model`` is, or the nearest one over the field that is used.
+
+    The field that is used is every pixel of the image, outside dead zone and mask, that the model can
+    unproject. The nearest camera is the one whose largest residual is smallest; its k1, k2, p1, p2 are free
+    (not where there is a mask). It keeps max_angle, dead zone and mask, sees no farther than the
+    model, and carries the largest residual as ``deviation_px``, which plans add to their visibility margin.
+
+    Raises:
+        InputError: the largest residual exceeds ``largest_px`` [px]; the message names it.
+    """
+    if isinstance(model, UnifiedCamera):
+        return Conversion(model, exact(model), model.warnings)
+    found, residual = convert(model, UnifiedCamera, largest_px=largest_px)
+    camera = cast(UnifiedCamera, found)
+    warnings = model.warnings
+    if residual.lost > 0.0 or np.isnan(residual.px).any():
+        angle = math.degrees(camera.usable_angle)
+        warnings = (
+            *warnings,
+            f"the unified camera stays one-to-one only up to {angle:.3f} deg from the axis: "
+            f"{100.0 * residual.lost:.2g}% of the field is lost",
+        )
+    return Conversion(_with_deviation(camera, residual.largest_px), residual, warnings)
+
+
+def convert(
+    model: CentralModel, kind: type[CentralModel], *, largest_px: float = 1.0
+) -> tuple[CentralModel, Residual]:
+    """Return the camera of class ``kind`` that ``model`` is, or the nearest one over the field that is used.
+
+    Raises:
+        InputError: the class cannot be fitted, or the largest residual exceeds ``largest_px`` [px].
+    """
+    bound = finite_number("largest_px", largest_px, minimum=0.0)
+    if type(model) is kind:
+        return model, exact(model)
+    unified = as_unified(model)
+    same = None if unified is None else from_unified(unified, kind)
+    if same is not None:
+        return same, exact(model)
+    found = [(camera, measured(camera, model)) for camera in _candidates(model, kind)]
+    camera, residual = min(found, key=lambda pair: (round(pair[1].lost, 3), pair[1].largest_px))
+    if not residual.largest_px <= bound:
+        raise InputError(_refusal(model, camera, residual, bound))
+    return camera, residual
+
+
+def _candidates(model: CentralModel, kind: type[CentralModel]) -> list[CentralModel]:
+    """Return the fitted cameras of a class, one for each way to fit it."""
+    families = [family for family in FAMILIES if family.kind is kind]
+    if model.mask and kind is UnifiedCamera:  # which does not take a mask together with distortion
+        families = [family for family in families if not family.tangential]
+    field, cameras, refusals = field_of(model), [], []
+    for family in families:
+        try:
+            cameras.append(fitted(field, family, model))
+        except InputError as error:
+            refusals.append(error)
+    good = [camera for camera in cameras if camera is not None]
+    if not good:
+        why = f" ({refusals[0]})" if refusals else ""
+        raise InputError(f"{kind.__name__}: nothing of this class fits a {_name(model)} camera{why}")
+    return good
+
+
+def _refusal(model: CentralModel, camera: CentralModel, residual: Residual, bound: float) -> str:
+    worst = (
+        residual.pixels[int(np.nanargmax(residual.px))]
+        if np.isfinite(residual.px).any()
+        else residual.pixels[0]
+    )
+    ray = model.unproject(worst)[0]
+    angle = math.degrees(math.atan2(math.hypot(ray[0], ray[1]), ray[2]))
+    return (
+        f"camera: the nearest {_name(camera)} camera leaves {residual.largest_px:.3g} px "
+        f"({math.degrees(residual.largest_rad):.3g} deg) of this {_name(model)} camera, at pixel "
+        f"({worst[0]:.0f}, {worst[1]:.0f}), {angle:.1f} deg from the axis; legal: at most {bound:g} px "
+        "(state a smaller max_angle, or allow more)"
+    )
+
+
+def _with_deviation(camera: UnifiedCamera, deviation_px: float) -> UnifiedCamera:
+    return UnifiedCamera.from_dict({**camera.to_dict(), "deviation_px": deviation_px})
+
+
+def _name(model: CentralModel) -> str:
+    return str(model.to_dict()["model"])

@@ -1,0 +1,104 @@
+"""How far a camera lies from the one that it stands for, over the field that is used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.cameras.domain_warnings import image_grid
+from omniservo.cameras.models.central_model import CentralModel
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+_GRID = 121
+"""pixels along each side of the image"""
+
+_ROUND = 720
+"""directions round the domain's border"""
+
+_WORST = 16
+_FINER = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Where the pixels and rays of a camera differ from those of another, as numbers and as a map.
+
+    The map holds pixels that the other camera uses: a grid with the image's border, the border of the
+    domain, and a finer grid round the largest residuals.
+    """
+
+    largest_px: float
+    """Largest distance between a pixel and where its ray is projected to [px]."""
+    rms_px: float
+    """[px]"""
+    largest_rad: float
+    """Largest angle between the two rays of a pixel [rad]."""
+    pixels: FloatArray
+    """(n, 2) [px]"""
+    px: FloatArray
+    """(n,) [px]; NaN where the ray is outside the camera's domain"""
+    rad: FloatArray
+    """(n,) [rad]; NaN where the pixel is outside the camera's domain"""
+    lost: float
+    """The share of the field whose rays the camera cannot project, 0 to 1."""
+
+
+def used_pixels(model: CentralModel, steps: int = _GRID) -> FloatArray:
+    """Return pixels (n, 2) of the field that is used: in the image and valid, with both borders.
+
+    A grid of ``steps`` pixels along each side, and where the domain ends inside the image its border.
+    """
+    pixels = image_grid(model, steps)
+    return np.vstack([pixels[_is_used(model, pixels)], rim_pixels(model)])
+
+
+def rim_pixels(model: CentralModel) -> FloatArray:
+    """Return where the border of the domain lies inside the image, (n, 2) [px]."""
+    angle = min(model.usable_angle, math.pi - 1e-6) * (1.0 - 1e-9)
+    around = np.linspace(0.0, 2.0 * math.pi, _ROUND, endpoint=False)
+    sine = math.sin(angle)
+    rays = np.column_stack([sine * np.cos(around), sine * np.sin(around), np.full(_ROUND, math.cos(angle))])
+    pixels = model.project(rays)[0]
+    return np.asarray(pixels[_is_used(model, pixels)])
+
+
+def measured(camera: CentralModel, model: CentralModel) -> Residual:
+    """Return the residual of ``camera`` as a stand-in for ``model``."""
+    pixels = used_pixels(model)
+    px, rad = _differences(camera, model, pixels)
+    worst = pixels[np.argsort(np.nan_to_num(px))[-_WORST:]]
+    step = np.array([model.width, model.height]) / (_GRID - 1.0)
+    offsets = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _FINER)] * 2), axis=-1).reshape(-1, 2) * step
+    finer = (worst[:, None] + offsets).reshape(-1, 2)
+    finer = finer[_is_used(model, finer)]
+    more_px, more_rad = _differences(camera, model, finer)
+    pixels, px, rad = np.vstack([pixels, finer]), np.append(px, more_px), np.append(rad, more_rad)
+    largest = [float(np.nanmax(d)) if np.isfinite(d).any() else math.inf for d in (px, rad)]
+    rms = math.sqrt(float(np.nanmean(px**2))) if np.isfinite(px).any() else math.inf
+    field = image_grid(model, _GRID)
+    rays = model.unproject(field[_is_used(model, field)])[0]
+    lost = 1.0 - float(camera.project(rays)[1].mean())
+    return Residual(largest[0], rms, largest[1], pixels, px, rad, lost)
+
+
+def exact(model: CentralModel) -> Residual:
+    """Return the residual of an exact equivalence: 0 everywhere."""
+    pixels = used_pixels(model)
+    zero = np.zeros(len(pixels))
+    return Residual(0.0, 0.0, 0.0, pixels, zero, zero, 0.0)
+
+
+def _is_used(model: CentralModel, pixels: FloatArray) -> BoolArray:
+    return np.asarray(model.in_image(pixels) & model.unproject(pixels)[1], dtype=np.bool_)
+
+
+def _differences(
+    camera: CentralModel, model: CentralModel, pixels: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    rays = model.unproject(pixels)[0]
+    px = np.hypot(*(camera.project(rays)[0] - pixels).T)
+    others = camera.unproject(pixels)[0]
+    across = np.linalg.norm(np.cross(rays, others), axis=1)
+    return px, np.arctan2(across, np.einsum("ij,ij->i", rays, others))
