@@ -10,14 +10,14 @@ import numpy as np
 from omniservo.calibration.boards.board import Board, Checkerboard
 from omniservo.calibration.boards.board_view import BoardView
 from omniservo.calibration.boards.find_checkerboard import find_checkerboard
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import ByteArray
 
 _LEAST_SIDE = 16
 
 
-def find_board(image: Any, board: Board, camera: UnifiedCamera | None = None) -> BoardView:
+def find_board(image: Any, board: Board, camera: CentralModel | None = None) -> BoardView:
     """Find a board's points; every point is measured in the image, none is made up.
 
     Args:
@@ -67,7 +67,7 @@ def grey_image(image: Any) -> ByteArray:
     return np.array(image, order="C")
 
 
-def shows_mirrored(camera: UnifiedCamera) -> bool:
+def shows_mirrored(camera: CentralModel) -> bool:
     """Whether a camera's image shows the world reflected: one of its focal lengths is negative."""
     ahead = camera.project(np.array([[0.0, 0.0, 1.0], [1e-4, 0.0, 1.0], [0.0, 1e-4, 1.0]]))[0]
     across = ahead[1:] - ahead[0]
