@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omniservo.calibration import load_camera, save_camera
+    from omniservo.calibration import Calibration, calibrate_camera, load_camera, save_camera
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
     from omniservo.estimation import TwoViewEstimate, estimate_two_view
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Calibration": "calibration",
+    "calibrate_camera": "calibration",
     "load_camera": "calibration",
     "save_camera": "calibration",
     "DeadZone": "cameras",
@@ -53,6 +55,7 @@ _HOME = {
 
 __all__ = [
     "AnswerIsNo",
+    "Calibration",
     "CameraPath",
     "Certificate",
     "DeadZone",
@@ -65,6 +68,7 @@ __all__ = [
     "TrackerOptions",
     "TwoViewEstimate",
     "UnifiedCamera",
+    "calibrate_camera",
     "estimate_two_view",
     "improving_plans",
     "load_camera",
