@@ -170,7 +170,7 @@ def test_existing_file_is_kept_unless_forced(tmp_path):
         (("image_width: 752", "image_width: 75.5"), "width: 75.5 given; a whole number"),
         (
             ("model_type: MEI", "model_type: SCARAMUZZA"),
-            "line 3: model_type: 'SCARAMUZZA' given; legal: MEI, KANNALA",
+            "line 3: model_type: 'SCARAMUZZA' given; legal: 'MEI', 'KANNALA",
         ),
         (("k1: -6.5e-02", "k1: -6.5e-02\n   k1: 3"), "'k1' is given twice"),
         (("model_type", "model"), "no known camera format"),

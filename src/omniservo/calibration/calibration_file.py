@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -82,6 +82,14 @@ class CalibrationFile:
                 return False
             value = value[name]
         return True
+
+    def word(self, legal: Iterable[str], *path: str | int) -> str:
+        """Return a field that is one of the legal words."""
+        value = self.value(*path)
+        if not isinstance(value, str) or value not in legal:
+            words = ", ".join(repr(word) for word in legal if word)
+            raise self.error(f"{spelled(value)} given; legal: {words}", *path)
+        return value
 
     def number(self, *path: str | int, minimum: float = -float("inf"), nonzero: bool = False) -> float:
         """Return a field that is a finite number ≥ ``minimum``, and not 0 where ``nonzero``."""

@@ -63,10 +63,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     """
     index = int(name.removeprefix("cam"))
     at = ("value0", "intrinsics", index)
-    kind = file.value(*at, "camera_type")
-    if kind not in _PARAMETERS:
-        legal = ", ".join(_PARAMETERS)
-        raise file.error(f"{spelled(kind)} given; legal: {legal}", *at, "camera_type")
+    kind = file.word(_PARAMETERS, *at, "camera_type")
     inside = (*at, "intrinsics")
     focal = {n: file.number(*inside, n, nonzero=n in ("fx", "fy")) for n in _FOCAL}
     rest = {n: file.number(*inside, n) for n in _PARAMETERS[kind]}

@@ -22,7 +22,7 @@ from omniservo.calibration.document import FieldPath
 from omniservo.calibration.formats.spelling import as_yaml
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (UnifiedCamera, KannalaBrandt, Pinhole)
 
@@ -48,10 +48,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
         InputError: another model, or a field is missing or not legal.
     """
     at: FieldPath = (name,) if name else ()
-    model = file.value(*at, "model")
-    if model not in (_PINHOLE, _RADIAL, _OMNI, _KANNALA):
-        legal = ", ".join((_PINHOLE, _RADIAL, _OMNI, _KANNALA))
-        raise file.error(f"{spelled(model)} given; legal: {legal}", *at, "model")
+    model = file.word((_PINHOLE, _RADIAL, _OMNI, _KANNALA), *at, "model")
     given: dict[str, Any] = {}
     for field in ("fx", "fy", "cx", "cy", "skew"):
         given[field] = file.number(*at, "pinhole", field, nonzero=field in ("fx", "fy"))

@@ -17,7 +17,7 @@ from omniservo.calibration.calibration_file import CalibrationFile, lens_fields,
 from omniservo.calibration.formats.spelling import as_yaml
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (UnifiedCamera, KannalaBrandt, Pinhole)
 
@@ -47,9 +47,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another camera model, or a field is missing or not legal.
     """
-    model = file.value("model_type")
-    if model not in _PROJECTION:
-        raise file.error(f"{spelled(model)} given; legal: {', '.join(_PROJECTION)}", "model_type")
+    model = file.word(_PROJECTION, "model_type")
     given: dict[str, Any] = {}
     for ours, theirs in zip(("fx", "fy", "cx", "cy"), _PROJECTION[model], strict=True):
         given[ours] = file.number("projection_parameters", theirs, nonzero=ours in ("fx", "fy"))

@@ -20,7 +20,7 @@ from omniservo.calibration.calibration_file import CalibrationFile, lens_fields,
 from omniservo.calibration.formats.spelling import as_json, as_yaml
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, DoubleSphere, ExtendedUnified, KannalaBrandt, Pinhole
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (UnifiedCamera, ExtendedUnified, DoubleSphere, KannalaBrandt, Pinhole)
 
@@ -55,8 +55,8 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another camera or distortion model, or a field is missing or not legal.
     """
-    model = _one_of(file, tuple(_INTRINSICS), name, "camera_model")
-    kind = _one_of(file, _DISTORTIONS[model], name, "distortion_model")
+    model = file.word(_INTRINSICS, name, "camera_model")
+    kind = file.word(_DISTORTIONS[model], name, "distortion_model")
     order = _INTRINSICS[model]
     nonzero = (order.index("fx"), order.index("fy"))
     numbers = file.numbers(len(order), name, "intrinsics", nonzero=nonzero)
@@ -109,10 +109,3 @@ def _spelled(model: CentralModel) -> tuple[str, str, tuple[float, ...]]:
         distortion = model.distortion[:4]
         return ("pinhole", "radtan", distortion) if any(distortion) else ("pinhole", "none", ())
     raise InputError("format 'kalibr' holds k1, k2, p1, p2 of a pinhole camera, and this one has more")
-
-
-def _one_of(file: CalibrationFile, legal: tuple[str, ...], *path: str) -> str:
-    value = file.value(*path)
-    if value not in legal:
-        raise file.error(f"{spelled(value)} given; legal: {', '.join(map(repr, legal))}", *path)
-    return str(value)

@@ -21,7 +21,7 @@ from typing import Any
 from omniservo.calibration.calibration_file import CalibrationFile, lens_fields, refuse_skew
 from omniservo.calibration.formats.spelling import as_json, as_yaml
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (KannalaBrandt, Pinhole)
 
@@ -52,10 +52,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another distortion model, a part of the sensor, or a field is missing or not legal.
     """
-    kind = file.value("distortion_model") or ""
-    if kind not in _COUNTS:
-        legal = ", ".join(word for word in _COUNTS if word)
-        raise file.error(f"{spelled(kind)} given; legal: {legal}", "distortion_model")
+    kind = file.word(_COUNTS, "distortion_model")
     _refuse_part_of_sensor(file)
     given: dict[str, Any] = file.intrinsics(_first(file, _K))
     sides = [_first(file, _WIDTH), _first(file, _HEIGHT)]

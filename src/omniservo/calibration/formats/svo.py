@@ -15,7 +15,8 @@ from typing import Any
 
 from omniservo.calibration.calibration_file import CalibrationFile
 from omniservo.cameras.models import CentralModel, KannalaBrandt, OcamPolynomial, Pinhole
-from omniservo.errors import spelled
+
+_DISTORTIONS = ("none", "radial-tangential", "equidistant")
 
 
 def recognises(fields: Any) -> bool:
@@ -44,7 +45,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     at = ("cameras", names(file).index(name), "camera")
     sides = tuple(file.number(*at, side, minimum=1.0) for side in ("image_width", "image_height"))
     size = file.image_size(sides, *at, "image_width")
-    kind = file.value(*at, "type")
+    kind = file.word(("omni", "pinhole"), *at, "type")
     if kind == "omni":
         numbers = file.coefficients(*at, "intrinsics", legal=(24,))
         return file.build(
@@ -56,21 +57,13 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
             **size,
             stretch=numbers[7:10],
         )
-    if kind != "pinhole":
-        raise file.error(f"{spelled(kind)} given; legal: 'omni', 'pinhole'", *at, "type")
     fx, fy, cx, cy = file.coefficients(*at, "intrinsics", legal=(4,))
     given: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **size}
-    distortion = file.value(*at, "distortion", "type") if _distorted(file, at) else "none"
+    distorted = isinstance(file.value(*at).get("distortion"), Mapping)
+    distortion = file.word(_DISTORTIONS, *at, "distortion", "type") if distorted else "none"
     if distortion == "none":
         return file.build(Pinhole, *at, **given)
-    if distortion not in ("radial-tangential", "equidistant"):
-        legal = "'none', 'radial-tangential', 'equidistant'"
-        raise file.error(f"{spelled(distortion)} given; legal: {legal}", *at, "distortion", "type")
     four = file.coefficients(*at, "distortion", "parameters", legal=(4,))
     if distortion == "equidistant":
         return file.build(KannalaBrandt, *at, **given, k=four)
     return file.build(Pinhole, *at, **given, distortion=four)
-
-
-def _distorted(file: CalibrationFile, at: tuple[str | int, ...]) -> bool:
-    return isinstance(file.value(*at).get("distortion"), Mapping)

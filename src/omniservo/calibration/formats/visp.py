@@ -49,10 +49,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
         InputError: another projection model, or a field is missing or not legal.
     """
     camera, at, _ = _entries(file)[names(file).index(name)]
-    kind = file.value(*at, "type")
-    if kind not in (_PLAIN, _RADIAL, _KANNALA):
-        legal = ", ".join((_PLAIN, _RADIAL, _KANNALA))
-        raise file.error(f"{spelled(kind)} given; legal: {legal}", *at, "type")
+    kind = file.word((_PLAIN, _RADIAL, _KANNALA), *at, "type")
     given: dict[str, Any] = {}
     for ours, theirs in (("fx", "px"), ("fy", "py"), ("cx", "u0"), ("cy", "v0")):
         given[ours] = file.number(*at, theirs, nonzero=theirs in ("px", "py"))
