@@ -460,6 +460,9 @@ CAMERAS = {
     "pinhole, five": BROWN,
     "pinhole, eight": RATIONAL,
     "equirectangular": Equirectangular(1000, 500),
+    "OCam, lens": OcamPolynomial(
+        OCAM.coefficients, 456.25, 382.5, 1024, 768, max_angle=1.5, dead_zone=DeadZone((320.0, 240.0), 20.0)
+    ),
     "lens": KannalaBrandt(
         311.0,
         312.0,

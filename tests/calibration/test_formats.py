@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 from tests.calibration.format_samples import CAMERAS, OCAM, SAMPLES
 
-from omniservo.calibration import FORMATS, load_model, save_camera
+from omniservo.calibration import FORMATS, closest_model, load_camera, load_model, save_camera
 from omniservo.calibration.camera_files import WRITTEN
-from omniservo.cameras.models import DoubleSphere, Equirectangular, ExtendedUnified, OcamPolynomial, Pinhole
+from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import (
+    DoubleSphere,
+    Equirectangular,
+    ExtendedUnified,
+    KannalaBrandt,
+    OcamPolynomial,
+    Pinhole,
+)
 from omniservo.errors import InputError
 
 
@@ -60,7 +68,7 @@ def test_written_file_is_read_back_equal_or_nothing_is_written(tmp_path, format_
         assert format_name in str(error) or "format" in str(error)  # noqa: PT017
         assert not any(tmp_path.iterdir())
         kinds = WRITTEN[format_name].kinds
-        plain = {"unified, plain", "Kannala-Brandt", "EUCM", "double sphere", "OCam", "pinhole"}
+        plain = {"unified, plain", "Kannala-Brandt", "EUCM", "double sphere", "OCam", "pinhole", "lens"}
         assert camera not in plain or not isinstance(CAMERAS[camera], kinds)
         return
     assert_same(load_model(path), CAMERAS[camera])
@@ -190,3 +198,48 @@ def test_opencv_data_without_a_camera_says_so(shared_data):
         InputError, match=r"no camera in it: camera_matrix, K or M is needed; found: objectPoints"
     ):
         load_model(path)
+
+
+CONVERTED = [
+    ("kalibr/rpng_open_vins__tum_vi_kalibr_imucam_chain.yaml", "cam0", "mei", UnifiedCamera, 0.1),
+    ("kalibr/rpng_open_vins__tum_vi_kalibr_imucam_chain.yaml", "cam0", "ocamcalib", OcamPolynomial, 0.3),
+    ("basalt/VladyslavUsenko_basalt-mirror__tumvi_512_ds_calib.json", "cam0", "colmap", KannalaBrandt, 0.5),
+    ("mei_yaml/KITTI-360__image_02.yaml", None, "ros", KannalaBrandt, 0.5),
+]
+
+
+@pytest.mark.parametrize(("file", "name", "format_name", "kind", "largest_px"), CONVERTED)
+def test_closest_model_is_as_close_as_its_residual_says(
+    tmp_path, shared_data, file, name, format_name, kind, largest_px
+):
+    camera = load_model(shared_data / "calibrations" / file, name=name)
+    model, residual = closest_model(camera, format_name, largest_px=largest_px)
+    assert type(model) is kind
+    save_camera(model, tmp_path / "camera", format_name)
+    read = load_model(tmp_path / "camera")
+    assert_same(read, model)
+    pixels = np.random.default_rng(2).uniform([0, 0], [camera.width - 1, camera.height - 1], (2000, 2))
+    rays, valid = camera.unproject(pixels)
+    seen, also = read.project(rays)
+    assert (valid & also).mean() > 0.6
+    assert np.linalg.norm(seen - pixels, axis=1)[valid & also].max() <= 1.05 * residual.largest_px
+
+
+def test_a_model_that_the_format_holds_is_not_converted():
+    for camera in CAMERAS.values():
+        assert closest_model(camera, "own") == (camera, None)
+
+
+def test_a_conversion_worse_than_allowed_is_refused_with_its_residual(shared_data):
+    path = shared_data / "calibrations/ocamcalib/premnirmal_Homing-in-Scale-Space__calib_results.txt"
+    with pytest.raises(InputError, match=r"its closest model, UnifiedCamera, is up to \d.* px away; legal"):
+        closest_model(load_model(path), "mei")
+    with pytest.raises(InputError, match=r"calib_results\.txt: .* px"):
+        load_camera(path)
+    assert load_camera(path, largest_px=20.0).deviation_px > 1.0
+
+
+def test_an_exact_equivalent_needs_no_allowance(shared_data):
+    path = shared_data / "visp_franka_eye_in_hand/franka_camera.xml"
+    camera = load_camera(path, largest_px=0.0)
+    assert (camera.xi, camera.fx, camera.deviation_px) == (0.0, 607.5931396484375, 0.0)

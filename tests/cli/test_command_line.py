@@ -1,6 +1,8 @@
 import json
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from omniservo.cli.main import main
 
@@ -151,3 +153,64 @@ def test_a_camera_is_shown_with_its_mask(capsys, tmp_path):
     code, out, _ = call(capsys, "camera", "show", written(tmp_path / "camera.json", masked))
     assert code == 0
     assert f"mask           {mask}" in out
+
+
+FISHEYE = """%YAML:1.0
+---
+K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 300., 0., 319.5, 0., 300., 239.5, 0., 0., 1. ]
+D: !!opencv-matrix
+   rows: 4
+   cols: 1
+   dt: d
+   data: [ 0.01, -0.02, 0.003, 0. ]
+"""
+
+
+def test_what_a_file_leaves_open_is_asked_for_and_a_conversion_says_its_residual(capsys, tmp_path):
+    source, out = tmp_path / "fisheye.yml", tmp_path / "mei.yaml"
+    source.write_text(FISHEYE)
+    convert = ("camera", "convert", source, out, "--to", "mei")
+    assert "does not say the image size; say it: --size" in call(capsys, *convert)[2]
+    for wrong in ("640", "640x", "axb", "640x480x3", "-640x480", "99999999x480"):
+        assert "--size" in call(capsys, *convert, "--size", wrong)[2]
+    assert "say it: --model pinhole or --model fisheye" in call(capsys, *convert, "--size", "640x480")[2]
+    said = ("--size", "640x480", "--model", "fisheye")
+    code, _, err = call(capsys, *convert, *said, "--largest-px", "1e-6")
+    assert code == 2
+    assert "px away; legal: <= 1e-06 px (--largest-px allows more)" in err
+    assert not out.exists()
+    code, printed, _ = call(capsys, *convert, *said)
+    assert code == 0
+    assert "residual: at most " in printed
+    code, printed, _ = call(capsys, *convert, *said, "--json", "--force")
+    result = json.loads(printed)
+    assert 0.0 < result["largest_px"] < 0.2
+    assert (code, result["model"], result["format"]) == (0, "unified", "mei")
+    code, printed, _ = call(capsys, "camera", "show", source, *said)
+    assert code == 0
+    assert "model          kannala_brandt" in printed
+    assert "as unified     at most 0.0" in printed
+
+
+def test_a_mask_image_becomes_polygons_of_our_own_format_only(capsys, tmp_path):
+    v, u = np.mgrid[:432, :659]
+    image = np.where((u > 500) & (v > 300), 0, 255).astype(np.uint8)
+    Image.fromarray(image).save(tmp_path / "mask.png")
+    convert = ("camera", "convert", "fe185", tmp_path / "out.json", "--mask", tmp_path / "mask.png", "--to")
+    assert "legal: --to own" in call(capsys, *convert, "kalibr")[2]
+    code, out, _ = call(capsys, *convert, "own", "--json")
+    assert (code, json.loads(out)["mask_polygons"], json.loads(out)["mask_lost_pixels"]) == (0, 1, 0)
+    assert len(json.loads((tmp_path / "out.json").read_text())["mask"][0]) == 4
+    again = (
+        "camera",
+        "convert",
+        tmp_path / "out.json",
+        tmp_path / "two.json",
+        "--mask",
+        tmp_path / "mask.png",
+    )
+    assert "the camera has a mask" in call(capsys, *again, "--to", "own")[2]

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from omniservo.calibration.document import FieldPath, parse_fields
+from omniservo.calibration.document import LENS, FieldPath, parse_fields
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import read_text
 from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
-LENS = "omniservo_lens"
-"""where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
-
 LENS_FIELDS = ("max_angle", "dead_zone", "mask", "deviation_px")
 
 _Model = TypeVar("_Model")
@@ -213,14 +211,10 @@ def lens_fields(model: CentralModel) -> dict[str, Any]:
     return {LENS: lens} if lens else {}
 
 
-def refuse_lens(model: CentralModel, format_name: str) -> None:
-    """Refuse a camera with an angle, dead zone or mask for a format that has no place for them.
-
-    Raises:
-        InputError: it has one.
-    """
-    for name in lens_fields(model).get(LENS, {}):
-        raise InputError(f"format {format_name!r} cannot hold {name}; legal: 'own'")
+def lens_comment(model: CentralModel) -> str:
+    """Return `lens_fields` as the comment line of a table, or nothing."""
+    lens = lens_fields(model).get(LENS)
+    return f"# {LENS}: {json.dumps(lens)}\n" if lens else ""
 
 
 def refuse_skew(model: Any, format_name: str) -> None:

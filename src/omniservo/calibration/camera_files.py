@@ -22,6 +22,7 @@ from omniservo.calibration.formats import (
     visp,
 )
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import to_unified
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.files import write_whole
@@ -143,16 +144,24 @@ def load_camera(
     name: str | None = None,
     size: tuple[int, int] | None = None,
     model: str | None = None,
+    largest_px: float = 1.0,
 ) -> UnifiedCamera:
-    """Return the camera of a calibration file that holds a unified camera; arguments as `load_model`.
+    """Return the camera of a calibration file as a unified camera, converted where it is another model.
+
+    What the conversion leaves, at most ``largest_px`` [px], stands in ``deviation_px``, which planning adds
+    to its visibility margin; `omniservo.cameras.conversion.to_unified` gives it as a map. Arguments are those
+    of `load_model`.
 
     Raises:
-        InputError: as `load_model`, or the file's camera is of another model.
+        InputError: as `load_model`, or the conversion leaves more than ``largest_px``.
     """
     camera = load_model(path, name=name, size=size, model=model)
-    if not isinstance(camera, UnifiedCamera):
-        raise InputError(f"{path}: a {type(camera).__name__} camera; legal: a unified one")
-    return camera
+    if isinstance(camera, UnifiedCamera):
+        return camera
+    try:
+        return to_unified(camera, largest_px=largest_px).camera
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def save_camera(
@@ -168,8 +177,8 @@ def save_camera(
         camera: what to write.
         path: where. ``own``, ``kalibr``, ``ros`` and ``opencv`` are JSON where it ends in .json, else YAML,
             and ``opencv`` is XML where it ends in .xml; every other format has one way to be written.
-        format: one of `FORMATS`; ``mei`` is ``camodocal`` with the unified model only. Where other programs
-            ignore a field more, max_angle, dead_zone and mask stand in one; elsewhere they are refused.
+        format: one of `FORMATS`; ``mei`` is ``camodocal`` with the unified model only. max_angle,
+            dead_zone, mask and deviation_px stand where other programs ignore them.
         force: replace an existing file.
 
     Raises:
@@ -189,8 +198,5 @@ def text_in_format(camera: CentralModel, format_name: str, suffix: str = "") -> 
         raise InputError(f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}")
     if written.kinds and not isinstance(camera, written.kinds):
         legal = ", ".join(kind.__name__ for kind in written.kinds)
-        raise InputError(
-            f"format {format_name!r} cannot hold a {type(camera).__name__}; legal: {legal}"
-            " (`omniservo camera convert` converts)"
-        )
+        raise InputError(f"format {format_name!r} cannot hold a {type(camera).__name__}; legal: {legal}")
     return written.writer.text_of(camera, suffix)

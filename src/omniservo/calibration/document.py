@@ -15,13 +15,17 @@ from omniservo.files import parse_document
 FieldPath = tuple[str | int, ...]
 """Names of fields and places in lists, from the outermost inwards."""
 
+LENS = "omniservo_lens"
+"""where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
+
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 
 
 def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[FieldPath], int]]:
     """Return the fields of XML, of a table of numbers, of JSON or of YAML, also as OpenCV writes them.
 
-    A table's rows are ``{"rows": [[…], …]}``: what stands between blanks, lines with # left out.
+    A table's rows are ``{"rows": [[…], …]}``: what stands between blanks. Of its comments one is read,
+    ``# omniservo_lens: {…}`` in JSON, as a field.
 
     Returns:
         the fields, and a function that gives the line of a field, 0 where it is not found.
@@ -35,7 +39,11 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
     rows = _rows(text)
     if rows is not None:
         numbers = [number for number, _ in rows]
-        return {"rows": [row for _, row in rows]}, lambda path: _line_of_row(numbers, path)
+        table: dict[str, Any] = {"rows": [row for _, row in rows]}
+        lens = re.search(rf"^# {LENS}: (\{{.*\}})\s*$", text, flags=re.MULTILINE)
+        if lens is not None:
+            table[LENS] = parse_document(lens[1], source)
+        return table, lambda path: _line_of_row(numbers, path)
     plain = re.sub(r"^%YAML.*$", "", text, count=1, flags=re.MULTILINE).replace("!!opencv-matrix", "")
     plain = re.sub(r"\n---\s*\Z", "\n", plain)
     fields = parse_document(plain, source)

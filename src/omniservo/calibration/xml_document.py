@@ -59,18 +59,20 @@ def parse_xml(text: str, source: str) -> tuple[dict[str, Any], dict[tuple[str | 
 
 
 def xml_text(fields: dict[str, Any], root: str) -> str:
-    """Return fields as XML, two spaces a level; values are numbers and strings without markup."""
-    return f'<?xml version="1.0"?>\n<{root}>\n{_children(fields, "  ")}</{root}>\n'
+    """Return fields as XML that `parse_xml` reads back: mappings, lists, numbers, strings without markup."""
+    return f'<?xml version="1.0"?>\n{_element(root, fields, "")}'
 
 
-def _children(fields: dict[str, Any], indent: str) -> str:
-    lines = []
-    for tag, value in fields.items():
-        if isinstance(value, dict):
-            lines.append(f"{indent}<{tag}>\n{_children(value, indent + '  ')}{indent}</{tag}>\n")
-        else:
-            lines.append(f"{indent}<{tag}>{value}</{tag}>\n")
-    return "".join(lines)
+def _element(tag: str, value: Any, indent: str) -> str:
+    if isinstance(value, dict):
+        inner = "".join(_element(name, held, indent + "  ") for name, held in value.items())
+    elif isinstance(value, list) and any(isinstance(held, list) for held in value):
+        inner = "".join(_element("_", held, indent + "  ") for held in value)
+    else:
+        words = value if isinstance(value, list) else [value]
+        text = " ".join(word if isinstance(word, str) else repr(word) for word in words)
+        return f"{indent}<{tag}>{text}</{tag}>\n"
+    return f"{indent}<{tag}>\n{inner}{indent}</{tag}>\n"
 
 
 def _content(element: _Element, path: tuple[str | int, ...], lines: dict[tuple[str | int, ...], int]) -> Any:

@@ -4,55 +4,161 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.errors import InputError, spelled
+
+if TYPE_CHECKING:
+    from omniservo.cameras.conversion import Residual
+    from omniservo.cameras.models import CentralModel
 
 app = typer.Typer(help="Show and convert cameras.", no_args_is_help=True)
 
 NameOption = Annotated[str | None, typer.Option("--name", help="Which camera of a file with several.")]
+SizeOption = Annotated[
+    str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
+]
+ModelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--model", help="pinhole or fisheye, for an OpenCV file whose four numbers may be either's."
+    ),
+]
+LargestOption = Annotated[
+    float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's [px].")
+]
 
 
 @app.command("show")
 def show(
     camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
     name: NameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
+    largest_px: LargestOption = 1.0,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Print a camera: its parameters, its domain and its field of view."""
-    from omniservo.calibration import load_camera
-    from omniservo.cameras import PRESETS, preset
+    """Print a camera: its parameters, its domain, and how well the unified model stands for it."""
+    from omniservo.cameras.conversion import to_unified
 
     output = Output(as_json, quiet)
-    model = preset(camera) if camera in PRESETS and name is None else load_camera(camera, name=name)
-    fields = model.to_dict()
+    shown = _model(camera, name, size, model)
+    fields = shown.to_dict()
     for field, value in fields.items():
         output.line(f"{field:<14} {value}")
-    output.line(f"{'usable angle':<14} {math.degrees(model.usable_angle):.3f} deg from the axis")
-    limits = model.image_limits()
+    output.line(f"{'usable angle':<14} {math.degrees(shown.usable_angle):.3f} deg from the axis")
+    conversion = to_unified(shown, largest_px=largest_px)
+    for warning in conversion.warnings:
+        output.line(f"{'warning':<14} {warning}")
+    if conversion.camera is not shown:
+        output.line(f"{'as unified':<14} {_spelled(conversion.residual)}")
+    limits = conversion.camera.image_limits()
     output.line(f"{'limits':<14} {', '.join(limits.names)}")
-    output.result({**fields, "usable_angle": model.usable_angle, "limits": list(limits.names)})
+    output.result(
+        {
+            **fields,
+            "usable_angle": shown.usable_angle,
+            "warnings": list(conversion.warnings),
+            "unified": {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)},
+            "limits": list(limits.names),
+        }
+    )
 
 
 @app.command("convert")
 def convert(
-    camera: Annotated[Path, typer.Argument(help="A calibration file.")],
+    camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
     out: Annotated[Path, typer.Argument(help="Where to write.")],
-    to: Annotated[str, typer.Option("--to", help="Format to write: own, mei, kalibr.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            help="Format: own, mei, camodocal, kalibr, opencv, ros, basalt, ocamcalib, boofcv, colmap, visp.",
+        ),
+    ],
     name: NameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
+    largest_px: LargestOption = 1.0,
+    mask: Annotated[
+        Path | None,
+        typer.Option(
+            "--mask", help="An image, black where the camera sees itself or nothing; --to own only."
+        ),
+    ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Convert a calibration file to another format."""
-    from omniservo.calibration import load_camera, save_camera
+    """Convert a calibration file to another format, to the closest model that this holds."""
+    from omniservo.calibration import closest_model, save_camera
     from omniservo.files import writable
 
     output = Output(as_json, quiet)
     writable(out, force=force)
-    save_camera(load_camera(camera, name=name), out, to, force=force)
-    output.line(f"written: {out}")
-    output.result({"out": str(out), "format": to})
+    given = _model(camera, name, size, model)
+    added: dict[str, Any] = {}
+    if mask is not None:
+        if to != "own":
+            raise InputError(f"--mask: given with --to {spelled(to)}; legal: --to own")
+        given, added = _masked(given, mask, output)
+    found, residual = closest_model(given, to, largest_px=largest_px)
+    save_camera(found, out, to, force=force)
+    written = found.to_dict()["model"]
+    output.line(f"written: {out} ({written})")
+    if residual is not None:
+        output.line(f"residual: {_spelled(residual)}")
+    output.result({"out": str(out), "format": to, "model": written, **_numbers(residual), **added})
+
+
+def _model(camera: str, name: str | None, size: str | None, model: str | None) -> CentralModel:
+    """Return a preset, or the camera of a file."""
+    from omniservo.calibration import load_model
+    from omniservo.cameras import PRESETS, preset
+
+    if camera in PRESETS and name is None and size is None and model is None:
+        return preset(camera)
+    return load_model(camera, name=name, size=None if size is None else _size(size), model=model)
+
+
+def _size(text: str) -> tuple[int, int]:
+    sides = text.lower().split("x")
+    if len(sides) != 2 or not all(side.isascii() and side.isdigit() and len(side) < 7 for side in sides):
+        raise InputError(f"--size: {spelled(text)} given; legal: WIDTHxHEIGHT, such as 640x480")
+    return int(sides[0]), int(sides[1])
+
+
+def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralModel, dict[str, Any]]:
+    """Return the camera with a mask image's polygons, and what is to be said of them."""
+    from omniservo.calibration.mask_image import load_mask
+    from omniservo.cameras.models import camera_from_dict
+
+    if camera.mask:
+        raise InputError(f"--mask: {path} given, but the camera has a mask; legal: one of them")
+    cover = load_mask(path, (camera.width, camera.height))
+    fields = {**camera.to_dict(), "mask": [list(map(list, polygon)) for polygon in cover.polygons]}
+    output.line(
+        f"mask: {len(cover.polygons)} polygons over {cover.hidden_pixels} hidden pixels hide"
+        f" {cover.lost_pixels} more, at most {cover.overhang_px:.1f} px away"
+    )
+    said = {"mask_polygons": len(cover.polygons), "mask_lost_pixels": cover.lost_pixels}
+    return camera_from_dict(fields, str(path)), {**said, "mask_overhang_px": cover.overhang_px}
+
+
+def _spelled(residual: Residual) -> str:
+    lost = f", {100.0 * residual.lost:.2g}% of the field lost" if residual.lost > 0.0 else ""
+    return (
+        f"at most {residual.largest_px:.3g} px ({math.degrees(residual.largest_rad):.3g} deg) away,"
+        f" rms {residual.rms_px:.3g} px{lost}"
+    )
+
+
+def _numbers(residual: Residual | None) -> dict[str, float]:
+    if residual is None:
+        return {"largest_px": 0.0, "rms_px": 0.0, "largest_rad": 0.0, "lost": 0.0}
+    names = ("largest_px", "rms_px", "largest_rad", "lost")
+    return {name: getattr(residual, name) for name in names}

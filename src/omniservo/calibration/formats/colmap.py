@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from omniservo.calibration.calibration_file import CalibrationFile, refuse_lens, refuse_skew
+from omniservo.calibration.calibration_file import CalibrationFile, lens_comment, refuse_skew
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
 from omniservo.errors import InputError, spelled
 
@@ -86,7 +86,6 @@ def text_of(model: CentralModel, suffix: str) -> str:
     Raises:
         InputError: the format cannot hold the camera.
     """
-    refuse_lens(model, "colmap")
     refuse_skew(model, "colmap")
     if isinstance(model, KannalaBrandt):
         kind, more = "OPENCV_FISHEYE", tuple(model.k)
@@ -101,4 +100,5 @@ def text_of(model: CentralModel, suffix: str) -> str:
     else:
         raise InputError(f"format 'colmap' cannot hold a {type(model).__name__}")
     numbers = (model.fx, model.fy, model.cx + 0.5, model.cy + 0.5, *more)
-    return f"{_HEADER}1 {kind} {model.width} {model.height} {' '.join(map(repr, numbers))}\n"
+    row = " ".join(map(repr, numbers))
+    return f"{_HEADER}{lens_comment(model)}1 {kind} {model.width} {model.height} {row}\n"

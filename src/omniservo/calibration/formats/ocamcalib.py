@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from omniservo.calibration.calibration_file import CalibrationFile, refuse_lens
+from omniservo.calibration.calibration_file import CalibrationFile, lens_comment
 from omniservo.cameras.models import CentralModel, OcamPolynomial
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray
@@ -74,11 +74,10 @@ def text_of(model: CentralModel, suffix: str) -> str:
     """Return the file's text, with OCamCalib's comments.
 
     Raises:
-        InputError: another model, or a lens with an angle, a dead zone or a mask.
+        InputError: another model.
     """
     if not isinstance(model, OcamPolynomial):
         raise InputError(f"format 'ocamcalib' cannot hold a {type(model).__name__}")
-    refuse_lens(model, "ocamcalib")
     direct, (inverse, deviation) = list(model.coefficients), inverse_polynomial(model)
     rows: dict[str, list[float]] = {
         "polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB)": direct,
@@ -89,7 +88,8 @@ def text_of(model: CentralModel, suffix: str) -> str:
         'image size: "height" and "width"': [model.height, model.width],
     }
     counted = {what: [len(row), *row] if "polynomial" in what else row for what, row in rows.items()}
-    return "\n\n".join(f"#{what}\n\n{' '.join(map(repr, row))}" for what, row in counted.items()) + "\n"
+    text = "\n\n".join(f"#{what}\n\n{' '.join(map(repr, row))}" for what, row in counted.items())
+    return f"{text}\n\n{lens_comment(model)}"
 
 
 def inverse_polynomial(model: OcamPolynomial) -> tuple[list[float], float]:

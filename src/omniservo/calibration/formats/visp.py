@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from omniservo.calibration.calibration_file import CalibrationFile, refuse_lens, refuse_skew
+from omniservo.calibration.calibration_file import CalibrationFile, lens_fields, refuse_skew
 from omniservo.calibration.document import FieldPath
 from omniservo.calibration.xml_document import xml_text
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
@@ -25,6 +25,7 @@ from omniservo.errors import InputError, spelled
 KINDS: tuple[type, ...] = (KannalaBrandt, Pinhole)
 
 _PLAIN, _RADIAL = "perspectiveProjWithoutDistortion", "perspectiveProjWithDistortion"
+_MORE = "additional_information"
 _KANNALA = "ProjWithKannalaBrandtDistortion"
 
 
@@ -57,12 +58,15 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     known = all(side in file.value(*camera) for side in sides)
     size = tuple(file.number(*camera, side, minimum=1.0) for side in sides) if known else None
     given |= file.image_size(size, *camera, sides[0])
+    lens = (*camera, _MORE) if isinstance(file.value(*camera).get(_MORE), Mapping) else camera
     if kind == _PLAIN:
-        return file.build(Pinhole, **given)
+        return file.build(Pinhole, *lens, **given)
     if kind == _KANNALA:
-        return file.build(KannalaBrandt, **given, k=tuple(file.number(*at, f"k{i}") for i in (1, 2, 3, 4)))
+        return file.build(
+            KannalaBrandt, *lens, **given, k=tuple(file.number(*at, f"k{i}") for i in (1, 2, 3, 4))
+        )
     kud = file.number(*at, "kud")
-    return file.build(Pinhole, **given, distortion=(kud, 0.0, 0.0, 0.0) if kud else ())
+    return file.build(Pinhole, *lens, **given, distortion=(kud, 0.0, 0.0, 0.0) if kud else ())
 
 
 def text_of(model: CentralModel, suffix: str) -> str:
@@ -71,7 +75,6 @@ def text_of(model: CentralModel, suffix: str) -> str:
     Raises:
         InputError: the format cannot hold the camera.
     """
-    refuse_lens(model, "visp")
     refuse_skew(model, "visp")
     added: dict[str, float] = {}
     if isinstance(model, KannalaBrandt):
@@ -83,11 +86,13 @@ def text_of(model: CentralModel, suffix: str) -> str:
     else:
         raise InputError("format 'visp' holds a pinhole camera with k1 alone, and Kannala–Brandt")
     focal = {"px": model.fx, "py": model.fy, "u0": model.cx, "v0": model.cy}
+    lens = lens_fields(model)
     fields = {
         "name": "Camera",
         "image_width": model.width,
         "image_height": model.height,
-        "model": {"type": kind, **{n: repr(v) for n, v in {**focal, **added}.items()}},
+        "model": {"type": kind, **focal, **added},
+        **({_MORE: lens} if lens else {}),
     }
     return xml_text({"camera": fields}, "root")
 
