@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omniservo.calibration import Calibration, calibrate_camera, load_camera, save_camera
+    from omniservo.calibration import Calibration, calibrate_camera, load_camera, load_model, save_camera
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
     from omniservo.estimation import TwoViewEstimate, estimate_two_view
@@ -29,6 +29,7 @@ _HOME = {
     "Calibration": "calibration",
     "calibrate_camera": "calibration",
     "load_camera": "calibration",
+    "load_model": "calibration",
     "save_camera": "calibration",
     "DeadZone": "cameras",
     "UnifiedCamera": "cameras",
@@ -72,6 +73,7 @@ __all__ = [
     "estimate_two_view",
     "improving_plans",
     "load_camera",
+    "load_model",
     "plan_path",
     "preset",
     "rectify",
