@@ -5,12 +5,15 @@ The patterns are written down here from the boards' definitions, not taken from 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.boards import AprilGrid, CharucoBoard, Checkerboard, CircleGrid
+from omniservo.cameras import DeadZone
 
 DARK, BRIGHT, AROUND = 0.08, 0.85, 0.4
 RAYS = 6  # a side, in pixels with an edge
@@ -97,7 +100,9 @@ def render(camera, board, camera_T_board, *, blur=0.7, noise=2.0, seed=0, **patt
     image = middle.reshape(u.shape)
     edge = maximum_filter(image, 3) - minimum_filter(image, 3) > 0
     shift = (np.arange(RAYS) + 0.5) / RAYS - 0.5
-    grid = np.stack(np.meshgrid(shift, shift), -1).reshape(1, -1, 2)
+    grid = np.stack(np.meshgrid(shift, shift), -1)
+    # sheared, so that an edge along the pixels is not always met by a whole row of rays
+    grid = (grid + np.stack([grid[..., 1], -grid[..., 0]], -1) / RAYS).reshape(1, -1, 2)
     at = np.stack([u[edge], v[edge]], -1)[:, None, :] + grid
     fine = _greys(camera, board, camera_T_board, at.reshape(-1, 2), pattern)
     image[edge] = fine.reshape(-1, RAYS * RAYS).mean(1)
@@ -136,6 +141,18 @@ def facing(board, direction, distance, lean=(0.0, 0.0), roll=0.0):
     rotation = camera_R_front * turn * flip
     middle = 0.5 * (board.points.min(0) + board.points.max(0))
     return RigidTransform.from_components(distance * z - rotation.apply(middle), rotation)
+
+
+def around(camera, board, camera_T_board, margin=30):
+    """The part of the camera's image that shows the board: the same rays, fewer pixels."""
+    pixels, seen = true_pixels(camera, board, camera_T_board)
+    low = np.maximum(np.floor(pixels[seen].min(0)) - margin, 0)
+    high = np.minimum(np.ceil(pixels[seen].max(0)) + margin, [camera.width - 1, camera.height - 1])
+    width, height = (int(n) for n in high - low + 1)
+    zone = camera.dead_zone
+    zone = zone and DeadZone((zone.center[0] - low[0], zone.center[1] - low[1]), zone.radius)
+    cx, cy = camera.cx - low[0], camera.cy - low[1]
+    return replace(camera, cx=cx, cy=cy, width=width, height=height, dead_zone=zone)
 
 
 def true_pixels(camera, board, camera_T_board):

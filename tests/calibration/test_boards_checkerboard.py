@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.calibration.rendered_boards import facing, render, true_pixels
+from tests.calibration.rendered_boards import around, facing, render, true_pixels
 
 from omniservo.calibration.boards import Checkerboard, find_board, read_grey_image
 from omniservo.calibration.boards.saddle_kernels import PARAMETERS, crossing, prepare
@@ -30,6 +30,7 @@ def test_corners_lie_within_hundredths_of_a_pixel_and_have_their_right_names(
 ):
     camera = preset(name)
     pose = facing(BOARD, direction, distance, lean, roll)
+    camera = around(camera, BOARD, pose)
     view = find_board(render(camera, BOARD, pose), BOARD, camera)
     pixels, seen = true_pixels(camera, BOARD, pose)
     assert len(view) == seen.sum() == 40
@@ -43,6 +44,7 @@ def test_corners_lie_within_hundredths_of_a_pixel_and_have_their_right_names(
 def test_blur_and_noise_of_bad_pictures_cost_a_tenth_of_a_pixel():
     camera = preset("fe185")
     pose = facing(BOARD, (0.5, 0.1, 1), 0.15, (0.2, 0.2), 0.3)
+    camera = around(camera, BOARD, pose)
     view = find_board(render(camera, BOARD, pose, blur=2.0, noise=10.0), BOARD)
     pixels, _ = true_pixels(camera, BOARD, pose)
     error = np.linalg.norm(view.pixels - pixels[view.ids], axis=1)
@@ -53,6 +55,7 @@ def test_blur_and_noise_of_bad_pictures_cost_a_tenth_of_a_pixel():
 def test_a_hidden_part_costs_only_its_own_corners():
     camera = preset("fe185")
     pose = facing(BOARD, (0, 0, 1), 0.15)
+    camera = around(camera, BOARD, pose)
     image = render(camera, BOARD, pose)
     pixels, _ = true_pixels(camera, BOARD, pose)
     u, v = np.rint(pixels[19]).astype(int)

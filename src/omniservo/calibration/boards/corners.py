@@ -15,7 +15,7 @@ _EXPLAINED = 0.8
 _PURITY = 0.85  # of each quadrant's pixels on their side of the middle grey
 _LEAST_CONTRAST = 3.0  # grey values, half the step from dark to bright
 _OF_NEIGHBOURS = 0.2  # of the median contrast of all
-_MOST_MOVED = 0.3  # steps of the lattice
+_MOST_MOVED = 0.46  # of the window's reach
 _MOST_TURNED = np.deg2rad(30.0)
 _ROUNDS = 40
 _AROUND, _LEAST_AROUND = 2.3, 4  # steps; corners that a prediction needs within them
@@ -107,6 +107,6 @@ class Corners:
             (fitted.explained >= _EXPLAINED)
             & (fitted.purity >= _PURITY)
             & (signed * np.sign(usual) >= max(_LEAST_CONTRAST, _OF_NEIGHBOURS * abs(usual)))
-            & (np.abs(moved).max(axis=1) <= _MOST_MOVED)
+            & (np.abs(moved).max(axis=1) <= _MOST_MOVED * self.reach[0])
             & (fitted.turned <= _MOST_TURNED)
         )

@@ -7,9 +7,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from omniservo.calibration.boards.board import Board, Checkerboard
+from omniservo.calibration.boards.board import AprilGrid, Board, CharucoBoard, Checkerboard, CircleGrid
 from omniservo.calibration.boards.board_view import BoardView
 from omniservo.calibration.boards.find_checkerboard import find_checkerboard
+from omniservo.calibration.boards.find_circles import find_circles
+from omniservo.calibration.boards.find_tagged import find_aprilgrid, find_charuco
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import ByteArray
@@ -40,6 +42,12 @@ def find_board(image: Any, board: Board, camera: CentralModel | None = None) -> 
     mirrored = camera is not None and shows_mirrored(camera)
     if isinstance(board, Checkerboard):
         return find_checkerboard(grey, board, mirrored=mirrored)
+    if isinstance(board, CharucoBoard):
+        return find_charuco(grey, board)
+    if isinstance(board, AprilGrid):
+        return find_aprilgrid(grey, board)
+    if isinstance(board, CircleGrid):
+        return find_circles(grey, board, camera, mirrored=mirrored)
     raise InputError(f"board: {spelled(board)} given; legal: what board_from_text returns")
 
 
