@@ -1,6 +1,7 @@
 """Files that are broken, hostile, or of another kind: one line that says where, and nothing else happens."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -229,6 +230,23 @@ def test_nonsense_in_a_format_s_clothes_is_one_clear_error(tmp_path, text):
     assert "\n" not in str(caught.value)
 
 
+def test_a_large_broken_file_is_refused_in_seconds_and_deep_json_without_a_traceback(tmp_path):
+    poses = {"px": [0.25] * 100_000, "fx": 0}
+    camera = {"camera_type": "ds", "intrinsics": poses}
+    start = time.perf_counter()
+    message = refusal(tmp_path, json.dumps({"value0": {"intrinsics": [camera], "resolution": []}}))
+    assert message == "value0.intrinsics[0].intrinsics.fx: 0 given; legal: any number but 0"
+    assert time.perf_counter() - start < 5.0
+    deep = '{"cam0": {"camera_model": ' + "[" * 400 + "]" * 400 + "}}"
+    assert "cam0.camera_model" in refusal(tmp_path, deep)
+
+
+def test_numbers_of_tables_and_xml_are_plain_decimal_numbers(tmp_path):
+    text, _, _ = SAMPLES["COLMAP PINHOLE"]
+    for number in ("6_11", "\u0666", "0x1p3", "+-3"):
+        assert "a number is needed" in refusal(tmp_path, text.replace("612", number), name="2")
+
+
 def test_size_that_differs_from_the_file_s_is_refused_and_an_equal_one_accepted(tmp_path):
     for sample, (text, options, expected) in SAMPLES.items():
         if "size" in options:
@@ -254,6 +272,10 @@ def test_model_is_asked_for_only_where_the_file_leaves_it_open(tmp_path):
     path.write_text(SAMPLES["Kalibr ds"][0])
     with pytest.raises(InputError, match="says its model itself"):
         load_model(path, model="pinhole")
+    told, _, _ = SAMPLES["OpenCV pinhole, fisheye_model 0"]
+    assert "the file says pinhole; fisheye was asked for" in refusal(tmp_path, told, model="fisheye")
+    omnidir, _, _ = SAMPLES["OpenCV omnidir, XML, xi a number"]
+    assert "the file says omnidir (xi); fisheye was asked for" in refusal(tmp_path, omnidir, model="fisheye")
     text, _, _ = SAMPLES["OpenCV pinhole, five"]
     assert "5 numbers given; legal counts: 4" in refusal(tmp_path, text, model="fisheye")
 
@@ -307,7 +329,7 @@ def test_nonsense_in_any_field_is_an_error_or_a_camera_and_never_a_traceback(tmp
         if text.lstrip().startswith(("<", "#")):
             continue
         plain = text.replace("%YAML:1.0\n", "").replace("!!opencv-matrix", "").removesuffix("---\n")
-        for _ in range(6):
+        for _ in range(4):
             fields = yaml.safe_load(plain)
             found = list(places(fields))
             *outer, last = found[rng.integers(len(found))]
@@ -321,4 +343,4 @@ def test_nonsense_in_any_field_is_an_error_or_a_camera_and_never_a_traceback(tmp
             except InputError as error:
                 assert "\n" not in str(error)  # noqa: PT017
                 refused += 1
-    assert refused > 100
+    assert refused > 60

@@ -214,3 +214,12 @@ def test_a_mask_image_becomes_polygons_of_our_own_format_only(capsys, tmp_path):
         tmp_path / "mask.png",
     )
     assert "the camera has a mask" in call(capsys, *again, "--to", "own")[2]
+
+
+def test_a_camera_that_no_unified_one_comes_near_is_shown_all_the_same(capsys, shared_data):
+    file = "ocamcalib/premnirmal_Homing-in-Scale-Space__calib_results.txt"
+    code, out, _ = call(capsys, "camera", "show", shared_data / "calibrations" / file, "--json")
+    assert code == 0
+    assert json.loads(out)["unified"]["largest_px"] > 1.0
+    code, out, _ = call(capsys, "camera", "show", shared_data / "calibrations" / file)
+    assert "as unified     at most " in out

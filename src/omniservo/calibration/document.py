@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from omniservo.calibration.xml_document import parse_xml
+from omniservo.calibration.xml_document import number_or_word, parse_xml
 from omniservo.errors import InputError
 from omniservo.files import parse_document
 
@@ -17,6 +17,9 @@ FieldPath = tuple[str | int, ...]
 
 LENS = "omniservo_lens"
 """where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
+
+_LONGEST_SEARCHED = 2**18
+"""characters; in a longer file the line of a field is not looked for, which would take seconds"""
 
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 
@@ -61,19 +64,8 @@ def _rows(text: str) -> list[tuple[int, list[Any]]] | None:
             continue
         if not _TABLE_ROW.fullmatch(words):
             return None
-        rows.append((number, [_value(word) for word in words.split()]))
+        rows.append((number, [number_or_word(word) for word in words.split()]))
     return rows or None
-
-
-def _value(word: str) -> Any:
-    try:
-        return int(word) if len(word) < 10 else float(word)
-    except ValueError:
-        pass
-    try:
-        return float(word)
-    except ValueError:
-        return word
 
 
 def _line_of_row(numbers: list[int], path: FieldPath) -> int:
@@ -82,9 +74,11 @@ def _line_of_row(numbers: list[int], path: FieldPath) -> int:
 
 def _line_in_yaml(text: str, path: FieldPath) -> int:
     """Return the line on which a field's name stands; JSON reads as YAML. The text was read before."""
+    if len(text) > _LONGEST_SEARCHED:
+        return 0
     try:
         node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, RecursionError):
         return 0
     line = 0
     for step in path:

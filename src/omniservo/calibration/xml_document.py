@@ -10,7 +10,10 @@ from xml.parsers import expat
 from omniservo.errors import InputError
 
 _MAX_DEPTH = 32
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.?(inf|nan)", re.IGNORECASE)
+_NUMBER = re.compile(
+    r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|[-+]?\.?(inf|infinity|nan)", re.IGNORECASE | re.ASCII
+)
+_SHORT_WHOLE = re.compile(r"[-+]?[1-9][0-9]{0,8}|0")
 
 
 @dataclass
@@ -95,12 +98,16 @@ def _content(element: _Element, path: tuple[str | int, ...], lines: dict[tuple[s
 
 def _value(text: str) -> Any:
     words = text.split()
-    if words and all(_NUMBER.fullmatch(word) for word in words):
-        numbers = [_number(word) for word in words]
-        return numbers[0] if len(numbers) == 1 else numbers
+    values = [number_or_word(word) for word in words]
+    if values and not any(isinstance(value, str) for value in values):
+        return values[0] if len(values) == 1 else values
     return text.strip().strip('"')
 
 
-def _number(word: str) -> float | int:
-    word = re.sub(r"\.(?=[inIN])", "", word)
-    return int(word) if re.fullmatch(r"[-+]?[1-9]\d{0,8}|0", word) else float(word)
+def number_or_word(word: str) -> float | int | str:
+    """Return the number that a word spells, also OpenCV's .Inf and .Nan, else the word."""
+    if not _NUMBER.fullmatch(word):
+        return word
+    if _SHORT_WHOLE.fullmatch(word):
+        return int(word)
+    return float(word if word[-1] in ".0123456789" else word.replace(".", ""))

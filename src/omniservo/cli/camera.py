@@ -31,6 +31,9 @@ LargestOption = Annotated[
     float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's [px].")
 ]
 
+_ANY_PX = 1e9
+"""a camera is shown however badly the unified model stands for it"""
+
 
 @app.command("show")
 def show(
@@ -38,7 +41,6 @@ def show(
     name: NameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
-    largest_px: LargestOption = 1.0,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -51,22 +53,24 @@ def show(
     for field, value in fields.items():
         output.line(f"{field:<14} {value}")
     output.line(f"{'usable angle':<14} {math.degrees(shown.usable_angle):.3f} deg from the axis")
-    conversion = to_unified(shown, largest_px=largest_px)
+    result = {**fields, "usable_angle": shown.usable_angle}
+    try:
+        conversion = to_unified(shown, largest_px=_ANY_PX)
+    except InputError as error:
+        for warning in shown.warnings:
+            output.line(f"{'warning':<14} {warning}")
+        output.line(f"{'as unified':<14} none: {error}")
+        output.result({**result, "warnings": list(shown.warnings), "unified": None, "limits": None})
+        return
     for warning in conversion.warnings:
         output.line(f"{'warning':<14} {warning}")
     if conversion.camera is not shown:
         output.line(f"{'as unified':<14} {_spelled(conversion.residual)}")
     limits = conversion.camera.image_limits()
     output.line(f"{'limits':<14} {', '.join(limits.names)}")
-    output.result(
-        {
-            **fields,
-            "usable_angle": shown.usable_angle,
-            "warnings": list(conversion.warnings),
-            "unified": {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)},
-            "limits": list(limits.names),
-        }
-    )
+    unified = {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)}
+    more = {"warnings": list(conversion.warnings), "unified": unified, "limits": list(limits.names)}
+    output.result({**result, **more})
 
 
 @app.command("convert")

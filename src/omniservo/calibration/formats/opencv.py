@@ -25,6 +25,7 @@ from omniservo.calibration.document import FieldPath
 from omniservo.calibration.formats import ros
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
+from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (UnifiedCamera, KannalaBrandt, Pinhole)
 
@@ -81,6 +82,8 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     place = _field(held, _DISTORTION, ending)
     xi = _field(held, ("xi",), ending)
     if xi is not None:
+        if file.model is not None:
+            raise InputError(f"{file.source}: the file says omnidir (xi); {file.model} was asked for")
         listed = isinstance(held[xi], Mapping | list)
         number = file.coefficients(*root, xi, legal=(1,))[0] if listed else file.number(*root, xi)
         if number < 0.0:
@@ -150,24 +153,31 @@ def _is_fisheye(
     """Tell a fisheye's distortion from a pinhole's.
 
     Raises:
-        InputError: neither the caller nor the file says it, and the count does not tell.
+        InputError: neither the caller nor the file says it, and the count does not tell; or they differ.
     """
-    if file.model is not None:
-        return file.model == "fisheye"
-    for name, value in held.items():
-        plain = _plain(name)
-        words = str(value).lower()
-        if "fisheye" in plain:
-            return words not in ("0", "0.0", "false", "none", "")
-        if plain in _SAYS and any(word in words for word in _FISHEYE):
-            return True
-        if plain in _SAYS and any(word in words for word in _PINHOLE):
-            return False
-    if count != 4:
+    told = _told(held)
+    if told is None and count != 4 and file.model is None:
         return False
-    raise file.error(
-        "four numbers may be a pinhole's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and the file does not say"
-        " which; say it: --model pinhole or --model fisheye",
-        *root,
-        place,
-    )
+    if told is None and file.model is None:
+        raise file.error(
+            "four numbers may be a pinhole's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and the file does not"
+            " say which; say it: --model pinhole or --model fisheye",
+            *root,
+            place,
+        )
+    if told is not None and file.model not in (None, told):
+        raise InputError(f"{file.source}: the file says {told}; {file.model} was asked for")
+    return (file.model or told) == "fisheye"
+
+
+def _told(held: Mapping[str, Any]) -> str | None:
+    """Return pinhole or fisheye where the file says it."""
+    for name, value in held.items():
+        plain, words = _plain(name), str(value).lower()
+        if "fisheye" in plain:
+            return "pinhole" if words in ("0", "0.0", "false", "none", "") else "fisheye"
+        if plain in _SAYS and any(word in words for word in _FISHEYE):
+            return "fisheye"
+        if plain in _SAYS and any(word in words for word in _PINHOLE):
+            return "pinhole"
+    return None
