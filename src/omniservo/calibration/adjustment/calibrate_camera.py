@@ -104,8 +104,8 @@ def _calibrate(
         message = "views_disagree: no camera gives the corners a rigid target; corners of another order?"
         return failed("views_disagree", message, useless, 0.0)
     theta, typical = found[0]
-    free = PLAIN if distortion == "none" else _ALL
-    selection = select(views, theta, typical, free)
+    # judged with distortion free, whatever is asked for: a corner that a better model explains is not wrong
+    selection = select(views, theta, typical, _ALL)
     dropped = dict(sorted({**useless, **selection.dropped}.items()))
     selection = Selection(
         selection.views, selection.state, selection.keep, dropped, selection.dropped_corners

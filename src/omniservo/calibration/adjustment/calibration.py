@@ -164,6 +164,8 @@ def identifiability(calibration: Calibration) -> str:
     spread = " … ".join(
         f"ξ = {e.xi:.4g}, fx = {e.fx:.5g}, k1 = {e.k1:.4g} (rms {e.rms_px:.2g} px)" for e in ends
     )
+    if len(ends) == 1:
+        spread = "none with another ξ"
     alike = f"cameras whose pixels differ by less than {SAME_PX:g} px rms: {spread}"
     if not weak:
         return f"ξ and focal length are determined to 1%; {alike}"

@@ -32,7 +32,7 @@ from omniservo.calibration.adjustment.uncertainty import (
 )
 from omniservo.calibration.adjustment.views import Views, flatness
 from omniservo.cameras import UnifiedCamera
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
 
 _ALIKE = math.radians(3.0)
 """targets whose planes differ by less are parallel: one plane's direction gives two of the numbers needed"""
@@ -98,14 +98,15 @@ def conclude(
         deviation_px=deviation, deviation_turned_px=turned_px, rms_px=rms,
         noise_px=math.sqrt(variance), views_used=used,
         views_dropped=selection.dropped, corners_dropped=selection.dropped_corners, distortion=kind,
-        distortion_reason=fit.reason, parameter_names=names, covariance=physical,
+        distortion_reason=fit.reason, parameter_names=names, covariance=frozen(physical),
         identifiable=_identifiable(state.theta, covariance, physical, names, largest),
         equivalent=equivalents(state.theta, fit.free, field(state.theta, size, largest)),
-        poses=_poses(views, state), residuals={n: residual[views.rows(i)] for i, n in enumerate(used)},
+        poses=_poses(views, state),
+        residuals={n: frozen(residual[views.rows(i)]) for i, n in enumerate(used)},
         held_out=None if fit.held_out is None else Errors(fit.held_out.px, fit.held_out.deg),
-        ray_angles=angles,
-        ray_deviation_deg=np.degrees(ray_deviation(state.theta, covariance, angles, turned=False)),
-        ray_deviation_turned_deg=np.degrees(ray_deviation(state.theta, covariance, angles, turned=True)),
+        ray_angles=frozen(angles),
+        ray_deviation_deg=_degrees(state, covariance, angles, turned=False),
+        ray_deviation_turned_deg=_degrees(state, covariance, angles, turned=True),
         coverage=Coverage(_covered(views, keep, size), largest), starts=starts,
         seen_from=_seen_from(views, state), seconds=math.nan,
     )  # fmt: skip
@@ -234,6 +235,10 @@ def _message(selection: Selection, rms: float, kind: str) -> str:
         f"unified camera {model} from {corners} corners in {selection.views.count} views, {rms:.3g} px rms; "
         f"{len(selection.dropped)} views and {int((~selection.keep).sum())} corners not used"
     )
+
+
+def _degrees(state: State, covariance: FloatArray, angles: FloatArray, *, turned: bool) -> FloatArray:
+    return frozen(np.degrees(ray_deviation(state.theta, covariance, angles, turned=turned)))
 
 
 def _angles(limit: float) -> FloatArray:

@@ -13,7 +13,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 SAME_PX = 0.1
 """two cameras are equivalent when their pixels differ by less, root mean square over the field [px]"""
 
-_STEPS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+_STEPS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """in α = ξ/(1+ξ)"""
 
 _ITERATIONS = 12

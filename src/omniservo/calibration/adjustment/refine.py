@@ -13,7 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from omniservo.calibration.adjustment.lens import ALPHA, LARGEST_ALPHA, project, project_jacobian
+from omniservo.calibration.adjustment.chart import Chart
+from omniservo.calibration.adjustment.lens import (
+    ALPHA,
+    LARGEST_ALPHA,
+    angles_of,
+    project,
+    project_jacobian,
+)
 from omniservo.calibration.adjustment.views import Views
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -119,12 +126,13 @@ def refine(
     """
     mask = np.ones(len(views.pixels)) if keep is None else keep.astype(np.float64)
     state, damping = start, 1e-3
+    chart = Chart(angles_of(start.points(views)), free)
     cost, weights = _cost(residuals(views, state), mask, scale_px)
     normal = linearise(views, state, weights)
     enough = _ENOUGH if scale_px is None else _ENOUGH_ROBUST
     coordinates = max(1.0, 2.0 * mask.sum() - free.sum() - 6.0 * views.count)
     for _ in range(iterations):
-        moved, gain = _step(normal, state, free, damping)
+        moved, gain = _step(normal, state, free, damping, chart)
         if gain <= enough * cost / coordinates or cost <= (_EXACT_PX**2) * coordinates:
             return state, cost, bool(damping <= 1.0 or cost <= (_EXACT_PX**2) * coordinates)
         new_cost, new_weights = _cost(residuals(views, moved), mask, scale_px)
@@ -155,7 +163,7 @@ def refine_poses(
     for _ in range(iterations):
         V, b = normal.blocks[:, 9:15, 9:15], normal.blocks[:, 9:15, 15]
         steps = -_solved(_damped(V, damping), b[:, :, None])[:, :, 0] * going[:, None]
-        moved = _moved(state, np.zeros(9), steps)
+        moved = _moved(state, state.theta, steps)
         terms, new_weights = _terms(residuals(views, moved), mask, scale_px)
         new_cost = np.add.reduceat(terms, views.ends[:-1])
         better = going & (new_cost < cost)
@@ -176,11 +184,12 @@ def refine_poses(
     return state, cost
 
 
-def _step(normal: Normal, state: State, free: BoolArray, damping: float) -> tuple[State, float]:
+def _step(normal: Normal, state: State, free: BoolArray, damping: float, chart: Chart) -> tuple[State, float]:
     """Return the damped Gauss–Newton step's state, and by how much it should lower the cost."""
     G = normal.blocks
-    U, W, V = G[:, :9, :9].sum(0), G[:, :9, 9:15], _damped(G[:, 9:15, 9:15], np.full(len(G), damping))
-    a, b = G[:, :9, 15].sum(0), G[:, 9:15, 15]
+    T = chart.jacobian(state.theta)
+    U, W, a = T.T @ G[:, :9, :9].sum(0) @ T, T.T @ G[:, :9, 9:15], T.T @ G[:, :9, 15].sum(0)
+    V, b = _damped(G[:, 9:15, 9:15], np.full(len(G), damping)), G[:, 9:15, 15]
     solved = _solved(V, np.concatenate([np.swapaxes(W, 1, 2), b[:, :, None]], 2))
     diagonal = np.einsum("ii->i", U)
     S = U + np.diag(damping * np.maximum(diagonal, 1e-12 * diagonal.max())) - (W @ solved[:, :, :9]).sum(0)
@@ -190,7 +199,7 @@ def _step(normal: Normal, state: State, free: BoolArray, damping: float) -> tupl
     gain = -(2.0 * (a @ change + (b * steps).sum()))
     gain -= change @ U @ change + 2.0 * np.einsum("i,vij,vj->", change, W, steps)
     gain -= np.einsum("vi,vij,vj->", steps, G[:, 9:15, 9:15], steps)
-    return _moved(state, change, steps), float(gain)
+    return _moved(state, chart.moved(state.theta, change), steps), float(gain)
 
 
 def _bounded(S: FloatArray, rhs: FloatArray, free: BoolArray, alpha: float) -> FloatArray:
@@ -225,10 +234,8 @@ def _solved(V: FloatArray, rhs: FloatArray) -> FloatArray:
     return np.asarray(d[:, :, None] * np.linalg.solve(V * d[:, :, None] * d[:, None, :], d[:, :, None] * rhs))
 
 
-def _moved(state: State, change: FloatArray, steps: FloatArray) -> State:
+def _moved(state: State, theta: FloatArray, steps: FloatArray) -> State:
     turns = Rotation.from_rotvec(steps[:, :3]).as_matrix()
-    theta = state.theta + change
-    theta[ALPHA] = min(max(theta[ALPHA], 0.0), LARGEST_ALPHA)
     return State(theta, turns @ state.rotations, state.translations + steps[:, 3:])
 
 
