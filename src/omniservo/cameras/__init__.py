@@ -2,6 +2,7 @@
 
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.image_limits import ImageLimits
+from omniservo.cameras.polygon_shortfall import polygon_shortfall
 from omniservo.cameras.presets import PRESETS, preset
 from omniservo.cameras.rectify import (
     RectifiedView,
@@ -24,6 +25,7 @@ __all__ = [
     "equirectangular_view",
     "from_virtual_plane",
     "perspective_view",
+    "polygon_shortfall",
     "preset",
     "rectify",
     "tangent_view",

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from omniservo.cameras.models.lens_model import Domain, FocalModel
-from omniservo.cameras.models.model_kernels import DOUBLE_SPHERE
+from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
+from omniservo.cameras.models.sphere_kernels import project_double_sphere, unproject_double_sphere
 from omniservo.geometry.arrays import finite_number
 
 
@@ -42,7 +42,7 @@ class DoubleSphere(FocalModel):
     height: int
 
     model: ClassVar[str] = "double_sphere"
-    number: ClassVar[int] = DOUBLE_SPHERE
+    kernels: ClassVar[Kernels] = (project_double_sphere, unproject_double_sphere)
 
     def _checked(self) -> dict[str, Any]:
         xi = finite_number("xi", self.xi, above=-1.0, maximum=1e6)

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from omniservo.cameras.models.lens_model import Domain, LensModel
-from omniservo.cameras.models.model_kernels import EQUIRECTANGULAR
+from omniservo.cameras.models.lens_model import Domain, Kernels, LensModel
+from omniservo.cameras.models.sphere_kernels import project_equirectangular, unproject_equirectangular
 from omniservo.geometry.arrays import FloatArray
 
 
@@ -34,7 +34,7 @@ class Equirectangular(LensModel):
     height: int
 
     model: ClassVar[str] = "equirectangular"
-    number: ClassVar[int] = EQUIRECTANGULAR
+    kernels: ClassVar[Kernels] = (project_equirectangular, unproject_equirectangular)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from omniservo.cameras.models.lens_model import Domain, FocalModel
-from omniservo.cameras.models.model_kernels import EXTENDED
+from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
+from omniservo.cameras.models.sphere_kernels import project_extended, unproject_extended
 from omniservo.geometry.arrays import finite_number
 
 
@@ -40,7 +40,7 @@ class ExtendedUnified(FocalModel):
     height: int
 
     model: ClassVar[str] = "eucm"
-    number: ClassVar[int] = EXTENDED
+    kernels: ClassVar[Kernels] = (project_extended, unproject_extended)
 
     def _checked(self) -> dict[str, Any]:
         alpha = finite_number("alpha", self.alpha, minimum=0.0, maximum=1.0)

@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, FocalModel
-from omniservo.cameras.models.model_kernels import KANNALA_BRANDT
+from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
 from omniservo.cameras.models.polynomial_domain import first_positive_root, inverse_table
-from omniservo.cameras.models.radial_kernels import TABLE
+from omniservo.cameras.models.radial_kernels import TABLE, project_kannala_brandt, unproject_kannala_brandt
 from omniservo.geometry.arrays import FloatArray
 
 _SHORT_OF_THE_FOLD = 1.0 - 1e-6
@@ -46,7 +45,7 @@ class KannalaBrandt(FocalModel):
     skew: float = 0.0
 
     model: ClassVar[str] = "kannala_brandt"
-    number: ClassVar[int] = KANNALA_BRANDT
+    kernels: ClassVar[Kernels] = (project_kannala_brandt, unproject_kannala_brandt)
 
     def _checked(self) -> dict[str, Any]:
         k = numbers("k", self.k, (4,), "four numbers [k1, k2, k3, k4]", 1e6)
@@ -63,4 +62,6 @@ class KannalaBrandt(FocalModel):
 
         end = float(radius(np.array(angle)))
         table = inverse_table(radius, angle, TABLE)
-        return Domain(angle, end, np.concatenate([[angle, TABLE / end], self.k, table]))
+        nodes = table[: TABLE + 1]
+        head = np.array([angle, TABLE / end, *self.k])
+        return Domain(angle, end, np.concatenate([head, table, np.sin(nodes), np.cos(nodes)]))

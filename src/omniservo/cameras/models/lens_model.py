@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, TypeVar
 
@@ -24,7 +24,6 @@ from omniservo.cameras.camera_fields import (
 from omniservo.cameras.dead_zone import DeadZone, dead_zone_from
 from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_mask import ImageMask, mask_from
-from omniservo.cameras.models import model_kernels
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
 
@@ -35,6 +34,12 @@ _SLACK = 2e-13
 """on r: the rounded pixel of a valid point can be unprojected"""
 
 _LARGEST_SQUARE = 1e280
+
+Kernels = tuple[
+    Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
+    Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
+]
+"""(parameters, points, pixels, valid) and (parameters, pixels, bearings, valid); the last two are written"""
 
 Model = TypeVar("Model", bound="LensModel")
 
@@ -79,7 +84,7 @@ class LensModel(_Sized, ABC):
     """What the kernels read; read-only."""
 
     model: ClassVar[str]
-    number: ClassVar[int]
+    kernels: ClassVar[Kernels]
 
     def __post_init__(self) -> None:
         self._set(
@@ -135,7 +140,7 @@ class LensModel(_Sized, ABC):
         """
         rows, shape = rows_of("points", points, 3)
         pixels, valid = np.empty((len(rows), 2)), np.empty(len(rows), dtype=np.bool_)
-        model_kernels.project_points(self.number, self.parameters, rows, pixels, valid)
+        self.kernels[0](self.parameters, rows, pixels, valid)
         return pixels.reshape(*shape, 2), valid.reshape(shape)
 
     def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
@@ -153,7 +158,7 @@ class LensModel(_Sized, ABC):
         """
         rows, shape = rows_of("pixels", pixels, 2)
         bearings, valid = np.empty((len(rows), 3)), np.empty(len(rows), dtype=np.bool_)
-        model_kernels.unproject_pixels(self.number, self.parameters, rows, bearings, valid)
+        self.kernels[1](self.parameters, rows, bearings, valid)
         return bearings.reshape(*shape, 3), valid.reshape(shape)
 
     def in_image(self, pixels: npt.ArrayLike) -> BoolArray:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, LensModel
-from omniservo.cameras.models.model_kernels import OCAM
+from omniservo.cameras.models.lens_model import Domain, Kernels, LensModel
 from omniservo.cameras.models.polynomial_domain import first_positive_root, inverse_table
-from omniservo.cameras.models.radial_kernels import TABLE
+from omniservo.cameras.models.radial_kernels import TABLE, project_ocam, unproject_ocam
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 
@@ -55,7 +54,7 @@ class OcamPolynomial(LensModel):
     stretch: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     model: ClassVar[str] = "ocam"
-    number: ClassVar[int] = OCAM
+    kernels: ClassVar[Kernels] = (project_ocam, unproject_ocam)
 
     def _checked(self) -> dict[str, Any]:
         counts = range(1, _MOST_COEFFICIENTS + 1)

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, FocalModel
-from omniservo.cameras.models.model_kernels import PINHOLE
+from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
 from omniservo.cameras.models.pinhole_domain import largest_disc, largest_reach, radial_table, tilt_matrix
+from omniservo.cameras.models.pinhole_kernels import project_pinhole, unproject_pinhole
 from omniservo.errors import InputError
 
 _COUNTS = (0, 4, 5, 8, 12, 14)
@@ -47,7 +47,7 @@ class Pinhole(FocalModel):
     skew: float = 0.0
 
     model: ClassVar[str] = "pinhole"
-    number: ClassVar[int] = PINHOLE
+    kernels: ClassVar[Kernels] = (project_pinhole, unproject_pinhole)
 
     def _checked(self) -> dict[str, Any]:
         legal = "0, 4, 5, 8, 12 or 14 numbers in OpenCV's order"
@@ -68,7 +68,13 @@ class Pinhole(FocalModel):
         square = min(disc * disc, 1e280)
         kind = 2.0 if tilted else 1.0 if distorted else 0.0
         reach = largest_reach(coefficients, disc) if kind else disc
-        table, step = radial_table(coefficients, disc) if kind else (np.zeros(0), 0.0)
+        table, step = radial_table(coefficients, disc, self._farthest()) if kind else (np.zeros(0), 0.0)
         head = [square, step, min(reach * reach, 1e280), kind, *coefficients]
         own = np.concatenate([head, tilt.ravel(), np.linalg.inv(tilt).ravel(), table])
         return Domain(angle, math.inf, own)
+
+    def _farthest(self) -> float:
+        """Return ‖T D(m)‖ at the farthest corner of the image."""
+        u, v = np.meshgrid([-0.5, self.width - 0.5], [-0.5, self.height - 0.5])
+        y = (v - self.cy) / self.fy
+        return float(np.hypot((u - self.cx - self.skew * y) / self.fx, y).max())

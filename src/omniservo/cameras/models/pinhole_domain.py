@@ -66,16 +66,22 @@ def largest_reach(coefficients: FloatArray, disc: float) -> float:
     return 2.0 * float(np.hypot(*_distorted(coefficients, m).T).max())
 
 
-def radial_table(coefficients: FloatArray, disc: float) -> tuple[FloatArray, float]:
-    """Return radii (TABLE + 1,) at equal steps of the distortion's radial part, and 1/step.
+def radial_table(coefficients: FloatArray, disc: float, farthest: float) -> tuple[FloatArray, float]:
+    """Return radii at equal steps of the distortion's radial part, as `inverse_table` does, and 1/step.
 
-    The radial part grows over the disc: its slope is the Jacobian's mean over m and −m.
+    The radial part grows over the disc: its slope is the Jacobian's mean over m and −m. The table ends at the
+    disc or 20% beyond ``farthest``, what the image needs.
     """
 
     def radial(r: FloatArray) -> FloatArray:
         return np.asarray(r * _radial(coefficients, r * r))
 
-    return inverse_table(radial, disc, TABLE), TABLE / float(radial(np.array(disc)))
+    low, end = 0.0, disc
+    if radial(np.array(disc)) > 1.2 * farthest:
+        for _ in range(60):
+            half = 0.5 * (low + end)
+            low, end = (low, half) if radial(np.array(half)) > 1.2 * farthest else (half, end)
+    return inverse_table(radial, end, TABLE), TABLE / float(radial(np.array(end)))
 
 
 def _rays() -> FloatArray:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from omniservo.geometry.arrays import FloatArray
 
@@ -28,6 +29,7 @@ def inverse_table(function: Callable[[FloatArray], FloatArray], end: float, step
     """Return the x (steps + 1,) in [0, end] at which a growing function takes equal steps from f(0) = 0.
 
     Each x lies within rounding of the true one, so that the table's intervals hold the roots between them.
+    Behind them stand the slopes of x per step, (steps + 1,), of a cubic spline through them.
     """
     wanted = np.linspace(0.0, float(function(np.array(end))), steps + 1)
     low, high = np.zeros(steps + 1), np.full(steps + 1, end)
@@ -37,4 +39,4 @@ def inverse_table(function: Callable[[FloatArray], FloatArray], end: float, step
         low, high = np.where(below, half, low), np.where(below, high, half)
     table = 0.5 * (low + high)
     table[0], table[-1] = 0.0, end
-    return np.asarray(table)
+    return np.concatenate([table, CubicSpline(np.arange(steps + 1.0), table)(np.arange(steps + 1.0), 1)])

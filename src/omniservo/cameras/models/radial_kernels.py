@@ -10,13 +10,20 @@ Every function takes a lens's ``parameters``; `lens_model` says what stands in t
 | 13 | largest θ | count of coefficients |
 | 14 | 1/step of the table | 1/step of the table |
 | 15 … 17 | k1, k2, k3 | – |
-| from 18 on | k4, then θ at equal steps of r | the coefficients, then ρ at equal steps of sin θ/2 |
+| from 18 on | k4, θ at equal steps of r | the coefficients, ρ at equal steps of sin θ/2 |
+| behind | dθ per step; sin θ; cos θ | dρ per step |
 """
 
 import math
 
-from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.cameras.models.plane_kernels import (
+    distance_in_domain,
+    plane_point,
+    write_bearing,
+    write_pixel,
+)
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import inlined, kernel
 
 TABLE = 256
 """intervals"""
@@ -24,11 +31,16 @@ TABLE = 256
 OWN = 18
 """where the coefficients (OCam), or k4 and the table (Kannala–Brandt) start"""
 
+SINES = OWN + 1 + 2 * (TABLE + 1)
+"""where the sines of Kannala–Brandt's table start; their cosines follow"""
+
 _STEPS = 60
 _ROUNDING = 4e-16
+_CLOSE = 1e-9
+_NEAR = 0.02
 
 
-@kernel
+@inlined
 def kannala_brandt_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Return m = r(θ) (X, Y)/‖(X, Y)‖ with r = θ(1 + k1θ² + k2θ⁴ + k3θ⁶ + k4θ⁸)."""
     side = math.sqrt(x * x + y * y)
@@ -40,70 +52,99 @@ def kannala_brandt_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[f
     return scale * x, scale * y, True
 
 
-@kernel
-def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
-    """Return the bearing of a point of the plane in the domain: r(θ) = ‖m‖ solved for θ."""
-    r = math.sqrt(mx * mx + my * my)
-    place = r * p[14]
+@inlined
+def table_value(p: FloatArray, start: int, place: float) -> tuple[float, float, float]:
+    """Return a table's cubic Hermite interpolation at ``place`` (in steps), and its interval's two ends.
+
+    The values stand from ``start`` on, their slopes per step behind them.
+    """
     i = min(int(place), TABLE - 1)
-    low, high = p[19 + i], p[20 + i]
-    theta = low + (place - i) * (high - low)
-    low, high = low * (1.0 - _ROUNDING), high * (1.0 + _ROUNDING)
+    t = place - i
+    low, high = p[start + i], p[start + i + 1]
+    a, b = p[start + TABLE + 1 + i] - (high - low), (high - low) - p[start + TABLE + 2 + i]
+    value = low + t * (high - low) + t * (1.0 - t) * ((1.0 - t) * a + t * b)
+    return min(max(value, low), high), low, high
+
+
+@inlined
+def _angle_of_radius(p: FloatArray, r: float, theta: float, low: float, high: float) -> float:
+    """Return θ with r(θ) = r, from a start and an interval that holds it: Newton's method, else halving."""
     k1, k2, k3, k4 = p[15], p[16], p[17], p[18]
     for _ in range(_STEPS):
         t = theta * theta
         error = r - theta * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))))
+        slope = 1.0 + t * (3.0 * k1 + t * (5.0 * k2 + t * (7.0 * k3 + t * 9.0 * k4)))
+        step = error / slope
+        if abs(step) <= _CLOSE * theta:  # the next step would be below the rounding
+            return float(theta + step)
         if error > 0.0:
             low = theta
         else:
             high = theta
-        slope = 1.0 + t * (3.0 * k1 + t * (5.0 * k2 + t * (7.0 * k3 + t * 9.0 * k4)))
-        step = error / slope
         if not low <= theta + step <= high:
             step = 0.5 * (low + high) - theta
         theta += step
-        if abs(step) <= 1e-9 * theta:  # the next step would be below the rounding
-            break
-    theta = min(theta, p[13])
-    scale = math.sin(theta) / r if r > 0.0 else 1.0
-    return scale * mx, scale * my, math.cos(theta), True
+    return theta
 
 
-@kernel
-def ocam_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
-    """Return (x, y) [px] of the sensor with (x, y, −f(‖(x, y)‖)) along the point: zρ + f(ρ)‖(X, Y)‖ = 0."""
-    side = math.sqrt(x * x + y * y)
-    if side == 0.0:
-        return 0.0, 0.0, z > 0.0
-    sine, cosine = side / rho, z / rho
-    half = math.sqrt(0.5 * (1.0 - cosine)) if z < 0.0 else sine / math.sqrt(2.0 * (1.0 + cosine))
-    count, place = int(p[13]), half * p[14]
-    i = min(int(place), TABLE - 1)
-    start = OWN + count
-    radius = p[start + i] + (place - i) * (p[start + i + 1] - p[start + i])
-    low, high = p[start + max(i - 1, 0)], p[start + min(i + 2, TABLE)] * (1.0 + _ROUNDING)
+@inlined
+def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+    """Return the bearing of a point of the plane in the domain: r(θ) = ‖m‖ solved for θ."""
+    r = math.sqrt(mx * mx + my * my)
+    theta, low, high = table_value(p, 19, r * p[14])
+    theta = min(_angle_of_radius(p, r, theta, low, high), p[13])
+    delta = theta - low
+    if delta < _NEAR:  # sine and cosine from the table's: twice as fast as calling them
+        i, t = SINES + min(int(r * p[14]), TABLE - 1), delta * delta
+        s = delta * (1.0 - t / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0)))
+        c = 1.0 - 0.5 * t * (1.0 - t / 12.0 * (1.0 - t / 30.0))
+        sine, cosine = p[i] * c + p[i + TABLE + 1] * s, p[i + TABLE + 1] * c - p[i] * s
+    else:
+        sine, cosine = math.sin(theta), math.cos(theta)
+    scale = sine / r if r > 0.0 else 1.0
+    return scale * mx, scale * my, cosine, True
+
+
+@inlined
+def _radius_of_angle(p: FloatArray, sine: float, cosine: float, radius: float) -> float:
+    """Return ρ with ρ cos θ + f(ρ) sin θ = 0, from a start: Newton's method, else halving."""
+    count = int(p[13])
+    low, high = 0.0, p[OWN + count + TABLE] * (1.0 + _ROUNDING)
     for _ in range(_STEPS):
         value, slope = p[OWN + count - 1], 0.0
         for k in range(count - 2, -1, -1):
             slope = slope * radius + value
             value = value * radius + p[OWN + k]
         error = -(radius * cosine + value * sine)
+        step = error / (cosine + slope * sine)
+        if abs(step) <= _CLOSE * radius:
+            return float(min(radius + step, high))
         if error > 0.0:
             low = radius
         else:
             high = radius
-        derivative = cosine + slope * sine
-        step = error / derivative if derivative != 0.0 else math.inf
         if not low <= radius + step <= high:
             step = 0.5 * (low + high) - radius
         radius += step
-        if abs(step) <= 1e-9 * radius:
-            break
+    return radius
+
+
+@inlined
+def ocam_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
+    """Return (x, y) [px] of the sensor with (x, y, −f(‖(x, y)‖)) along the point: zρ + f(ρ)‖(X, Y)‖ = 0."""
+    side = math.sqrt(x * x + y * y)
+    if side == 0.0:
+        return 0.0, 0.0, z > 0.0
+    inverse = 1.0 / rho
+    sine, cosine = side * inverse, z * inverse
+    half = math.sqrt(max(0.0, 0.5 * (1.0 - cosine)))  # exact enough for a start, at the axis too
+    radius, _, _ = table_value(p, OWN + int(p[13]), half * p[14])
+    radius = _radius_of_angle(p, sine, cosine, radius)
     scale = radius / side
     return scale * x, scale * y, True
 
 
-@kernel
+@inlined
 def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the unit vector along (x, y, −f(ρ)), f(ρ) = a0 + a1 ρ + a2 ρ² + …."""
     radius = math.sqrt(mx * mx + my * my)
@@ -112,3 +153,51 @@ def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, flo
         value = value * radius + p[OWN + k]
     scale = 1.0 / math.sqrt(radius * radius + value * value)
     return scale * mx, scale * my, -scale * value, True
+
+
+@kernel
+def project_kannala_brandt(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        _, ok = distance_in_domain(p, x, y, z)
+        mx, my = math.nan, math.nan
+        if ok:
+            mx, my, ok = kannala_brandt_plane(p, x, y, z)
+        write_pixel(p, mx, my, ok, i, pixels, valid)
+
+
+@kernel
+def unproject_kannala_brandt(
+    p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
+) -> None:
+    """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x, y, z = math.nan, math.nan, math.nan
+        if ok:
+            x, y, z, ok = kannala_brandt_bearing(p, mx, my)
+        write_bearing(p, x, y, z, ok, i, bearings, valid)
+
+
+@kernel
+def project_ocam(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        rho, ok = distance_in_domain(p, x, y, z)
+        mx, my = math.nan, math.nan
+        if ok:
+            mx, my, ok = ocam_plane(p, x, y, z, rho)
+        write_pixel(p, mx, my, ok, i, pixels, valid)
+
+
+@kernel
+def unproject_ocam(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
+    """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x, y, z = math.nan, math.nan, math.nan
+        if ok:
+            x, y, z, ok = ocam_bearing(p, mx, my)
+        write_bearing(p, x, y, z, ok, i, bearings, valid)

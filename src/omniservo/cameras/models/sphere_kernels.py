@@ -11,7 +11,13 @@ Every function takes a lens's ``parameters``; `lens_model` says what stands in t
 
 import math
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.cameras.models.plane_kernels import (
+    distance_in_domain,
+    plane_point,
+    write_bearing,
+    write_pixel,
+)
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 
 _RIM = 1e-12
@@ -81,4 +87,78 @@ def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, f
         return math.nan, math.nan, math.nan, False
     longitude, latitude = 2.0 * math.pi * (max(across, 0.0) - 0.5), math.pi * (down - 0.5)
     level = math.cos(latitude)
-    return level * math.sin(longitude), math.sin(latitude), level * math.cos(longitude), True
+    z = level * math.cos(longitude)
+    return level * math.sin(longitude), math.sin(latitude), z, z > p[10] - 1e-15
+
+
+@kernel
+def project_extended(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        _, ok = distance_in_domain(p, x, y, z)
+        mx, my = math.nan, math.nan
+        if ok:
+            mx, my, ok = extended_plane(p, x, y, z)
+        write_pixel(p, mx, my, ok, i, pixels, valid)
+
+
+@kernel
+def unproject_extended(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
+    """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x, y, z = math.nan, math.nan, math.nan
+        if ok:
+            x, y, z, ok = extended_bearing(p, mx, my)
+        write_bearing(p, x, y, z, ok, i, bearings, valid)
+
+
+@kernel
+def project_double_sphere(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        rho, ok = distance_in_domain(p, x, y, z)
+        mx, my = math.nan, math.nan
+        if ok:
+            mx, my, ok = double_sphere_plane(p, x, y, z, rho)
+        write_pixel(p, mx, my, ok, i, pixels, valid)
+
+
+@kernel
+def unproject_double_sphere(
+    p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
+) -> None:
+    """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x, y, z = math.nan, math.nan, math.nan
+        if ok:
+            x, y, z, ok = double_sphere_bearing(p, mx, my)
+        write_bearing(p, x, y, z, ok, i, bearings, valid)
+
+
+@kernel
+def project_equirectangular(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        _, ok = distance_in_domain(p, x, y, z)
+        mx, my = math.nan, math.nan
+        if ok:
+            mx, my, ok = equirectangular_pixel(p, x, y, z)
+        write_pixel(p, mx, my, ok, i, pixels, valid)
+
+
+@kernel
+def unproject_equirectangular(
+    p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
+) -> None:
+    """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x, y, z = math.nan, math.nan, math.nan
+        if ok:
+            x, y, z, ok = equirectangular_bearing(p, mx, my)
+        write_bearing(p, x, y, z, ok, i, bearings, valid)
