@@ -8,7 +8,9 @@ import pytest
 from PIL import Image
 from tests.calibration.rendered_boards import around, facing, render, true_pixels
 
-from omniservo.calibration.boards import Checkerboard, find_board, read_grey_image
+from omniservo.calibration.boards import BoardView, Checkerboard, find_board, read_grey_image
+from omniservo.calibration.boards.find_checkerboard import checkerboard_corners
+from omniservo.calibration.boards.measure_again import measure_again
 from omniservo.calibration.boards.saddle_kernels import PARAMETERS, crossing, prepare
 from omniservo.cameras import preset
 from omniservo.errors import InputError
@@ -63,6 +65,30 @@ def test_a_hidden_part_costs_only_its_own_corners():
     view = find_board(image, BOARD)
     assert 19 not in view.ids
     assert len(view) >= 35
+    assert np.linalg.norm(view.pixels - pixels[view.ids], axis=1).max() < 0.15
+
+
+def test_with_a_camera_missing_corners_are_searched_where_they_must_be():
+    camera = preset("fe185")
+    pose = facing(BOARD, (1, 0.1, 0.5), 0.25, (0.2, 0.1), 0.4)
+    image = render(camera, BOARD, pose)
+    whole = find_board(image, BOARD)
+    few = np.flatnonzero(np.isin(whole.ids % 8, [0, 1, 2]))
+    part = BoardView.of(BOARD, whole.ids[few], whole.pixels[few])
+    view = measure_again(part, BOARD, checkerboard_corners(image, BOARD), camera)
+    pixels, _ = true_pixels(camera, BOARD, pose)
+    assert len(part) == 15
+    assert len(view) == 40
+    assert np.linalg.norm(view.pixels - pixels[view.ids], axis=1).max() < 0.15
+
+
+def test_with_a_camera_the_lenss_rim_pulls_no_corner_away():
+    camera = preset("hyper-catadioptric")
+    pose = facing(BOARD, (-0.5, 1, 0), 0.2, (0.3, -0.2), 3.4)
+    view = find_board(render(camera, BOARD, pose), BOARD, camera)
+    pixels, seen = true_pixels(camera, BOARD, pose)
+    assert len(view) >= seen.sum() - 2
+    assert not seen.all()
     assert np.linalg.norm(view.pixels - pixels[view.ids], axis=1).max() < 0.15
 
 

@@ -17,6 +17,7 @@ _LEAST_CONTRAST = 3.0  # grey values, half the step from dark to bright
 _OF_NEIGHBOURS = 0.2  # of the median contrast of all
 _MOST_MOVED = 0.46  # of the window's reach
 _MOST_TURNED = np.deg2rad(30.0)
+_STRAY = 0.5  # steps
 _ROUNDS = 40
 _AROUND, _LEAST_AROUND = 2.3, 4  # steps; corners that a prediction needs within them
 
@@ -32,6 +33,8 @@ class Corners:
     """(n,) ±1: contrast that the corner must have times this is the same for all; 0 where either may be"""
     reach: tuple[float, float]
     """see `fit_saddles`"""
+    seen: BoolArray | None = None
+    """(height, width) pixels that count; None for all"""
     pixels: FloatArray = field(init=False)
     contrast: FloatArray = field(init=False)
     tried: IntArray = field(init=False)
@@ -51,7 +54,16 @@ class Corners:
         for _ in range(2):
             self.refine()
             self.grow()
+            self.drop_strays()
         self.refine()
+
+    def drop_strays(self) -> None:
+        """Forget corners that are not where the others say: another corner of the board, or none."""
+        known = np.flatnonzero(self.known)
+        places, pixels = self.places[known], self.pixels[known]
+        expected, axes, ok = local_map(places, pixels, places, without_itself=True)
+        steps = np.linalg.solve(axes[ok], (pixels - expected)[ok][:, :, None])[:, :, 0]
+        self.pixels[known[ok][np.abs(steps).max(axis=1, initial=0.0) > _STRAY]] = np.nan
 
     def refine(self) -> None:
         """Fit all known corners again, each with a window as large as its neighbours allow; drop the bad."""
@@ -60,7 +72,7 @@ class Corners:
             self.pixels[:] = np.nan
             return
         _, axes, ok = local_map(self.places[known], self.pixels[known], self.places[known])
-        fitted = fit_saddles(self.image, self.pixels[known[ok]], axes[ok], self.reach)
+        fitted = fit_saddles(self.image, self.pixels[known[ok]], axes[ok], self.reach, self.seen)
         good = self._is_corner(fitted, self.pixels[known[ok]], axes[ok], known[ok])
         self.pixels[known] = np.nan
         self._keep(fitted, good, known[ok])
@@ -78,9 +90,16 @@ class Corners:
             pixels, axes, ok = local_map(self.places[known], self.pixels[known], self.places[missing])
             ok &= ((pixels > -0.5) & (pixels < size - 0.5)).all(axis=1)
             missing, pixels, axes = missing[ok], pixels[ok], axes[ok]
-            fitted = fit_saddles(self.image, pixels, axes, self.reach)
-            good = self._is_corner(fitted, pixels, axes, missing)
-            self._keep(fitted, good, missing)
+            self._fit_at(missing, pixels, axes)
+
+    def search(self, rows: IntArray, pixels: FloatArray, axes: FloatArray) -> None:
+        """Search the corners ``rows``; ``pixels`` (n, 2), ``axes`` (n, 2, 2) say where all are seen."""
+        self._fit_at(rows, pixels[rows], axes[rows])
+
+    def _fit_at(self, rows: IntArray, pixels: FloatArray, axes: FloatArray) -> None:
+        fitted = fit_saddles(self.image, pixels, axes, self.reach, self.seen)
+        good = self._is_corner(fitted, pixels, axes, rows)
+        self._keep(fitted, good, rows)
 
     def _known_around(self, known: IntArray) -> IntArray:
         """How many known corners lie near each place: those that a prediction would rest on."""

@@ -9,9 +9,16 @@ import numpy as np
 
 from omniservo.calibration.boards.board import AprilGrid, Board, CharucoBoard, Checkerboard, CircleGrid
 from omniservo.calibration.boards.board_view import BoardView
-from omniservo.calibration.boards.find_checkerboard import find_checkerboard
+from omniservo.calibration.boards.corners import Corners
+from omniservo.calibration.boards.find_checkerboard import checkerboard_corners, find_checkerboard
 from omniservo.calibration.boards.find_circles import find_circles
-from omniservo.calibration.boards.find_tagged import find_aprilgrid, find_charuco
+from omniservo.calibration.boards.find_tagged import (
+    aprilgrid_corners,
+    charuco_corners,
+    find_aprilgrid,
+    find_charuco,
+)
+from omniservo.calibration.boards.measure_again import measure_again
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import ByteArray
@@ -25,8 +32,9 @@ def find_board(image: Any, board: Board, camera: CentralModel | None = None) -> 
     Args:
         image: (height, width) grey or (height, width, 3 or 4) red, green, blue; uint8.
         board: what to look for.
-        camera: the camera, where it is already known: it says whether the image is mirrored, and corrects
-            the centres of circles.
+        camera: the camera, where it is already known: it says whether the image is mirrored, leaves out
+            what lies beyond the lens's rim, finds missing corners from the board's pose, and corrects the
+            centres of circles.
 
     Returns:
         The points found, or the reason why there are none.
@@ -39,15 +47,23 @@ def find_board(image: Any, board: Board, camera: CentralModel | None = None) -> 
         raise InputError(
             f"image: {grey.shape[1]}×{grey.shape[0]} given; the camera's is {camera.width}×{camera.height}"
         )
+    view, corners = _found(grey, board, camera)
+    if camera is None or corners is None or not view.found:
+        return view
+    return measure_again(view, board, corners, camera)
+
+
+def _found(grey: ByteArray, board: Board, camera: CentralModel | None) -> tuple[BoardView, Corners | None]:
+    """The view, and for boards with corners their places for a second look."""
     mirrored = camera is not None and shows_mirrored(camera)
     if isinstance(board, Checkerboard):
-        return find_checkerboard(grey, board, mirrored=mirrored)
+        return find_checkerboard(grey, board, mirrored=mirrored), checkerboard_corners(grey, board)
     if isinstance(board, CharucoBoard):
-        return find_charuco(grey, board)
+        return find_charuco(grey, board), charuco_corners(grey, board)
     if isinstance(board, AprilGrid):
-        return find_aprilgrid(grey, board)
+        return find_aprilgrid(grey, board), aprilgrid_corners(grey, board)
     if isinstance(board, CircleGrid):
-        return find_circles(grey, board, camera, mirrored=mirrored)
+        return find_circles(grey, board, camera, mirrored=mirrored), None
     raise InputError(f"board: {spelled(board)} given; legal: what board_from_text returns")
 
 

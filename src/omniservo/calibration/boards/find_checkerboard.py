@@ -29,6 +29,11 @@ class _Pattern:
     contrast: FloatArray
 
 
+def checkerboard_corners(image: ByteArray, board: Checkerboard) -> Corners:
+    """Return the board's places, where nothing is known yet."""
+    return Corners(image, board.places, 1.0 - 2.0 * (board.places.sum(axis=1) % 2), REACH)
+
+
 def find_checkerboard(image: ByteArray, board: Checkerboard, *, mirrored: bool = False) -> BoardView:
     """Find the board: candidates, chains along edges, growth over the whole board, and its place by counting.
 

@@ -19,27 +19,40 @@ _MOST_OFF = 0.5  # sides of a marker, from where the others say it is
 _LEAST_CORNERS = 4
 
 
+def charuco_corners(image: ByteArray, board: CharucoBoard) -> Corners:
+    """Return the board's places, where nothing is known yet."""
+    # bright squares are one-coloured up to their marker, so a corner's window is a cross
+    margin = 0.5 * (1.0 - board.marker / board.square)
+    signs = 1.0 - 2.0 * (board.places.sum(axis=1) % 2)
+    return Corners(image, board.places, signs, (_ALONG, _WITHIN * margin))
+
+
+def aprilgrid_corners(image: ByteArray, board: AprilGrid, border: int = 1) -> Corners:
+    """Return the board's places, where nothing is known yet; ``border`` of the codes in cells."""
+    signs = np.tile([-1.0, 1.0, -1.0, 1.0], board.columns * board.rows)
+    strip = min(border / (_APRILTAG_CELLS + 2 * border), board.ratio)
+    return Corners(image, board.places, signs, (_WITHIN * board.ratio, _WITHIN * strip))
+
+
 def find_charuco(image: ByteArray, board: CharucoBoard) -> BoardView:
     """Find the chessboard corners of a ChArUco board, also of a part of it and of its mirror image."""
     places = board.marker_corners
     markers = find_markers(image, board.dictionary, len(places), borders=(1,))
-    # bright squares are one-coloured up to their marker, so a corner's window is a cross
-    margin = 0.5 * (1.0 - board.marker / board.square)
-    signs = 1.0 - 2.0 * (board.places.sum(axis=1) % 2)
-    corners = Corners(image, board.places, signs, (_ALONG, _WITHIN * margin))
-    return _measured(board, corners, markers, places[markers.numbers], board.dictionary)
+    return _measured(board, charuco_corners(image, board), markers, places[markers.numbers], board.dictionary)
 
 
 def find_aprilgrid(image: ByteArray, board: AprilGrid) -> BoardView:
     """Find the corners of an AprilGrid's tags, also of a part of it and of its mirror image."""
     markers = find_markers(image, _APRILTAG, board.columns * board.rows)
-    cells = _APRILTAG_CELLS + 2 * markers.border
-    signs = np.tile([-1.0, 1.0, -1.0, 1.0], board.columns * board.rows)
-    reach = (_WITHIN * board.ratio, _WITHIN * min(markers.border / cells, board.ratio))
-    corners = Corners(image, board.places, signs, reach)
     # a reader's first corner is the top left one of the code as printed: here the fourth
     places = board.places.reshape(-1, 4, 2)[markers.numbers][:, ::-1]
-    return _measured(board, corners, markers, _turned_to_fit(places, markers), _APRILTAG)
+    return _measured(
+        board,
+        aprilgrid_corners(image, board, markers.border),
+        markers,
+        _turned_to_fit(places, markers),
+        _APRILTAG,
+    )
 
 
 def _turned_to_fit(places: FloatArray, markers: Markers) -> FloatArray:

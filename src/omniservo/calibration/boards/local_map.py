@@ -13,7 +13,7 @@ _LEAST_SPREAD = 0.04  # variance of the neighbours' places across their best lin
 
 
 def local_map(
-    places: FloatArray, pixels: FloatArray, wanted: FloatArray
+    places: FloatArray, pixels: FloatArray, wanted: FloatArray, *, without_itself: bool = False
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return pixels (n, 2) of the ``wanted`` places, the map's derivative (n, 2, 2), and where it is known.
 
@@ -23,11 +23,14 @@ def local_map(
         places: (m, 2) known points on the board, in steps of its grid.
         pixels: (m, 2) [px] their images.
         wanted: (n, 2) places on the board.
+        without_itself: ``wanted`` are the known points, and each is predicted from the others alone.
     """
-    count = min(_NEIGHBOURS, len(places))
+    first = int(without_itself)
+    count = min(_NEIGHBOURS, len(places) - first)
     if count < 3:
         return np.zeros((len(wanted), 2)), np.zeros((len(wanted), 2, 2)), np.zeros(len(wanted), dtype=bool)
-    distance, near = cKDTree(places).query(wanted, k=count)
+    found = cKDTree(places).query(wanted, k=count + first)
+    distance, near = np.asarray(found[0])[:, first:], np.asarray(found[1])[:, first:]
     x, y = np.moveaxis(places[near] - wanted[:, None, :], 2, 0)
     weight = 1.0 / (0.3 + distance**2)
     design = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=2)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.calibration.boards.saddle_kernels import PARAMETERS, fit_crossings
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 
 LARGEST_RADIUS = 9.0
 """[px] farther pixels tell little more about the crossing"""
@@ -32,7 +32,11 @@ class FittedSaddles:
 
 
 def fit_saddles(
-    image: ByteArray, starts: FloatArray, axes: FloatArray, reach: tuple[float, float] = (0.65, 0.65)
+    image: ByteArray,
+    starts: FloatArray,
+    axes: FloatArray,
+    reach: tuple[float, float] = (0.65, 0.65),
+    seen: BoolArray | None = None,
 ) -> FittedSaddles:
     """Fit the crossing of two edges to the grey values around each start, by damped least squares.
 
@@ -49,6 +53,7 @@ def fit_saddles(
         axes: (n, 2, 2) [px] columns: from the corner to the next in +x and in +y of the board.
         reach: (along, across) the window in steps of the lattice: pixels at most ``along`` from the corner
             in x and in y, and at most ``across`` in the smaller of the two.
+        seen: (height, width) pixels that count; None for all.
     """
     count = len(starts)
     states, results = np.zeros((count, PARAMETERS)), np.zeros((count, 3))
@@ -59,6 +64,7 @@ def fit_saddles(
             np.ascontiguousarray(starts, dtype=np.float64),
             np.ascontiguousarray(axes, dtype=np.float64),
             limits,
+            np.zeros((0, 0), dtype=np.bool_) if seen is None else np.array(seen, dtype=np.bool_, order="C"),
             states,
             results,
         )

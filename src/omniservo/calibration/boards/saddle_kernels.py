@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
@@ -59,11 +59,16 @@ def crossing(state: FloatArray, ready: FloatArray, x: float, y: float, slope: Fl
 
 @kernel
 def gather(
-    image: ByteArray, start: FloatArray, axes: FloatArray, limits: FloatArray, pixels: FloatArray
+    image: ByteArray,
+    start: FloatArray,
+    axes: FloatArray,
+    limits: FloatArray,
+    seen: BoolArray,
+    pixels: FloatArray,
 ) -> int:
     """Write offset, grey value and weight of the window's pixels into ``pixels`` (m, 4); return how many.
 
-    ``limits``: along, across [steps], radius [px].
+    ``limits``: along, across [steps], radius [px]. ``seen``: which pixels count, (0, 0) for all.
     """
     height, width = image.shape
     along, across, radius = limits[0], limits[1], limits[2]
@@ -78,6 +83,8 @@ def gather(
             q = abs(axes[0, 0] * y - axes[1, 0] * x) / abs(determinant)
             weight = min(radius + 0.5 - math.hypot(x, y), 1.0)  # a soft rim
             if max(p, q) <= along and min(p, q) <= across and weight > 0.0:
+                if seen.shape[0] > 0 and not seen[v, u]:
+                    continue
                 pixels[count, 0], pixels[count, 1] = x, y
                 pixels[count, 2], pixels[count, 3] = image[v, u], weight
                 count += 1
@@ -205,13 +212,14 @@ def fit_crossings(
     starts: FloatArray,
     axes: FloatArray,
     limits: FloatArray,
+    seen: BoolArray,
     states: FloatArray,
     results: FloatArray,
 ) -> None:
     """Fit every start: ``states`` (n, 11) relative to it; ``results`` (n, 3): explained, purity, pixels."""
     pixels = np.empty((int(2 * math.ceil(limits[2]) + 1) ** 2, 4))
     for n in range(len(starts)):
-        count = gather(image, starts[n], axes[n], limits, pixels)
+        count = gather(image, starts[n], axes[n], limits, seen, pixels)
         results[n, 2] = count
         if count < 2 * PARAMETERS:
             continue

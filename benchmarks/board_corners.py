@@ -1,0 +1,176 @@
+"""Boards' points: against corners stated with real images, and against the truth of rendered ones.
+
+Run: ``python -m benchmarks.board_corners``. The real images are read from ``../shared/data`` beside the project; where
+they are absent the table says so. Stated corners are compared with what is found, as a distance: they are another
+measurement, not the truth. ``--crops FOLDER`` saves the largest differences as pictures: ours green, the stated red.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.calibration.boards import (
+    AprilGrid,
+    Board,
+    CharucoBoard,
+    Checkerboard,
+    CircleGrid,
+    find_board,
+    read_grey_image,
+)
+from omniservo.cameras import UnifiedCamera, preset
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "calibration"))
+
+import rendered_boards
+
+Array = npt.NDArray[np.float64]
+DATA = ROOT.parent / "shared" / "data"
+SETS = {
+    "mei_paracatadioptric": "mei.json",
+    "fisheye1": "fisheye1.json",
+    "camodocal_fisheye": "all63_corners.json",
+    "vinsfusion_calib": "all85_corners.json",
+}
+BOARDS: dict[str, Board] = {
+    "checkerboard": Checkerboard(8, 5, 0.03),
+    "ChArUco": CharucoBoard(8, 6, 0.03, 0.022, "DICT_4X4_50"),
+    "AprilGrid": AprilGrid(5, 4, 0.03, 0.3),
+    "circles": CircleGrid(8, 5, 0.03, 0.018),
+    "asymmetric circles": CircleGrid(4, 9, 0.018, 0.014, "asymmetric"),
+}
+CAMERAS = ("fe185", "para-catadioptric", "hyper-catadioptric", "perspective")
+POSES = 10
+_WORST = 16
+
+
+def stated_views(folder: str) -> Iterator[tuple[Path, Board, Array]]:
+    """Give each image of a set that exists, its board, and the corners that are stated for it."""
+    fields = json.loads((DATA / folder / SETS[folder]).read_text())
+    board = Checkerboard(*fields["board_inner_corners"], fields["square_mm"] / 1000)
+    views: Any = fields.get("views") or [{"image": k, **_corners(v)} for k, v in fields["images"].items()]
+    for view in views:
+        path = DATA / folder / view["image"]
+        path = path if path.exists() else path.with_suffix(".jpg")
+        if path.exists():
+            yield path, board, np.array(view["corners"], dtype=np.float64).reshape(-1, 2)
+
+
+def _corners(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else {"corners": value}
+
+
+def real_rows(crops: Path | None) -> Iterator[str]:
+    """Measure the real sets, one row each."""
+    differences: list[tuple[float, Path, Array, Array]] = []
+    for folder in SETS:
+        distances, found, total, seconds = [], 0, 0, []
+        for path, board, stated in stated_views(folder):
+            image = read_grey_image(path)
+            started = time.perf_counter()
+            view = find_board(image, board)
+            seconds.append(time.perf_counter() - started)
+            total += len(stated)
+            found += len(view)
+            for corner in stated:
+                away = np.linalg.norm(view.pixels - corner, axis=1)
+                distances.append(float(away.min(initial=np.inf)))
+                if len(away):
+                    differences.append((distances[-1], path, view.pixels[away.argmin()], corner))
+        d = np.array(distances)
+        yield (
+            f"{folder} | {len(seconds)} | {found}/{total} | {np.median(d):.3f} | {np.percentile(d, 95):.3f} | "
+            f"{d.max():.2f} | {100 * (d <= 0.3).mean():.1f}% | {np.median(seconds):.2f}"
+        )
+    if crops is not None:
+        _save_crops(crops, sorted(differences, key=lambda row: -row[0])[:_WORST])
+
+
+def _save_crops(folder: Path, rows: list[tuple[float, Path, Array, Array]]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, (_, path, ours, stated) in enumerate(rows):
+        low = np.maximum(np.rint(ours).astype(int) - 12, 0)
+        part = read_grey_image(path)[low[1] : low[1] + 25, low[0] : low[0] + 25]
+        large = cv2.resize(part, None, fx=16, fy=16, interpolation=cv2.INTER_NEAREST)
+        picture = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
+        for pixel, colour in ((ours, (0, 255, 0)), (stated, (0, 0, 255))):
+            at = tuple(int(x) for x in 16 * (pixel - low + 0.5))
+            cv2.drawMarker(picture, at, colour, cv2.MARKER_CROSS, 14, 2)
+        cv2.imwrite(str(folder / f"{k:02d}_{path.stem}.png"), picture)
+
+
+def rendered_rows(seed: int = 1) -> Iterator[str]:
+    """Measure rendered boards at drawn poses, one row for each board and camera."""
+    for title, board in BOARDS.items():
+        for name in CAMERAS:
+            rng = np.random.default_rng(seed)
+            errors, biased, found, seen = [], [], 0, 0
+            for k in range(POSES):
+                camera = preset(name)
+                pose = _draw_pose(camera, board, rng)
+                camera = rendered_boards.around(camera, board, pose)
+                blur, noise = rng.uniform(0.5, 1.2), rng.uniform(1.0, 5.0)
+                image = rendered_boards.render(camera, board, pose, blur=blur, noise=noise, seed=k)
+                pixels, visible = rendered_boards.true_pixels(camera, board, pose)
+                view = find_board(image, board, camera)
+                seen += int(visible.sum())
+                found += len(view)
+                errors += _errors(view, pixels)
+                biased += _errors(find_board(image, board), pixels)
+            e, b = np.array(errors), np.array(biased)
+            yield (
+                f"{title} | {name} | {found}/{seen} | {np.median(e):.3f} | {np.percentile(e, 95):.3f} | "
+                f"{e.max():.2f} | {np.median(b):.3f}"
+            )
+
+
+def _draw_pose(camera: UnifiedCamera, board: Board, rng: np.random.Generator) -> Any:
+    """Draw poses until at least 80% of the board is in the image, its points at least 8 px apart or so."""
+    size = float(np.ptp(board.points, axis=0).max())
+    reach = min(camera.usable_angle, camera.max_angle or 0.6)
+    while True:
+        angle, turn = rng.uniform(0.0, reach), rng.uniform(-np.pi, np.pi)
+        direction = (np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.cos(angle))
+        lean = rng.uniform(-0.6, 0.6, 2)
+        distance = size * rng.uniform(0.7, 1.4)
+        pose = rendered_boards.facing(board, direction, distance, tuple(lean), rng.uniform(-np.pi, np.pi))
+        _, visible = rendered_boards.true_pixels(camera, board, pose)
+        if visible.mean() >= 0.8:
+            return pose
+
+
+def _errors(view: Any, pixels: Array) -> list[float]:
+    """Distances from the truth; a board that looks the same turned may be counted from either end."""
+    ways = (pixels, pixels[::-1]) if view.turnable else (pixels,)
+    errors = [np.linalg.norm(view.pixels - way[view.ids], axis=1) for way in ways]
+    return list(min(errors, key=lambda e: float(np.median(e)) if len(e) else 0.0))
+
+
+def main() -> None:
+    """Print both tables as Markdown."""
+    crops = Path(sys.argv[2]) if sys.argv[1:2] == ["--crops"] and len(sys.argv) > 2 else None
+    if DATA.exists():
+        print("| images | views | corners found | median [px] | p95 | max | ≤ 0.3 px | s/image |")
+        print("|---|---|---|---|---|---|---|---|")
+        for row in real_rows(crops):
+            print(f"| {row} |", flush=True)
+    else:
+        print(f"real images: {DATA} is absent")
+    print("\n| board | camera | points found | median [px] | p95 | max | median without the camera |")
+    print("|---|---|---|---|---|---|---|")
+    for row in rendered_rows():
+        print(f"| {row} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
