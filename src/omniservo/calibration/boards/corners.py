@@ -17,7 +17,7 @@ _LEAST_CONTRAST = 3.0  # grey values, half the step from dark to bright
 _OF_NEIGHBOURS = 0.2  # of the median contrast of all
 _MOST_MOVED = 0.46  # of the window's reach
 _MOST_TURNED = np.deg2rad(30.0)
-_STRAY = 0.5  # steps
+_STRAY = 0.75  # of the window's reach
 _ROUNDS = 40
 _AROUND, _LEAST_AROUND = 2.3, 4  # steps; corners that a prediction needs within them
 
@@ -63,7 +63,7 @@ class Corners:
         places, pixels = self.places[known], self.pixels[known]
         expected, axes, ok = local_map(places, pixels, places, without_itself=True)
         steps = np.linalg.solve(axes[ok], (pixels - expected)[ok][:, :, None])[:, :, 0]
-        self.pixels[known[ok][np.abs(steps).max(axis=1, initial=0.0) > _STRAY]] = np.nan
+        self.pixels[known[ok][np.abs(steps).max(axis=1, initial=0.0) > _STRAY * self.reach[0]]] = np.nan
 
     def refine(self) -> None:
         """Fit all known corners again, each with a window as large as its neighbours allow; drop the bad."""
