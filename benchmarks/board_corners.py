@@ -2,7 +2,7 @@
 
 Run: ``python -m benchmarks.board_corners``. The real images are read from ``../shared/data`` beside the
 project; where they are absent the table says so. Stated corners are another measurement, not the truth: the
-table gives distances. ``--crops FOLDER`` saves the largest ones as pictures, ours green, the stated corner red.
+table gives distances. ``--crops FOLDER`` saves the largest ones as pictures, ours green, the stated one red.
 """
 
 from __future__ import annotations

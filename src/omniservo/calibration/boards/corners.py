@@ -17,7 +17,7 @@ _LEAST_CONTRAST = 3.0  # grey values, half the step from dark to bright
 _OF_NEIGHBOURS = 0.2  # of the median contrast of all
 _MOST_MOVED = 0.46  # of the window's reach
 _MOST_TURNED = np.deg2rad(30.0)
-_STRAY = 0.75  # of the window's reach
+_STRAY = 1.0  # of the window's reach
 _ROUNDS = 40
 _AROUND, _LEAST_AROUND = 2.3, 4  # steps; corners that a prediction needs within them
 

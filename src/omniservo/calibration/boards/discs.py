@@ -15,6 +15,7 @@ _LEAST_CONTRAST = 15.0
 _LEAST_AREA, _LARGEST_PART = 12.0, 0.1  # [px²]; of the image
 _ASPECT = 0.12  # shortest over longest axis
 _ROUND = (0.85, 1.12)  # area over that of the ellipse with the same moments
+_BLUR_SQUARE, _LEAST_SHARPNESS = 2.0, 0.5  # [px²] what blur may add to the moments; part that must be left
 _HALF_PIXEL_SQUARE = 1.0 / 12.0  # a pixel adds its own variance to a shape
 
 
@@ -61,9 +62,9 @@ def _measured(
     """Centroid and moments of one blob from its darkness below the ground around it; None for no ellipse."""
     row, column = np.nonzero(inside)
     points = np.stack([column + corner[0], row + corner[1]], axis=1).astype(np.float64)
-    centre = points.mean(axis=0)
+    centre, total = points.mean(axis=0), float(len(points))
     shape = np.cov(points.T, bias=True) + _HALF_PIXEL_SQUARE * np.eye(2)
-    if not _is_ellipse(shape, float(len(points))):
+    if not _is_ellipse(shape, total):
         return None
     for _ in range(3):
         window = _window(grey, centre, shape)
@@ -78,16 +79,17 @@ def _measured(
         if ground - dark < _LEAST_CONTRAST:
             return None
         weight = ((ground - values) / (ground - dark)).clip(-0.2, 1.2) * (distance < 1.7)
-        total = weight.sum()
+        total = float(weight.sum())
         if total < 0.5 * _LEAST_AREA:
             return None
         centre = np.array([(weight * u).sum(), (weight * v).sum()]) / total
         du, dv = u - centre[0], v - centre[1]
         cross = (weight * du * dv).sum()
         shape = np.array([[(weight * du * du).sum(), cross], [cross, (weight * dv * dv).sum()]]) / total
-        if not _is_ellipse(shape, float(total)):
+        if not _is_ellipse(shape, total):
             return None
-    return centre, shape
+    # blur widens the moments and leaves the area: the neighbours are looked for in steps of the true size
+    return centre, shape * (total / _area_of(shape))
 
 
 def _window(
@@ -118,4 +120,11 @@ def _is_ellipse(shape: FloatArray, area: float) -> bool:
     least, largest = np.linalg.eigvalsh(shape)
     if not least > _ASPECT**2 * largest > 0.0:
         return False
-    return bool(_ROUND[0] < area / (4.0 * np.pi * np.sqrt(least * largest)) < _ROUND[1])
+    mean = float(np.sqrt(least * largest))
+    widened = max(1.0 - _BLUR_SQUARE / mean, _LEAST_SHARPNESS)
+    return bool(_ROUND[0] * widened < area / _area_of(shape) < _ROUND[1])
+
+
+def _area_of(shape: FloatArray) -> float:
+    """Area of the ellipse with these moments [px²]."""
+    return float(4.0 * np.pi * np.sqrt(np.linalg.det(shape)))
