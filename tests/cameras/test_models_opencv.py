@@ -1,8 +1,8 @@
 """OpenCV as an independent implementation of Kannala–Brandt and pinhole, where it is right.
 
 Where it is not: its pinhole and fisheye calls divide by Z and project points behind the camera as if they lay
-in front, and know no fold; `cv2.undistortPoints` and `cv2.fisheye.undistortPoints` stop after five and ten steps
-unless told otherwise, and where the iteration leaves the domain return a number instead of a failure.
+in front, and know no fold; `cv2.undistortPoints` and `cv2.fisheye.undistortPoints` stop after five and ten
+steps unless told otherwise, and where the iteration leaves the domain return a number instead of a failure.
 """
 
 import cv2

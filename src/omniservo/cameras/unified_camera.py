@@ -11,25 +11,34 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import unified_kernels as kernels
+from omniservo.cameras.camera_fields import (
+    checked_fields,
+    focal_length,
+    image_size,
+    image_to_dict,
+    inside_image,
+    largest_angle,
+    numbers,
+    pixel_number,
+    rows_of,
+)
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
 from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_limits import ImageLimits, image_limits
-from omniservo.cameras.image_mask import ImageMask, distance_beyond, mask_from
+from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
 
-_LARGEST_IMAGE = 100_000
 _LARGEST_XI = 1e6
-_LEAST_FOCAL = 1e-6
 _ANGLE_SLACK = 1e-15
 """on the cosine of max_angle: a point at that angle is inside, whatever the rounding"""
 
 _RADIUS_SLACK = 1e-13
 """on r²: the rounded pixel of a valid point can be unprojected"""
 
-_REQUIRED = ("model", "fx", "fy", "cx", "cy", "xi", "width", "height")
+_REQUIRED = ("fx", "fy", "cx", "cy", "xi", "width", "height")
 _OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px")
 
 
@@ -102,16 +111,16 @@ class UnifiedCamera:
         deviation_px: float = 0.0,
     ) -> None:
         self._set(
-            fx=_focal_length("fx", fx),
-            fy=_focal_length("fy", fy),
-            cx=_within("cx", cx),
-            cy=_within("cy", cy),
+            fx=focal_length("fx", fx),
+            fy=focal_length("fy", fy),
+            cx=pixel_number("cx", cx),
+            cy=pixel_number("cy", cy),
             xi=finite_number("xi", xi, minimum=0.0, maximum=_LARGEST_XI),
-            width=_size("width", width),
-            height=_size("height", height),
-            skew=_within("skew", skew),
-            distortion=_coefficients(distortion),
-            max_angle=max_angle if max_angle is None else _angle(max_angle),
+            width=image_size("width", width),
+            height=image_size("height", height),
+            skew=pixel_number("skew", skew),
+            distortion=numbers("distortion", distortion, (4,), "four numbers [k1, k2, p1, p2]", 1e6),
+            max_angle=largest_angle(max_angle),
             dead_zone=dead_zone_from(dead_zone),
             mask=mask_from(mask),
             deviation_px=finite_number("deviation_px", deviation_px, minimum=0.0, maximum=LARGEST_PX),
@@ -171,7 +180,7 @@ class UnifiedCamera:
         Raises:
             InputError: not numbers, or the last axis is not 3.
         """
-        rows, shape = _rows("points", points, 3)
+        rows, shape = rows_of("points", points, 3)
         pixels, valid = np.empty((len(rows), 2)), np.empty(len(rows), dtype=np.bool_)
         kernels.project_points(self.parameters, rows, pixels, valid)
         return pixels.reshape(*shape, 2), valid.reshape(shape)
@@ -182,7 +191,7 @@ class UnifiedCamera:
         Returns:
             pixels (…, 2) [px], jacobian (…, 2, 3) [px/m], valid (…); NaN where not valid.
         """
-        rows, shape = _rows("points", points, 3)
+        rows, shape = rows_of("points", points, 3)
         n = len(rows)
         pixels, jacobian, valid = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty(n, dtype=np.bool_)
         kernels.project_points_jacobian(self.parameters, rows, pixels, jacobian, valid)
@@ -201,7 +210,7 @@ class UnifiedCamera:
         Raises:
             InputError: not numbers, or the last axis is not 2.
         """
-        rows, shape = _rows("pixels", pixels, 2)
+        rows, shape = rows_of("pixels", pixels, 2)
         bearings, valid = np.empty((len(rows), 3)), np.empty(len(rows), dtype=np.bool_)
         kernels.unproject_pixels(self.parameters, rows, bearings, valid)
         return bearings.reshape(*shape, 3), valid.reshape(shape)
@@ -213,7 +222,7 @@ class UnifiedCamera:
             bearings (…, 3), jacobian (…, 3, 2) [1/px], valid (…); NaN where not valid. On the rim of a
             fisheye's domain (r² = 1/(ξ²−1)) the derivative is infinite: there valid is False.
         """
-        rows, shape = _rows("pixels", pixels, 2)
+        rows, shape = rows_of("pixels", pixels, 2)
         results, valid = np.empty((len(rows), 9)), np.empty(len(rows), dtype=np.bool_)
         kernels.unproject_pixels_jacobian(self.parameters, rows, results, valid)
         bearings, jacobian = results[:, :3].copy(), results[:, 3:].copy()
@@ -221,14 +230,7 @@ class UnifiedCamera:
 
     def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
         """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½], outside the dead zone and the mask."""
-        rows, shape = _rows("pixels", pixels, 2)
-        u, v = rows[:, 0], rows[:, 1]
-        inside = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
-        if self.dead_zone is not None:
-            du, dv = u - self.dead_zone.center[0], v - self.dead_zone.center[1]
-            inside &= np.hypot(du, dv) >= self.dead_zone.radius
-        inside &= distance_beyond(self.mask, rows) >= 0.0
-        return np.asarray(inside.reshape(shape), dtype=np.bool_)
+        return inside_image(self, pixels)
 
     def image_limits(self, margin_px: float = 0.0) -> ImageLimits:
         """Return what the image shows, every limit moved inward by ``margin_px`` [px], as cones.
@@ -239,19 +241,12 @@ class UnifiedCamera:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the camera as it stands in a problem file; `from_dict` gives an equal camera."""
-        names = (*_REQUIRED[1:5], "skew", "xi")
-        numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
-        zone = self.dead_zone
-        polygons = [[list(corner) for corner in polygon] for polygon in self.mask]
+        names = (*_REQUIRED[:4], "skew", "xi")
         return {
             "model": "unified",
-            **numbers,
+            **{name: getattr(self, name) for name in names},
             "distortion": list(self.distortion),
-            "width": self.width,
-            "height": self.height,
-            "max_angle": self.max_angle,
-            "dead_zone": None if zone is None else {"center": list(zone.center), "radius": zone.radius},
-            **({"mask": polygons} if polygons else {}),
+            **image_to_dict(self, self.max_angle),
             **({"deviation_px": self.deviation_px} if self.deviation_px else {}),
         }
 
@@ -267,63 +262,8 @@ class UnifiedCamera:
         Raises:
             InputError: a field is missing, unknown or not legal.
         """
-        if not isinstance(fields, Mapping):
-            raise InputError(f"{source}: {type(fields).__name__} given; a mapping of fields is needed")
-        missing = [name for name in _REQUIRED if name not in fields]
-        if missing:
-            raise InputError(f"{source}: {missing[0]}: missing; needed: {', '.join(_REQUIRED)}")
-        unknown = [str(name) for name in fields if name not in _REQUIRED + _OPTIONAL]
-        if unknown:
-            name, legal = spelled_name(unknown[0]), ", ".join(_REQUIRED + _OPTIONAL)
-            raise InputError(f"{source}: {name}: no such field; legal: {legal}")
-        if fields["model"] != "unified":
-            raise InputError(f"{source}: model: {spelled(fields['model'])} given; legal: 'unified'")
-        given = {name: value for name, value in fields.items() if name != "model"}
-        for name, default in (("skew", 0.0), ("distortion", (0.0,) * 4), ("mask", ()), ("deviation_px", 0.0)):
-            if given.get(name, 0.0) is None:
-                given[name] = default
+        given = checked_fields(fields, source, "unified", _REQUIRED, _OPTIONAL)
         try:
             return cls(**given)
         except InputError as error:
             raise InputError(f"{source}: {error}") from None
-
-
-def _rows(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tuple[int, ...]]:
-    """Return ``value`` (…, width) as contiguous float64 rows, and the shape of its leading axes."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise InputError(f"{name}: rows of different lengths given; numbers (…, {width}) needed") from None
-    if array.dtype.kind not in "fiu" or array.ndim == 0 or array.shape[-1] != width:
-        raise InputError(f"{name}: {array.dtype} of shape {array.shape} given; numbers (…, {width}) needed")
-    shape = array.shape[:-1]
-    return np.ascontiguousarray(array.reshape(-1, width), dtype=np.float64), shape
-
-
-def _focal_length(name: str, value: Any) -> float:
-    number = _within(name, value)
-    if abs(number) < _LEAST_FOCAL:
-        raise InputError(f"{name}: {number:g} given; legal: at least {_LEAST_FOCAL:g} in size")
-    return number
-
-
-def _within(name: str, value: Any) -> float:
-    return finite_number(name, value, minimum=-LARGEST_PX, maximum=LARGEST_PX)
-
-
-def _size(name: str, value: Any) -> int:
-    number = finite_number(name, value, minimum=1.0, maximum=_LARGEST_IMAGE)
-    if number != int(number):
-        raise InputError(f"{name}: {number:g} given; a whole number of pixels is needed")
-    return int(number)
-
-
-def _coefficients(value: Any) -> tuple[float, float, float, float]:
-    if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) != 4:
-        raise InputError(f"distortion: {spelled(value)} given; legal: four numbers [k1, k2, p1, p2]")
-    k1, k2, p1, p2 = (finite_number("distortion", k, minimum=-1e6, maximum=1e6) for k in value)
-    return k1, k2, p1, p2
-
-
-def _angle(value: Any) -> float:
-    return finite_number("max_angle", value, above=0.0, maximum=math.pi)
