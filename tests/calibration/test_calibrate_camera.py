@@ -66,6 +66,18 @@ def test_without_distortion_auto_stays_with_the_plain_model_and_gives_the_number
     assert f"{found.held_out.px:.4g} px" in found.distortion_reason
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_narrow_view_that_says_little_of_distortion_gives_a_camera_all_the_same(seed):
+    camera = preset("perspective")
+    settings = {"largest_angle": 0.3, "distances": (0.4, 0.8)}
+    found = calibrate_camera(
+        *draw_views(camera, np.random.default_rng(seed), views=12, **settings), (640, 480)
+    )
+    assert found.status == "ok", found.message
+    assert found.distortion == "none"
+    assert found.rms_px == pytest.approx(0.3 * np.sqrt(2.0), rel=0.1)
+
+
 def test_a_mirrors_sign_is_kept_from_the_camera_given_and_the_mirror_of_the_result_fits_as_well():
     camera = preset("hyper-catadioptric")
     seen = draw_views(camera, np.random.default_rng(3), views=8, noise_px=0.0, largest_angle=1.5, **SEEING)
@@ -254,6 +266,10 @@ class TestWrongCalls:
         self.says(r"image_points\[3\]: row 7: \[.*nan\] given", pixels, drawn[1])
         self.says(r"image_points\[0\]: .* numbers \(k, 2\)", [["a"], *pixels[1:]], drawn[1])
         self.says(r"image_points\[0\]: shape \(54, 3\) given", [board(), *pixels[1:]], drawn[1])
+
+    def test_absurd_coordinates(self, drawn):
+        points = [*drawn[1][:9], drawn[1][9] * 1e300]
+        self.says(r"object_points\[9\]: row \d+: .* given; legal: at most 1e\+06", drawn[0], points)
 
     def test_a_corner_outside_the_image(self, drawn):
         self.says(r"image_points\[\d\]: row \d+: .*outside the image of 300 × 200 px", *drawn, (300, 200))

@@ -20,6 +20,7 @@ from omniservo.calibration.adjustment.lens import (
     camera_of,
     field,
     from_physical,
+    is_legal,
     to_physical,
 )
 from omniservo.calibration.adjustment.refine import State, refine, refine_poses, residuals
@@ -83,7 +84,11 @@ def calibrate_camera(
         raise InputError(f"distortion: {spelled(distortion)} given; legal: 'auto', 'none', 'radtan'")
     _check_camera(camera, size, distortion)
     views, useless = read_views(image_points, object_points, size)
-    result = _calibrate(views, useless, size, distortion, camera)
+    try:
+        result = _calibrate(views, useless, size, distortion, camera)
+    except np.linalg.LinAlgError as error:  # a singular system anywhere: the corners determine no camera
+        message = f"not_converged: the corners determine no camera ({error})"
+        result = failed("not_converged", message, useless, 0.0)
     return timed(result, time.perf_counter() - began)
 
 
@@ -174,7 +179,10 @@ def _choose(selection: Selection, start: FloatArray, size: tuple[int, int], dist
     helps, reason = distortion_helps(without, errors)
     _, seen = camera_of(bent.theta, size).project(bent.points(views)[keep])
     if helps and not (seen.all() and bent_converged):
-        helps, reason = False, f"{reason}; refused because the distorted model folds within the corners"
+        helps, reason = (
+            False,
+            f"{reason}; refused because the distorted model has no minimum, or folds within the corners",
+        )
     if helps:
         return Fit(bent, _ALL, bent_cost, bent_converged, errors, reason)
     return Fit(plain, PLAIN, cost, converged, without, reason)
@@ -189,6 +197,7 @@ def _distorted(selection: Selection, plain: State, size: tuple[int, int]) -> tup
         begin = np.array(plain.theta)
         begin[ALPHA] = alpha
         thetas.append(same_pixels(plain.theta, begin, alpha, _ALL, rays)[0])
+    thetas = [theta for theta in thetas if is_legal(theta)]
     chosen = spread(views.count)
     some, kept = views.some(chosen), keep[views.rows_of(chosen)]
     best = plain, np.inf

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.calibration.adjustment.lens import ALPHA
+from omniservo.calibration.adjustment.lens import ALPHA, is_legal
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 _OUTER = 95.0
@@ -39,7 +39,7 @@ class Chart:
         return J
 
     def moved(self, theta: FloatArray, change: FloatArray) -> FloatArray:
-        """Return θ after a ``change`` (9,) of the coordinates; NaN where the angles are out of reach."""
+        """Return θ after a ``change`` (9,) of the coordinates; NaN where no camera is there."""
         result = theta + change
         n, m = self._radii(theta[ALPHA]), self._radii(result[ALPHA])
         if not self.bent or n is None:
@@ -48,7 +48,7 @@ class Chart:
             return np.full(9, np.nan)
         values = n + theta[5] * n**3 + theta[6] * n**5 + change[5:7]
         result[5:7] = np.linalg.solve(np.stack([m**3, m**5], 1), values - m)
-        return result
+        return result if is_legal(result) else np.full(9, np.nan)
 
     def _radii(self, alpha: float) -> FloatArray | None:
         depth = self._denominators(alpha)

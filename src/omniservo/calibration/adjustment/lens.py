@@ -25,7 +25,12 @@ ALPHA = 4
 PLAIN = np.arange(9) < 5
 """(9,) bool: what the plain model lets free; the radial-tangential one frees all"""
 
-LARGEST_ALPHA = 0.999
+LARGEST_ALPHA = 0.9
+"""ξ = 9: no lens is known beyond 3, and k2 grows with (1+ξ)⁴"""
+
+_LARGEST_COEFFICIENT = 5e5
+"""of k1, k2, p1, p2: half of what a camera may have"""
+
 _LEAST_DENOMINATOR = 1e-4
 """αρ + (1−α)Z over ρ: closer to 0 a point is far outside any image"""
 
@@ -42,6 +47,11 @@ def from_physical(values: Sequence[float] | FloatArray) -> FloatArray:
     fx, fy, cx, cy, xi, k1, k2, p1, p2 = values
     s = 1.0 / (1.0 + xi)
     return np.array([fx * s, fy * s, cx, cy, xi * s, k1 * s**2, k2 * s**4, p1 * s, p2 * s])
+
+
+def is_legal(theta: FloatArray) -> bool:
+    """Return whether there is a camera of θ: its distortion is finite and not absurd."""
+    return bool(np.abs(to_physical(theta)[5:]).max() <= _LARGEST_COEFFICIENT)
 
 
 def physical_jacobian(theta: FloatArray) -> FloatArray:

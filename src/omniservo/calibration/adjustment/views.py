@@ -15,6 +15,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_nu
 
 _LARGEST_IMAGE = 100_000
 _LARGEST_VIEWS = 10_000
+_LARGEST_M = 1e6
 _FLAT = 1e-3
 """a target whose thickness is less than this part of its extent counts as planar"""
 
@@ -150,6 +151,9 @@ def _rows(name: str, value: npt.ArrayLike, width: int) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
     if len(bad):
         raise InputError(f"{name}: row {bad[0]}: {array[bad[0]].tolist()} given; finite numbers are needed")
+    if len(array) and np.abs(array).max() > _LARGEST_M:
+        row = int(np.argmax(np.abs(array).max(axis=1)))
+        raise InputError(f"{name}: row {row}: {array[row].tolist()} given; legal: at most {_LARGEST_M:g}")
     return array
 
 
