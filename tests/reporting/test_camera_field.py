@@ -7,7 +7,7 @@ import pytest
 from matplotlib import colors
 
 from omniservo.cameras import UnifiedCamera, preset
-from omniservo.reporting.camera_field import draw_field, pixel_density
+from omniservo.reporting.camera_field import draw_field, past_right_angle, pixel_density
 from omniservo.reporting.figure_files import write_drawings
 
 MASKED = UnifiedCamera(
@@ -51,7 +51,7 @@ def test_density_is_nothing_where_nothing_is_seen():
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_field_is_drawn_with_its_limits(name, tmp_path):
-    drawings = draw_field(CAMERAS[name])
+    drawings = draw_field(CAMERAS[name], CAMERAS[name])
     assert [d.name for d in drawings] == ["camera-field", "camera-density"]
     axes = drawings[0].figure.axes[0]
     labels = {t.get_text() for t in drawings[0].figure.legends[0].get_texts()}
@@ -67,3 +67,14 @@ def test_field_is_drawn_with_its_limits(name, tmp_path):
     assert sorted(f.suffix for f in files) == [".png", ".png", ".svg", ".svg"]
     assert all(f.stat().st_size > 5000 for f in files)
     assert colors.to_hex(axes.get_facecolor()) != "#ffffff"
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_part_past_a_right_angle_is_that_of_all_pixels(name):
+    camera = CAMERAS[name]
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width].astype(float)
+    pixels = np.stack([u, v], axis=-1)
+    rays, valid = camera.unproject(pixels)
+    seen = valid & camera.in_image(pixels)
+    assert past_right_angle(camera) == pytest.approx((rays[seen][:, 2] <= 0).mean(), abs=0.01)
+    assert (past_right_angle(camera) > 0.02) == (name in ("fisheye", "mirror", "masked"))

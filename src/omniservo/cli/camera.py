@@ -1,4 +1,4 @@
-"""``omniservo camera show | convert``."""
+"""``omniservo camera``."""
 
 from __future__ import annotations
 
@@ -8,25 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from omniservo.cli.calibrate import calibrate
+from omniservo.cli.camera_options import ModelOption, NameOption, SizeOption, open_camera
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
 
 if TYPE_CHECKING:
-    from omniservo.cameras.conversion import Residual
+    from omniservo.cameras import UnifiedCamera
+    from omniservo.cameras.conversion import Conversion, Residual
     from omniservo.cameras.models import CentralModel
 
-app = typer.Typer(help="Show and convert cameras.", no_args_is_help=True)
+app = typer.Typer(help="Calibrate, show, convert and rectify cameras.", no_args_is_help=True)
+app.command("calibrate")(calibrate)
+app.command("rectify")(rectify)
 
-NameOption = Annotated[str | None, typer.Option("--name", help="Which camera of a file with several.")]
-SizeOption = Annotated[
-    str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
-]
-ModelOption = Annotated[
-    str | None,
-    typer.Option(
-        "--model", help="pinhole or fisheye, for an OpenCV file whose four numbers may be either's."
-    ),
-]
 LargestOption = Annotated[
     float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's [px].")
 ]
@@ -41,27 +37,42 @@ def show(
     name: NameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Draw its field and its pixels a degree into this folder.")
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Print a camera: its parameters, its domain, and how well the unified model stands for it."""
     from omniservo.cameras.conversion import to_unified
+    from omniservo.reporting.camera_field import past_right_angle
 
     output = Output(as_json, quiet)
-    shown = _model(camera, name, size, model)
-    fields = shown.to_dict()
+    shown = open_camera(camera, name, size, model)
+    fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
         output.line(f"{field:<14} {value}")
     output.line(f"{'usable angle':<14} {math.degrees(shown.usable_angle):.3f} deg from the axis")
-    result = {**fields, "usable_angle": shown.usable_angle}
+    output.line(f"{'past 90 deg':<14} {100.0 * behind:.1f}% of the image; the virtual plane loses it")
+    result = {**fields, "usable_angle": shown.usable_angle, "past_right_angle": behind}
+    unified = None
     try:
         conversion = to_unified(shown, largest_px=_ANY_PX)
     except InputError as error:
         for warning in shown.warnings:
             output.line(f"{'warning':<14} {warning}")
         output.line(f"{'as unified':<14} none: {error}")
-        output.result({**result, "warnings": list(shown.warnings), "unified": None, "limits": None})
-        return
+        result |= {"warnings": list(shown.warnings), "unified": None, "limits": None}
+    else:
+        unified = conversion.camera
+        result |= _as_unified(shown, conversion, output)
+    if out is not None:
+        _draw(shown, unified, out, output)
+    output.result(result)
+
+
+def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> dict[str, Any]:
+    """Say how the unified model stands for a camera, and what planning then keeps to."""
     for warning in conversion.warnings:
         output.line(f"{'warning':<14} {warning}")
     if conversion.camera is not shown:
@@ -69,8 +80,19 @@ def show(
     limits = conversion.camera.image_limits()
     output.line(f"{'limits':<14} {', '.join(limits.names)}")
     unified = {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)}
-    more = {"warnings": list(conversion.warnings), "unified": unified, "limits": list(limits.names)}
-    output.result({**result, **more})
+    return {"warnings": list(conversion.warnings), "unified": unified, "limits": list(limits.names)}
+
+
+def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path, output: Output) -> None:
+    from omniservo.reporting.camera_field import draw_field
+    from omniservo.reporting.figure_files import write_drawings
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
+    for path in write_drawings(draw_field(shown, unified), folder):
+        output.line(f"{'written':<14} {path}")
 
 
 @app.command("convert")
@@ -104,7 +126,7 @@ def convert(
 
     output = Output(as_json, quiet)
     writable(out, force=force)
-    given = _model(camera, name, size, model)
+    given = open_camera(camera, name, size, model)
     added: dict[str, Any] = {}
     if mask is not None:
         if to != "own":
@@ -117,23 +139,6 @@ def convert(
     if residual is not None:
         output.line(f"residual: {_spelled(residual)}")
     output.result({"out": str(out), "format": to, "model": written, **_numbers(residual), **added})
-
-
-def _model(camera: str, name: str | None, size: str | None, model: str | None) -> CentralModel:
-    """Return a preset, or the camera of a file."""
-    from omniservo.calibration import load_model
-    from omniservo.cameras import PRESETS, preset
-
-    if camera in PRESETS and name is None and size is None and model is None:
-        return preset(camera)
-    return load_model(camera, name=name, size=None if size is None else _size(size), model=model)
-
-
-def _size(text: str) -> tuple[int, int]:
-    sides = text.lower().split("x")
-    if len(sides) != 2 or not all(side.isascii() and side.isdigit() and len(side) < 7 for side in sides):
-        raise InputError(f"--size: {spelled(text)} given; legal: WIDTHxHEIGHT, such as 640x480")
-    return int(sides[0]), int(sides[1])
 
 
 def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralModel, dict[str, Any]]:

@@ -1,6 +1,7 @@
 """Figures, animation and the HTML report of a run."""
 
 from omniservo.reporting.animation import write_animation
+from omniservo.reporting.calibration_report import write_calibration_report
 from omniservo.reporting.image_distance import image_distance
 from omniservo.reporting.paper_table import ComparisonRow, comparison_table, paper_table_markdown
 from omniservo.reporting.write_figures import write_figures
@@ -12,6 +13,7 @@ __all__ = [
     "image_distance",
     "paper_table_markdown",
     "write_animation",
+    "write_calibration_report",
     "write_figures",
     "write_report",
 ]

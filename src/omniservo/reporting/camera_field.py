@@ -11,6 +11,7 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import Normal, Stroke
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.reporting.style import (
     ASKED,
@@ -31,13 +32,16 @@ _TURNS = np.radians(np.arange(0.0, 360.0, 5.0))
 _DEGREE = math.pi / 180.0
 
 
-def draw_field(camera: UnifiedCamera) -> list[Drawing]:
-    """Return the camera's field over its image, and its pixels a degree against the angle from the axis."""
+def draw_field(camera: CentralModel, unified: UnifiedCamera | None) -> list[Drawing]:
+    """Return the camera's field over its image, and its pixels a degree against the angle from the axis.
+
+    ``unified``: the camera that plans are made with, whose polygon is drawn; None: there is none.
+    """
     with styled():
-        return [_over_the_image(camera), _against_the_angle(camera)]
+        return [_over_the_image(camera, unified), _against_the_angle(camera)]
 
 
-def pixel_density(camera: UnifiedCamera) -> tuple[FloatArray, FloatArray, FloatArray]:
+def pixel_density(camera: CentralModel) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return u (c+1,), v (r+1,) of a grid over the image [px], and the density in its cells (r, c) [px/deg].
 
     The density is √(pixels a square degree): cell area over the solid angle it sees. NaN where a corner of
@@ -54,12 +58,23 @@ def pixel_density(camera: UnifiedCamera) -> tuple[FloatArray, FloatArray, FloatA
     return u, v, np.sqrt(area / solid_angle) * _DEGREE
 
 
-def _seen(camera: UnifiedCamera, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
+def past_right_angle(camera: CentralModel) -> float:
+    """Return how much of the image's usable part sees past 90° from the axis, which no plane Z = 1 shows.
+
+    Measured at the middles of a grid's cells; 0 where the image has no usable part.
+    """
+    step = max(camera.width, camera.height) / _CELLS
+    u, v = np.arange(0.0, camera.width, step), np.arange(0.0, camera.height, step)
+    bearings, valid = _seen(camera, np.stack(np.meshgrid(u, v), axis=-1))
+    return float((bearings[valid][:, 2] <= 0.0).mean()) if valid.any() else 0.0
+
+
+def _seen(camera: CentralModel, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
     bearings, valid = camera.unproject(pixels)
     return bearings, valid & camera.in_image(np.where(valid[..., None], pixels, 0.0))
 
 
-def _over_the_image(camera: UnifiedCamera) -> Drawing:
+def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Drawing:
     figure = new_figure(7.4, 1.3 + 5.4 * camera.height / camera.width)
     axes = figure.subplots()
     axes.set_facecolor(FORBIDDEN)
@@ -68,6 +83,7 @@ def _over_the_image(camera: UnifiedCamera) -> Drawing:
     figure.colorbar(mesh, ax=axes, label="pixels a degree [px/deg]", shrink=0.85, pad=0.015)
     _rings(axes, camera, u, v)
     _limits(axes, camera)
+    _polygon(axes, unified)
     axes.set_aspect("equal")
     edge = 0.02 * camera.width
     axes.set_xlim(-edge, camera.width + edge)
@@ -83,7 +99,7 @@ def _over_the_image(camera: UnifiedCamera) -> Drawing:
     return Drawing("camera-field", "What the camera sees", caption, figure)
 
 
-def _rings(axes: Axes, camera: UnifiedCamera, u: FloatArray, v: FloatArray) -> None:
+def _rings(axes: Axes, camera: CentralModel, u: FloatArray, v: FloatArray) -> None:
     """Draw angles from the axis, and hatch what lies past 90°."""
     bearings, valid = _seen(camera, np.stack(np.meshgrid(u, v), axis=-1))
     angles = np.where(valid, np.degrees(np.arccos(np.clip(bearings[..., 2], -1.0, 1.0))), np.nan)
@@ -99,8 +115,8 @@ def _rings(axes: Axes, camera: UnifiedCamera, u: FloatArray, v: FloatArray) -> N
         axes.contourf(u, v, angles, levels=[90.0, 181.0], colors="none", hatches=["///"])
 
 
-def _limits(axes: Axes, camera: UnifiedCamera) -> None:
-    """Draw the image's border, the lens's circle, dead zone, mask, and the polygon that plans keep to."""
+def _limits(axes: Axes, camera: CentralModel) -> None:
+    """Draw the image's border, the lens's circle, dead zone and mask."""
     w, h = camera.width, camera.height
     axes.add_patch(Rectangle((-0.5, -0.5), w, h, fill=False, ec=ASKED, lw=1.4, label="image"))
     rim = _circle(camera, camera.usable_angle * (1.0 - 1e-9))
@@ -113,13 +129,17 @@ def _limits(axes: Axes, camera: UnifiedCamera) -> None:
     for i, corners in enumerate(camera.mask):
         label = "_mask" if i else "mask"
         axes.add_patch(Polygon(corners, closed=True, fc=FORBIDDEN, ec=QUIET, lw=1.2, label=label))
-    polygon = camera.image_limits().polygon
-    if polygon is not None:
-        border = _polygon_in_image(camera, polygon)
+
+
+def _polygon(axes: Axes, unified: UnifiedCamera | None) -> None:
+    """Draw what plans keep to where it is not the image's border."""
+    polygon = None if unified is None else unified.image_limits().polygon
+    if unified is not None and polygon is not None:
+        border = _polygon_in_image(unified, polygon)
         axes.plot(*border.T, color=CERTIFIED, lw=1.6, ls="--", label="plans keep to")
 
 
-def _circle(camera: UnifiedCamera, angle: float) -> FloatArray:
+def _circle(camera: CentralModel, angle: float) -> FloatArray:
     """Return the pixels (k, 2) at an angle from the axis; NaN where there are none."""
     turns = np.linspace(0.0, 2.0 * math.pi, 721)
     across = math.sin(angle)
@@ -138,7 +158,7 @@ def _polygon_in_image(camera: UnifiedCamera, polygon: FloatArray) -> FloatArray:
     return camera.project(straight.unproject(pixels)[0])[0]
 
 
-def _against_the_angle(camera: UnifiedCamera) -> Drawing:
+def _against_the_angle(camera: CentralModel) -> Drawing:
     figure = new_figure(6.4, 3.6)
     axes = figure.subplots()
     angles = np.linspace(0.002, camera.usable_angle * 0.9999, 400)
@@ -158,7 +178,7 @@ def _against_the_angle(camera: UnifiedCamera) -> Drawing:
     return Drawing("camera-density", "Pixels a degree against the angle from the axis", caption, figure)
 
 
-def _pixels_a_degree(camera: UnifiedCamera, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _pixels_a_degree(camera: CentralModel, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ∂p/∂θ and ∂p/∂ψ/sin θ (k, turns) [px/deg] at angles θ (k,); NaN outside the image."""
     h = 1e-5
     theta, turn = np.meshgrid(angles, _TURNS, indexing="ij")

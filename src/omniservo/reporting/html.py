@@ -6,6 +6,7 @@ import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib.resources import files
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,35 @@ def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]]) -> Markup:
     top = tag("tr", *(tag("th", cell, scope="col") for cell in head))
     body = [tag("tr", tag("th", row[0], scope="row"), *(tag("td", cell) for cell in row[1:])) for row in rows]
     return tag("div", tag("table", tag("thead", top), tag("tbody", *body)), class_="scroll")
+
+
+def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
+    """Return large numbers side by side: label, value, note."""
+    cells = (
+        tag("div", tag("dt", label), tag("dd", value), tag("dd", note, class_="quiet"))
+        for label, value, note in values
+    )
+    return tag("dl", *cells, class_="tiles")
+
+
+def page(title: str, body: Iterable[Cell]) -> str:
+    """Return a whole page, which loads nothing and runs nothing."""
+    style = (files("omniservo.reporting") / "report.css").read_text(encoding="utf-8")
+    head = joined(
+        [
+            Markup('<meta charset="utf-8">'),
+            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            tag("title", f"omniservo: {title}"),
+            tag("style", Markup(style)),
+        ]
+    )
+    whole = tag("html", tag("head", head), tag("body", tag("main", joined(body))), lang="en")
+    return f"<!doctype html>\n{whole.html}\n"
+
+
+def part(title: str, *content: Markup) -> Markup:
+    """Return a section with its title."""
+    return tag("section", tag("h2", title), *content)
 
 
 def inlined(data: bytes, kind: str, alternative: str) -> Markup:

@@ -9,7 +9,7 @@ from importlib.metadata import version
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag
+from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag, tiles
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
@@ -45,7 +45,7 @@ def key_numbers(result: RunResult) -> Markup:
     """Return the few numbers that matter most, each with what it is measured against."""
     metrics = result.metrics
     planning = result.task.planning
-    tiles = [
+    values = [
         (
             "Nearest to the obstacle",
             spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
@@ -68,14 +68,7 @@ def key_numbers(result: RunResult) -> Markup:
             f"motion and structure {spell(result.seconds.get('estimation'), 's')}",
         ),
     ]
-    return tag(
-        "dl",
-        *(
-            tag("div", tag("dt", label), tag("dd", value), tag("dd", note, class_="quiet"))
-            for label, value, note in tiles
-        ),
-        class_="tiles",
-    )
+    return tiles(values)
 
 
 def side_by_side(results: Sequence[RunResult]) -> Markup:

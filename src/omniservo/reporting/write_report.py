@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from omniservo.errors import InputError
@@ -11,7 +10,7 @@ from omniservo.files import write_whole
 from omniservo.reporting import report_sections as section
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.figure_files import image_bytes
-from omniservo.reporting.html import Markup, inlined, joined, tag
+from omniservo.reporting.html import Markup, inlined, joined, page, part, tag
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_result import RunResult
@@ -41,7 +40,6 @@ def report_html(results: Sequence[RunResult]) -> str:
     """Return the report's text."""
     task = results[0].task
     several = len(results) > 1
-    style = (files("omniservo.reporting") / "report.css").read_text(encoding="utf-8")
     body = [
         tag(
             "header",
@@ -51,27 +49,14 @@ def report_html(results: Sequence[RunResult]) -> str:
         ),
         tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
         *([] if several else [section.key_numbers(results[0])]),
-        *([_part("The methods side by side", section.side_by_side(results))] if several else []),
+        *([part("The methods side by side", section.side_by_side(results))] if several else []),
         _animations(results),
         *_paper(results),
-        _part("Figures", *_figures(results)),
+        part("Figures", *_figures(results)),
         *(_details(r, several) for r in results),
-        _part("How to reproduce this", section.reproduce(results)),
+        part("How to reproduce this", section.reproduce(results)),
     ]
-    head = joined(
-        [
-            Markup('<meta charset="utf-8">'),
-            Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-            tag("title", f"omniservo: {task.name}"),
-            tag("style", Markup(style)),
-        ]
-    )
-    page = tag("html", tag("head", head), tag("body", tag("main", joined(body))), lang="en")
-    return f"<!doctype html>\n{page.html}\n"
-
-
-def _part(title: str, *content: Markup) -> Markup:
-    return tag("section", tag("h2", title), *content)
+    return page(task.name, body)
 
 
 def _animations(results: Sequence[RunResult]) -> Markup:
@@ -86,7 +71,7 @@ def _animations(results: Sequence[RunResult]) -> Markup:
 
 def _paper(results: Sequence[RunResult]) -> list[Markup]:
     rows = section.paper_and_ours(results[0])
-    return [] if rows is None else [_part("The paper's numbers and ours", rows)]
+    return [] if rows is None else [part("The paper's numbers and ours", rows)]
 
 
 def _figures(results: Sequence[RunResult]) -> list[Markup]:
@@ -141,7 +126,7 @@ def _details(result: RunResult, several: bool) -> Markup:
         tag("details", tag("summary", "Motion and structure"), section.estimate(result)),
         tag("details", tag("summary", "Computing times"), section.timings(result)),
     ]
-    return _part(f"In detail: {_method(result)}" if several else "In detail", *parts)
+    return part(f"In detail: {_method(result)}" if several else "In detail", *parts)
 
 
 def _method(result: RunResult) -> str:

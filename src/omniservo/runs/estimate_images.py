@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from PIL import Image
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import ByteArray
+from omniservo.image_files import read_grey_image
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.in_view import require_in_view
 from omniservo.runs.see import see
@@ -71,15 +70,9 @@ def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:
     Raises:
         InputError: not an image, or not of the camera's size.
     """
-    try:
-        with Image.open(path) as picture:
-            if picture.size != (camera.width, camera.height):
-                raise InputError(
-                    f"{path}: {picture.size[0]}×{picture.size[1]} px; "
-                    f"the camera has {camera.width}×{camera.height}"
-                )
-            return np.asarray(picture.convert("L"), dtype=np.uint8)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: not an image that can be read: {error}") from None
+    image = read_grey_image(path)
+    if image.shape != (camera.height, camera.width):
+        raise InputError(
+            f"{path}: {image.shape[1]}×{image.shape[0]} px; the camera has {camera.width}×{camera.height}"
+        )
+    return image

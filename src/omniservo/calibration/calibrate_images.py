@@ -1,0 +1,148 @@
+"""From pictures of a board to a camera: find the board in each, calibrate, look again with the camera."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from omniservo.calibration.adjustment import Calibration, calibrate_camera
+from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_board, read_grey_image
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import AnswerIsNo, InputError
+
+MOST_IMAGES = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class ImageCalibration:
+    """A calibration and what was seen in each image."""
+
+    board: Board
+    images: tuple[Path, ...]
+    size: tuple[int, int]
+    """(width, height) of every image [px]"""
+    views: tuple[BoardView, ...]
+    """what was found in each image"""
+    calibrated: tuple[int, ...]
+    """places in ``images`` of the views that the calibration was given, in its order"""
+    calibration: Calibration
+    mirrored: bool
+    """whether the camera looks into a mirror; then one focal length is negative"""
+
+    @property
+    def camera(self) -> UnifiedCamera | None:
+        """The camera, of the mirror image where ``mirrored``; None where there is none."""
+        if self.calibration.camera is None:
+            return None
+        return self.calibration.mirrored() if self.mirrored else self.calibration.camera
+
+    def not_used(self) -> dict[int, str]:
+        """Return image → why it is not used, for every image that is not."""
+        reasons = {i: view.reason for i, view in enumerate(self.views) if not view.found}
+        dropped = self.calibration.views_dropped
+        return reasons | {self.calibrated[k]: reason for k, reason in dropped.items()}
+
+
+def calibrate_images(
+    images: Sequence[str | Path],
+    board: Board,
+    *,
+    distortion: Literal["auto", "none", "radtan"] = "auto",
+    mirrored: bool | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ImageCalibration:
+    """Return the camera that took these pictures of a board.
+
+    Circles, whose centres a first camera corrects, and images in which nothing was found are looked at once
+    more with that camera.
+
+    Args:
+        images: files, all of one size.
+        board: what they show.
+        distortion: see `calibrate_camera`.
+        mirrored: whether the camera looks into a mirror; None: what the boards say, which checkerboards and
+            circles cannot.
+        progress: told what is being done.
+
+    Raises:
+        InputError: a file that is no image, images of different sizes, none or too many.
+        AnswerIsNo: the board is in none of the images.
+    """
+    paths = tuple(Path(image) for image in images)
+    if not 1 <= len(paths) <= MOST_IMAGES:
+        raise InputError(f"images: {len(paths)} given; legal: 1 to {MOST_IMAGES}")
+    size = _common_size(paths)
+    views = _look(paths, board, (), None, progress)
+    found = _calibrated(views, size, distortion, progress)
+    if found.camera is not None and (isinstance(board, CircleGrid) or any(not v.found for v in views)):
+        again = _look(paths, board, views, found.camera, progress)
+        better = _calibrated(again, size, distortion, progress)
+        if better.camera is not None:
+            views, found = again, better
+    reflected = _mirrored(views) if mirrored is None else mirrored
+    calibrated = tuple(i for i, view in enumerate(views) if view.found)
+    return ImageCalibration(board, paths, size, tuple(views), calibrated, found, reflected)
+
+
+def _common_size(paths: Sequence[Path]) -> tuple[int, int]:
+    """Return the images' (width, height).
+
+    Raises:
+        InputError: they differ: it names the first that is not of the most frequent size.
+    """
+    sizes = []
+    for path in paths:
+        height, width = read_grey_image(path).shape
+        sizes.append((width, height))
+    size, _ = Counter(sizes).most_common(1)[0]
+    for path, other in zip(paths, sizes, strict=True):
+        if other != size:
+            raise InputError(f"{path}: {other[0]}×{other[1]} px; the other images have {size[0]}×{size[1]}")
+    return size
+
+
+def _look(
+    paths: Sequence[Path],
+    board: Board,
+    known: Sequence[BoardView],
+    camera: UnifiedCamera | None,
+    progress: Callable[[str], None],
+) -> list[BoardView]:
+    views = []
+    for i, path in enumerate(paths):
+        progress(f"looking for the board: {i + 1} of {len(paths)}")
+        if known and known[i].found and not isinstance(board, CircleGrid):
+            views.append(known[i])
+        else:
+            views.append(find_board(read_grey_image(path), board, camera))
+    return views
+
+
+def _calibrated(
+    views: Sequence[BoardView],
+    size: tuple[int, int],
+    distortion: Literal["auto", "none", "radtan"],
+    progress: Callable[[str], None],
+) -> Calibration:
+    found = [view for view in views if view.found]
+    if not found:
+        reason, count = Counter(view.reason for view in views).most_common(1)[0]
+        raise AnswerIsNo(f"the board is in none of the {len(views)} images; in {count} of them: {reason}")
+    progress(f"calibrating from {len(found)} views")
+    return calibrate_camera(
+        [np.asarray(view.pixels) for view in found],
+        [np.asarray(view.object_points) for view in found],
+        size,
+        distortion=distortion,
+    )
+
+
+def _mirrored(views: Sequence[BoardView]) -> bool:
+    """Tell whether most of the boards that can tell show their mirror image."""
+    said = [view.mirrored for view in views if view.found and view.mirrored is not None]
+    return sum(said) > len(said) / 2

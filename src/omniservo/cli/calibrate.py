@@ -1,0 +1,90 @@
+"""``omniservo camera calibrate``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.errors import AnswerIsNo
+
+if TYPE_CHECKING:
+    from omniservo.calibration import ImageCalibration
+    from omniservo.cameras import UnifiedCamera
+
+_BOARD = "checkerboard:8x6:0.042 (inner corners, square [m]), charuco:…, aprilgrid:…, circles:…"
+
+
+def calibrate(
+    images: Annotated[list[Path], typer.Argument(help="Pictures of the board, all of one size.")],
+    board: Annotated[str, typer.Option("--board", help=_BOARD)],
+    out: Annotated[Path | None, typer.Option("--out", help="Write the camera here.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
+    distortion: Annotated[
+        Literal["auto", "none", "radtan"],
+        typer.Option("--distortion", help="auto: only where views left out get better by it."),
+    ] = "auto",
+    mirror: Annotated[
+        bool | None, typer.Option("--mirror/--no-mirror", help="The camera looks into a mirror.")
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Calibrate a camera from pictures of a board."""
+    from omniservo.calibration import board_from_text, calibrate_images, save_camera
+    from omniservo.files import writable
+    from omniservo.reporting import write_calibration_report
+
+    for path in (out, report):
+        if path is not None:
+            writable(path, force=force)
+    output = Output(as_json, quiet)
+    target = board_from_text(board)
+    with output.working("looking for the board") as say:
+        result = calibrate_images(images, target, distortion=distortion, mirrored=mirror, progress=say)
+    if report is not None:
+        write_calibration_report(result, report, force=force)
+        output.line(f"report: {report}")
+    if result.camera is None:
+        raise AnswerIsNo(result.calibration.message)
+    if out is not None:
+        save_camera(result.camera, out, force=force)
+        output.line(f"camera: {out}")
+    for line in _lines(result):
+        output.line(line)
+    output.result(_fields(result, result.camera))
+
+
+def _lines(result: ImageCalibration) -> list[str]:
+    """Return the calibration's own sentences, images by their names."""
+    found = result.calibration
+    lines = [line for line in found.report().splitlines() if not line.startswith("view ")]
+    lines += [f"{result.images[i]}: not used: {reason}" for i, reason in sorted(result.not_used().items())]
+    for k, corners in sorted(found.corners_dropped.items()):
+        image = result.images[result.calibrated[k]]
+        lines += [f"{image}: corner {row} not used: {reason}" for row, reason in corners.items()]
+    return lines
+
+
+def _fields(result: ImageCalibration, camera: UnifiedCamera) -> dict[str, Any]:
+    found = result.calibration
+    held = found.held_out
+    return {
+        "status": found.status,
+        "camera": camera.to_dict(),
+        "rms_px": found.rms_px,
+        "held_out": None if held is None else {"px": held.px, "deg": held.deg},
+        "deviation_px": found.deviation_px,
+        "largest_angle": found.coverage.largest_angle,
+        "image_fraction": found.coverage.image_fraction,
+        "parameters": list(found.parameter_names),
+        "covariance": found.covariance.tolist(),
+        "identifiable": found.identifiable,
+        "used": [str(result.images[result.calibrated[k]]) for k in found.views_used],
+        "not_used": {str(result.images[i]): reason for i, reason in sorted(result.not_used().items())},
+        "seconds": found.seconds if math.isfinite(found.seconds) else None,
+    }

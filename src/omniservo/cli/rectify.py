@@ -1,0 +1,80 @@
+"""``omniservo camera rectify``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from omniservo.cli.camera_options import ModelOption, NameOption, SizeOption, open_camera, size_from_text
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.errors import InputError
+
+if TYPE_CHECKING:
+    from omniservo.cameras.rectify import ViewCamera
+
+_SIZES = {"tangent": (960, 720), "cylindrical": (1440, 720), "equirectangular": (1440, 720)}
+
+
+def rectify(
+    camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
+    image: Annotated[Path, typer.Argument(help="An image of that camera.")],
+    out: Annotated[Path, typer.Argument(help="Where to write (PNG).")],
+    view: Annotated[
+        Literal["tangent", "cylindrical", "equirectangular"],
+        typer.Option("--view", help="tangent: straight lines are straight; cylindrical: upright ones are."),
+    ] = "tangent",
+    direction: Annotated[
+        str, typer.Option("--direction", help="Where it looks, camera frame: x,y,z with z ahead, y down.")
+    ] = "0,0,1",
+    field_of_view: Annotated[
+        float | None, typer.Option("--field-of-view", help="Horizontal [deg]; tangent 90, cylindrical 180.")
+    ] = None,
+    view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT [px].")] = None,
+    name: NameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Resample an image into a perspective, cylindrical or equirectangular view."""
+    from omniservo.cameras.rectify import rectify as rectified
+    from omniservo.files import writable
+    from omniservo.image_files import read_image, write_png
+
+    output = Output(as_json, quiet)
+    if view == "equirectangular" and field_of_view is not None:
+        raise InputError("--field-of-view: given; an equirectangular view shows the whole sphere")
+    shape = _SIZES[view] if view_size is None else size_from_text("--view-size", view_size)
+    writable(out, force=force)
+    source = open_camera(camera, name, size, model)
+    seen = rectified(
+        source, read_image(image), _view(view, field_of_view, shape), direction=_direction(direction)
+    )
+    write_png(seen.image, out, force=force)
+    share = float(seen.valid.mean())
+    output.line(f"written: {out}; the camera sees {100.0 * share:.0f}% of it")
+    output.result({"out": str(out), "view": view, "size": list(shape), "seen": share})
+
+
+def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> ViewCamera:
+    from omniservo.cameras.rectify import cylindrical_view, equirectangular_view, perspective_view
+
+    if view == "tangent":
+        return perspective_view(math.radians(90.0 if field_of_view is None else field_of_view), size)
+    if view == "cylindrical":
+        return cylindrical_view(math.radians(180.0 if field_of_view is None else field_of_view), size)
+    return equirectangular_view(size)
+
+
+def _direction(text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise InputError(f"--direction: {text!r:.60} given; legal: x,y,z")
+    return numbers

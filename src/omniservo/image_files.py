@@ -1,0 +1,93 @@
+"""Image files at the program's edge: read within bounds, written whole or not at all."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from omniservo.errors import InputError
+from omniservo.files import write_whole
+from omniservo.geometry.arrays import ByteArray
+
+MOST_PIXELS = 100_000_000
+"""Largest image that is read."""
+
+
+def read_image(path: str | Path) -> ByteArray:
+    """Return an image file's pixels as they are stored: grey (height, width) or colours (height, width, 3).
+
+    Raises:
+        InputError: missing, not an image that can be read, or more than 10⁸ pixels.
+    """
+    with _opened(path) as picture:
+        if _has_many_bits(picture):
+            return _of_many_bits(np.asarray(picture, dtype=np.float64), path)
+        grey = picture.mode in ("1", "L", "LA")
+        return np.asarray(picture.convert("L" if grey else "RGB"), dtype=np.uint8)
+
+
+def read_grey_image(path: str | Path) -> ByteArray:
+    """Return an image file as grey values (height, width), its pixels as they are stored.
+
+    Images of 16 bits are divided by 256, or by what makes their brightest pixel 255 where that is less: a
+    sensor of 12 bits does not use all 16.
+
+    Raises:
+        InputError: missing, not an image that can be read, or more than 10⁸ pixels.
+    """
+    with _opened(path) as picture:
+        if _has_many_bits(picture):
+            return _of_many_bits(np.asarray(picture, dtype=np.float64), path)
+        return np.asarray(picture.convert("L"), dtype=np.uint8)
+
+
+def image_size(path: str | Path) -> tuple[int, int]:
+    """Return an image file's (width, height) [px]; its pixels are not decoded.
+
+    Raises:
+        InputError: missing, not an image that can be read, or more than 10⁸ pixels.
+    """
+    with _opened(path) as picture:
+        width, height = picture.size
+        return width, height
+
+
+def write_png(image: npt.NDArray[np.uint8], path: str | Path, *, force: bool = False) -> None:
+    """Write grey values or colours as PNG; see `write_whole`."""
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, "PNG")
+    write_whole(path, stream.getvalue(), force=force)
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[Any]:
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            if width * height > MOST_PIXELS:
+                raise InputError(f"{path}: {width}×{height} pixels; at most {MOST_PIXELS} are read")
+            yield picture
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path}: not an image that can be read: {error}") from None
+
+
+def _has_many_bits(picture: Any) -> bool:
+    return bool(picture.mode.startswith("I") or picture.mode == "F")
+
+
+def _of_many_bits(values: np.typing.NDArray[np.float64], path: str | Path) -> ByteArray:
+    if not np.isfinite(values).all():
+        raise InputError(f"{path}: grey values that are not finite")
+    brightest = max(float(values.max()), 1.0)
+    return np.asarray((values.clip(0.0) * (255.0 / min(brightest, 65535.0))).clip(0, 255), dtype=np.uint8)

@@ -1,0 +1,121 @@
+"""The HTML report of a calibration: one file that needs nothing else."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from omniservo.calibration import Calibration, ImageCalibration
+from omniservo.calibration.adjustment.calibration import parameter_values
+from omniservo.cameras import UnifiedCamera
+from omniservo.files import write_whole
+from omniservo.reporting.calibration_figures import calibration_drawings, view_residuals
+from omniservo.reporting.camera_field import draw_field
+from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.html import Markup, inlined, page, part, table, tag, tiles
+from omniservo.reporting.spelling import NOTHING, significant
+from omniservo.reporting.style import Drawing
+
+
+def write_calibration_report(result: ImageCalibration, path: str | Path, *, force: bool = False) -> None:
+    """Write the report; it holds its figures.
+
+    Raises:
+        InputError: the file exists and ``force`` is False, or it cannot be written.
+    """
+    write_whole(path, calibration_html(result), force=force)
+
+
+def calibration_html(result: ImageCalibration) -> str:
+    """Return the report's text."""
+    found = result.calibration
+    body = [
+        tag(
+            "header",
+            tag("p", "omniservo", class_="brand"),
+            tag("h1", "Camera calibration"),
+            tag(
+                "p",
+                f"{len(result.images)} images of {result.size[0]} × {result.size[1]} px",
+                class_="summary",
+            ),
+        ),
+        tag(
+            "div",
+            tag("strong", "Calibrated" if found.status == "ok" else "No camera"),
+            *(tag("p", line) for line in found.report().splitlines()[:1]),
+            class_="verdict good" if found.status == "ok" else "verdict bad",
+        ),
+    ]
+    if result.camera is not None:
+        drawn = [*calibration_drawings(result), *draw_field(result.camera, result.camera)]
+        body += [
+            tiles(_numbers(found, result.camera)),
+            part("The camera", _parameters(result), *_words(result)),
+            part("Figures", tag("div", *(_figure(d) for d in drawn), class_="figures")),
+        ]
+    body.append(part("Images", _images(result)))
+    return page("camera calibration", body)
+
+
+def _numbers(found: Calibration, camera: UnifiedCamera) -> list[tuple[str, str, str]]:
+    held = found.held_out
+    return [
+        ("Left over", f"{significant(found.rms_px)} px", f"rms of {len(found.views_used)} views"),
+        (
+            "On views left out",
+            NOTHING if held is None else f"{significant(held.deg)}°",
+            "" if held is None else f"{significant(held.px)} px, the corners' noise included",
+        ),
+        (
+            "Pixels are right within",
+            f"{significant(camera.deviation_px)} px",
+            "95%, anywhere in the camera's field; plans keep it as a margin",
+        ),
+        (
+            "Usable to",
+            f"{math.degrees(camera.usable_angle):.1f}°",
+            f"from the axis; outermost corner at {math.degrees(found.coverage.largest_angle):.1f}°",
+        ),
+    ]
+
+
+def _parameters(result: ImageCalibration) -> Markup:
+    found = result.calibration
+    rows = [
+        [name, f"{value:.6g}", f"± {std:.2g}", "yes" if found.identifiable.get(name) else "no"]
+        for name, value, std in zip(
+            found.parameter_names, parameter_values(found), found.standard_deviations, strict=True
+        )
+    ]
+    return table(
+        ["parameter", "value", "standard deviation", "known to 1% (centre, distortion: of the image)"], rows
+    )
+
+
+def _words(result: ImageCalibration) -> list[Markup]:
+    found = result.calibration
+    lines = [line for line in found.report().splitlines()[2:] if not line.startswith("view ")]
+    if result.mirrored:
+        lines.append("The camera looks into a mirror: fy (and p1) of the file have the opposite sign.")
+    return [tag("p", line) for line in lines]
+
+
+def _figure(drawing: Drawing) -> Markup:
+    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
+    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words, class_="half")
+
+
+def _images(result: ImageCalibration) -> Markup:
+    seen, reasons = view_residuals(result), result.not_used()
+    dropped = {result.calibrated[k]: rows for k, rows in result.calibration.corners_dropped.items()}
+    rows: list[list[str | Markup]] = []
+    for i, (image, view) in enumerate(zip(result.images, result.views, strict=True)):
+        left = seen[i][1] if i in seen else None
+        rms = NOTHING if left is None else significant(float(np.sqrt(np.mean(np.sum(left**2, axis=1)))))
+        said = reasons.get(i) or "; ".join(f"corner {row}: {why}" for row, why in dropped.get(i, {}).items())
+        mark = tag("span", "no", class_="no") if i in reasons else tag("span", "yes", class_="ok")
+        rows.append([image.name, str(len(view)), mark, rms, said])
+    return table(["image", "corners found", "used", "rms [px]", "what is not used, and why"], rows)

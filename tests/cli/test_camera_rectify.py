@@ -1,0 +1,109 @@
+"""``omniservo camera rectify`` and the figures of ``show``."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from omniservo.cameras import preset
+from omniservo.cli.main import main
+
+
+def done(arguments):
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert not end.value.code
+
+
+@pytest.fixture
+def picture(tmp_path):
+    """A picture of the paper's fisheye whose grey is the longitude, with a red channel of its own."""
+    camera = preset("fe185")
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width].astype(float)
+    rays, valid = camera.unproject(np.stack([u, v], axis=-1))
+    longitude = np.degrees(np.arctan2(rays[..., 0], rays[..., 2]))
+    grey = np.where(valid, np.nan_to_num(128 + longitude), 0)
+    path = tmp_path / "fisheye.png"
+    Image.fromarray(np.stack([grey, grey, 0 * grey + 7], axis=-1).astype(np.uint8)).save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "size", "middle"),
+    [
+        (["--view-size", "200x100"], (200, 100), 128),
+        (["--direction", "1,0,1", "--view-size", "201x101", "--field-of-view", "40"], (201, 101), 173),
+        (["--view", "cylindrical", "--view-size", "361x101"], (361, 101), 128),
+        (["--view", "equirectangular", "--view-size", "360x180"], (360, 180), 128),
+    ],
+)
+def test_view_is_written(picture, tmp_path, capsys, options, size, middle):
+    out = tmp_path / "view.png"
+    done(["camera", "rectify", "fe185", str(picture), str(out), "--json", *options])
+    said = json.loads(capsys.readouterr().out)
+    image = np.asarray(Image.open(out))
+    assert image.shape == (size[1], size[0], 3)
+    assert abs(int(image[size[1] // 2, size[0] // 2, 0]) - middle) <= 1
+    assert image[size[1] // 2, size[0] // 2, 2] == 7
+    assert 0.3 < said["seen"] <= 1.0
+
+
+def test_columns_of_the_cylinder_are_meridians(picture, tmp_path):
+    out = tmp_path / "view.png"
+    options = ["--view", "cylindrical", "--view-size", "180x90", "--field-of-view", "120", "--quiet"]
+    done(["camera", "rectify", "fe185", str(picture), str(out), *options])
+    row = np.asarray(Image.open(out))[45, :, 0].astype(float)
+    longitude = (np.arange(180) - 89.5) * 120 / 180
+    assert np.abs(row - 128 - longitude).max() < 2.0
+    assert math.isclose(row[90] - row[89], 120 / 180, abs_tol=1.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        (["--view-size", "200"], "--view-size"),
+        (["--view-size", "99999x99999"], "size"),
+        (["--direction", "1,0"], "--direction"),
+        (["--direction", "0,0,0"], "direction"),
+        (["--field-of-view", "180"], "field_of_view"),
+        (["--field-of-view", "nan"], "field_of_view"),
+        (["--view", "equirectangular", "--field-of-view", "90"], "--field-of-view"),
+    ],
+)
+def test_wrong_options_are_one_message(picture, tmp_path, capsys, options, named):
+    out = tmp_path / "view.png"
+    with pytest.raises(SystemExit) as end:
+        main(["camera", "rectify", "fe185", str(picture), str(out), *options])
+    said = capsys.readouterr().err
+    assert end.value.code == 2
+    assert named in said
+    assert not out.exists()
+
+
+def test_an_image_of_another_camera_is_refused(picture, tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["camera", "rectify", "perspective", str(picture), str(tmp_path / "view.png")])
+    assert end.value.code == 2
+    assert "image: shape (432, 659, 3) given" in capsys.readouterr().err
+
+
+def test_show_draws_the_field(tmp_path, capsys):
+    folder = tmp_path / "field"
+    done(["camera", "show", "fe185", "--out", str(folder)])
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "camera-density.png",
+        "camera-density.svg",
+        "camera-field.png",
+        "camera-field.svg",
+    ]
+    assert "past 90 deg" in capsys.readouterr().out
+
+
+def test_show_cannot_draw_into_a_file(tmp_path, capsys):
+    (tmp_path / "field").write_text("mine")
+    with pytest.raises(SystemExit) as end:
+        main(["camera", "show", "fe185", "--out", str(tmp_path / "field")])
+    assert end.value.code == 2
+    assert "--out" in capsys.readouterr().err
