@@ -109,8 +109,3 @@ def test_what_is_no_convex_polygon_is_refused_with_the_reason(name):
     with pytest.raises(InputError, match=message) as caught:
         camera(given)
     assert re.match(r"mask(\[\d+\])?: ", str(caught.value))
-
-
-def test_a_mask_with_distortion_is_not_supported_yet():
-    with pytest.raises(InputError, match="mask: given with distortion; both together are not supported yet"):
-        camera([SQUARE], distortion=(0.1, 0, 0, 0))

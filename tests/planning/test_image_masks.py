@@ -188,3 +188,22 @@ def test_a_plan_keeps_the_mask_in_its_camera(tmp_path):
     plan.save(tmp_path / "plan.json")
     assert json.loads((tmp_path / "plan.json").read_text())["problem"]["camera"]["mask"] == [BLOCK]
     assert Plan.load(tmp_path / "plan.json").problem.camera == plan.problem.camera
+
+
+def test_a_distorted_camera_plans_round_its_mask_and_both_judges_agree():
+    bare = UnifiedCamera(300.0, 298.0, 320.0, 216.0, 1.2, 659, 432, distortion=(-0.05, 0.01, 1e-3, -5e-4))
+    ends = bare.project(np.array(problem([]).points))[0]
+    middle = ends.mean(axis=0) * [0.0, 1.0] + [320.0, 0.0]
+    corners = (middle + np.array([[-25, -20], [20, -25], [30, 10], [0, 25]])).tolist()
+    camera = UnifiedCamera.from_dict(bare.to_dict() | {"mask": [corners]})
+    asked = problem([], camera=camera.to_dict(), visibility_margin=3.0)
+    straight = CameraPath([[0.0, 0.0]] * 3 + [[0.0, 1.0]], [[0.7, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    assert certify(asked, straight)[0] == "refuted"
+    plan = plan_path(asked)
+    assert plan.status == "certified", plan.reason
+    truth = beyond(corners, pixels_along(bare, plan.path, asked.points, FINE)).min() - 3.0
+    stated = next(c.margin for c in plan.certificate.constraints if "mask" in c.name)
+    assert truth - 1.0 < stated <= truth
+    assert verify_plan(plan).status == "certified"
+    more = problem([], camera=camera.to_dict(), visibility_margin=3.5 + truth)
+    assert certify(more, plan.path)[0] == "refuted"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from sampled_plans import camera, path, plan, problem, slack, true_margins
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.verification import verify_plan
 
 SQUARE = [[300.0, 100.0], [340.0, 100.0], [340.0, 140.0], [300.0, 140.0]]
@@ -98,10 +99,31 @@ def test_a_mask_that_is_no_strictly_convex_polygon_is_refuted(mask):
     assert "problem.camera.mask" in answer.reasons[0]
 
 
-def test_a_mask_of_a_distorted_camera_is_not_judged():
-    asked = problem()
-    asked["camera"] |= {"mask": [SQUARE], "distortion": [0.01, 0.0, 0.0, 0.0]}
-    way = path(asked)
-    answer = verify_plan(plan(asked, way, {"rotation": 0.0, "clearance obstacle 0": 0.0}))
-    assert answer.status == "undecided"
-    assert "mask" in answer.reasons[0]
+def test_masks_of_a_distorted_camera_are_judged_as_sampling_judges_them():
+    rng = np.random.default_rng(5)
+    seen = {"certified": 0, "refuted": 0}
+    fields = camera("hyper-catadioptric") | {"skew": 0.0, "dead_zone": None, "max_angle": None}
+    lens = UnifiedCamera.from_dict(fields | {"distortion": [-0.08, 0.02, 1e-3, -5e-4]})
+    polygon = lens.image_limits(2.0).polygon.tolist()
+    for k in range(14):
+        points = rng.uniform([-0.1, -0.1, 0.6], [0.1, 0.1, 0.8], (2, 3))
+        near = lens.project(points[0])[0] + rng.normal(size=2) * (20.0 if k % 2 else 80.0)
+        masked = lens.to_dict() | {"mask": [random_polygon(rng, near)]}
+        asked = problem(camera=masked, points=points.tolist(), obstacles=[], visibility_margin=2.0)
+        way = path(asked, rng.normal(size=3) * 0.05, rng.normal(size=4) * 0.05)
+        truth = true_margins(asked, way, 4001)
+        margin = truth["visibility mask 0"][0]
+        if abs(margin) < 0.5:
+            continue
+        margins = {n: m - slack(m) for n, (m, _, _) in truth.items() if "mask" not in n}
+        margins |= {"visibility polygon": 0.0, "visibility mask 0": max(0.0, margin - 0.5)}
+        document = plan(asked, way, margins)
+        document["certificate"]["polygon"] = polygon
+        answer = verify_plan(document)
+        assert answer.status == ("certified" if margin > 0 else "refuted"), answer.reasons
+        seen[answer.status] += 1
+        if margin > 0:
+            overstated = plan(asked, way, margins | {"visibility mask 0": margin * (1 + 1e-9)})
+            overstated["certificate"]["polygon"] = polygon
+            assert verify_plan(overstated).status == "refuted"
+    assert min(seen.values()) >= 2, seen

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from omniservo.cameras.dead_zone import DeadZone
+from omniservo.cameras.distorted_mask import distort
 from omniservo.cameras.distortion import least_stretch
 from omniservo.cameras.model_domain import radius_of_angle
 from omniservo.cameras.unified_kernels import undistort
@@ -125,16 +126,6 @@ def _disc(camera: UnifiedCamera, margin_px: float) -> float:
     return min(usable, float(r[1:][np.searchsorted(inside, needed)]))
 
 
-def _distort(camera: UnifiedCamera, m: FloatArray) -> FloatArray:
-    """Return the pixels of plane points (…, 2), without any check."""
-    k1, k2, p1, p2 = camera.distortion
-    x, y = m[..., 0], m[..., 1]
-    r2 = x * x + y * y
-    factor = 1.0 + r2 * (k1 + r2 * k2) + 2.0 * (p2 * x + p1 * y)
-    dx, dy = x * factor + p2 * r2, y * factor + p1 * r2
-    return np.stack([camera.fx * dx + camera.skew * dy + camera.cx, camera.fy * dy + camera.cy], axis=-1)
-
-
 def _plane_point(camera: UnifiedCamera, pixel: FloatArray) -> tuple[float, float, bool]:
     py = (float(pixel[1]) - camera.cy) / camera.fy
     px = (float(pixel[0]) - camera.cx - camera.skew * py) / camera.fx
@@ -178,7 +169,7 @@ def _first_exit(
 
     def inside(distances: FloatArray) -> BoolArray:
         m = middle + distances[..., None] * rays
-        p = _distort(camera, m)
+        p = distort(camera, m)
         seen: BoolArray = ((p >= low) & (p <= high)).all(axis=-1) & (np.hypot(m[..., 0], m[..., 1]) <= radius)
         return seen
 
@@ -259,7 +250,7 @@ def _edges_inside(camera: UnifiedCamera, polygon: FloatArray, low: FloatArray, h
     """Prove that the image of every edge lies in the rectangle; False where the proof does not succeed."""
     along = np.roll(polygon, -1, axis=0) - polygon
     t = (np.arange(_PIECES)[:, None] + np.linspace(0.0, 1.0, 6)) / _PIECES
-    samples = _distort(camera, polygon[:, None, None] + t[..., None] * along[:, None, None])
+    samples = distort(camera, polygon[:, None, None] + t[..., None] * along[:, None, None])
     coefficients = np.einsum("ij,epjc->epic", _bernstein_from_samples(), samples)
     lowest, highest = coefficients.min(axis=(0, 1, 2)), coefficients.max(axis=(0, 1, 2))
     return bool((lowest >= low + _TOLERANCE_PX).all() and (highest <= high - _TOLERANCE_PX).all())

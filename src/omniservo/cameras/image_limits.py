@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omniservo.cameras.dead_zone import DeadZone
+from omniservo.cameras.distorted_mask import mask_on_plane
 from omniservo.cameras.distorted_region import convex_polygon, dead_zone_on_plane, smallest_scale
 from omniservo.cameras.image_mask import outward_edges
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain, radius_of_angle
@@ -43,7 +44,8 @@ class ImageLimits:
     """Grown by the margin; a disc [px] in the image K m of the undistorted plane. Points are outside it."""
     mask: tuple[FloatArray, ...]
     """Of every polygon of the mask, grown by the margin, the edges' lines (k, 3): unit n and b [px]. A pixel
-    is outside where n·p ≥ b for one of them"""
+    is outside where n·p ≥ b for one of them. For a distorted camera lines in the image K m, and only of
+    those polygons of which ``polygon`` shows anything"""
     polygon: FloatArray | None
     """For a distorted camera: (k−1, 2) corners of a convex polygon on the plane m, counter-clockwise, inside
     the region that the image shows with the margin; else None"""
@@ -108,7 +110,9 @@ def _distorted_limits(camera: UnifiedCamera, margin: float) -> ImageLimits:
     rows = np.vstack([domain, np.column_stack([a, b, -e, e * camera.xi])])
     names = ("domain", *(f"polygon {i}" for i in range(len(polygon))))
     zone = None if camera.dead_zone is None else dead_zone_on_plane(camera, camera.dead_zone, margin)
-    return _limits(rows, names, zone, (), polygon)
+    covers = (mask_on_plane(camera, corners, margin, polygon) for corners in camera.mask)
+    masks = tuple(cover for cover in covers if cover is not None)
+    return _limits(rows, names, zone, masks, polygon)
 
 
 def _limits(

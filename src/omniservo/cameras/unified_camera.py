@@ -67,7 +67,7 @@ class UnifiedCamera:
         max_angle: largest angle from the axis that the lens sees [rad], in (0, π], or None.
         dead_zone: where the image shows the camera itself; see `DeadZoneLike`.
         mask: where else it shows the camera itself, or nothing: at most 64 strictly convex polygons of 3 to
-            64 corners (u, v) [px], in either order round. Not together with distortion.
+            64 corners (u, v) [px], in either order round.
         deviation_px: how far a true pixel may lie from `project`'s [px]: what a conversion from another model
             or a calibration leaves. Plans keep it in addition to their visibility margin.
 
@@ -125,8 +125,6 @@ class UnifiedCamera:
             mask=mask_from(mask),
             deviation_px=finite_number("deviation_px", deviation_px, minimum=0.0, maximum=LARGEST_PX),
         )
-        if self.mask and self.is_distorted:
-            raise InputError("mask: given with distortion; both together are not supported yet")
         self._bound_domain()
 
     def _set(self, **fields: Any) -> None:

@@ -9,9 +9,9 @@ from omniservo.verification.decision import HOLDS, Finding, decide
 from omniservo.verification.enclosures import root_above, root_below
 from omniservo.verification.fields import Vector
 from omniservo.verification.image_limits import Line
-from omniservo.verification.pixels import pixel
-from omniservo.verification.plan_file import Problem
-from omniservo.verification.polynomials import Polynomial, bernstein, combine, integers, squares
+from omniservo.verification.pixels import combine_sums, distorted, pixel
+from omniservo.verification.plan_file import Camera, Problem
+from omniservo.verification.polynomials import Polynomial, bernstein, combine, integers, squares, times
 
 
 def masks(problem: Problem) -> list[Constraint[CameraPoint]]:
@@ -24,9 +24,12 @@ def _mask(problem: Problem, index: int, corners: tuple[Vector, ...]) -> Constrai
     camera, lines = problem.camera, _edges(corners)
 
     def judge(margin: Fraction) -> Judge[CameraPoint]:
+        asked = problem.visibility_margin + margin
+        moved = [(l1, l2, l3 - _outward(l1 * l1 + l2 * l2, asked)) for l1, l2, l3 in lines]
+        if any(camera.distortion):
+            return lambda point: _distorted_beyond_one(point, camera, moved)
         cones = []
-        for l1, l2, l3 in lines:
-            l3 -= _outward(l1 * l1 + l2 * l2, problem.visibility_margin + margin)
+        for l1, l2, l3 in moved:
             d = l1 * camera.cx + l2 * camera.cy + l3
             cones.append(integers(l1 * camera.fx, l1 * camera.skew + l2 * camera.fy, d, d * camera.xi))
         return lambda point: _beyond_one(point, cones)
@@ -40,6 +43,27 @@ def _mask(problem: Problem, index: int, corners: tuple[Vector, ...]) -> Constrai
         return beyond - float(problem.visibility_margin)
 
     return Constraint(f"visibility mask {index}", "px", judge, left)
+
+
+def _distorted_beyond_one(point: CameraPoint, camera: Camera, lines: list[Line]) -> Finding:
+    """Decide whether at every w the distorted pixel is beyond at least one line.
+
+    Times D⁵ that is a + bρ ≥ 0: a ≥ 0 and b ≥ 0, or a ≥ 0 and a² ≥ b²q, or b ≥ 0 and b²q ≥ a².
+    """
+    x, y, d = distorted(point, camera)
+    polynomials: list[Polynomial] = []
+    branches: list[tuple[int, ...]] = []
+    for l1, l2, l3 in lines:
+        weights = integers(
+            l1 * camera.fx, l1 * camera.skew + l2 * camera.fy, l1 * camera.cx + l2 * camera.cy + l3
+        )
+        a, b = combine_sums(*zip(weights, (x, y, d), strict=True))
+        if min(bernstein(a)) >= 0 and min(bernstein(b)) >= 0:
+            return HOLDS
+        first, g = len(polynomials), combine((1, squares(a)), (-1, times(squares(b), point.q)))
+        polynomials += [a, b, g, [-c for c in g]]
+        branches += [(first, first + 1), (first, first + 2), (first + 1, first + 3)]
+    return decide(polynomials, branches)
 
 
 def _edges(corners: tuple[Vector, ...]) -> list[Line]:

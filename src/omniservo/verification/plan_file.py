@@ -254,8 +254,6 @@ def _camera(problem: Fields) -> Camera:
         raise Malformed(f"problem.camera.max_angle: {float(angle)} given; legal: up to pi")
     distortion = numbers(camera.get("distortion", (0, 0, 0, 0)), 4, "problem.camera.distortion")
     mask = _mask(camera)
-    if mask and any(distortion):
-        raise NotJudged("problem.camera.mask: this verifier does not judge a mask of a distorted camera")
     return Camera(
         fx=fx,
         fy=fy,

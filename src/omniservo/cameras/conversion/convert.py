@@ -80,8 +80,6 @@ def convert(
 def _candidates(model: CentralModel, kind: type[CentralModel]) -> list[CentralModel]:
     """Return the fitted cameras of a class, one for each way to fit it."""
     families = [family for family in FAMILIES if family.kind is kind]
-    if model.mask and kind is UnifiedCamera:  # which does not take a mask together with distortion
-        families = [family for family in families if not family.tangential]
     field, cameras, refusals = field_of(model), [], []
     for family in families:
         try:

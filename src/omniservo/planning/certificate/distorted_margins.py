@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from omniservo.cameras import ImageLimits
+from omniservo.cameras.distorted_mask import mask_on_plane
+from omniservo.cameras.image_mask import distance_beyond
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED
@@ -15,12 +18,16 @@ from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import ConstraintMargin
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.image_mask import prove_outside_masks
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import demands_of
 
 LOOKS = 256
 """The path is looked at so many times, evenly."""
+
+_POLYGON = "visibility polygon"
+_MASK = "visibility mask "
 
 FINE_PX = 0.2
 """A margin is bisected until it is known so closely."""
@@ -29,7 +36,7 @@ FINE_PX = 0.2
 def distorted_margins(
     problem: PlanningProblem, demands: Demands, rotation: FloatArray, translation: FloatArray
 ) -> tuple[list[ConstraintMargin], list[int], FloatArray | None]:
-    """Return the margins "visibility polygon" and "dead_zone", their statuses, and the polygon of the first.
+    """Return the margins "visibility polygon", "dead_zone" and of masks, their statuses, and the polygon.
 
     The polygon lies inside the region that the image shows, so a margin is not as large as the truth
     allows where the path uses what the polygon leaves out; what only the polygon forbids is UNDECIDED.
@@ -41,10 +48,13 @@ def distorted_margins(
 
         def proven(margin: float, name: str = name) -> ImageLimits | None:
             try:
-                limits = problem.camera.image_limits(margin_px + margin)
+                limits = _limits_of(problem, name, margin_px + margin)
             except InputError:
                 return None
             kept = demands_of(problem, limits)
+            if name.startswith(_MASK):
+                edges, firsts = kept.mask_edges, kept.mask_firsts
+                return limits if prove_outside_masks(*controls, count, edges, firsts)[0] == PROVEN else None
             only_zone = name == "dead_zone"
             rows = kept.limits[:0] if only_zone else kept.limits
             disc = kept.disc if only_zone else np.zeros(0)
@@ -57,9 +67,20 @@ def distorted_margins(
             status = REFUTED
         found.append(ConstraintMargin(f"{name} (point {point})", margin if limits else least, "px", w))
         statuses.append(status)
-        if name != "dead_zone":
+        if name == _POLYGON:
             polygon = limits.polygon if limits else problem.camera.image_limits(margin_px).polygon
     return found, statuses, polygon
+
+
+def _limits_of(problem: PlanningProblem, name: str, margin_px: float) -> ImageLimits:
+    """Return the limits moved inward by a margin; of a mask alone, where the path keeps to the polygon."""
+    camera = problem.camera
+    if not name.startswith(_MASK):
+        return camera.image_limits(margin_px)
+    kept = camera.image_limits(problem.image_margin)
+    region = np.zeros((0, 2)) if kept.polygon is None else kept.polygon
+    cover = mask_on_plane(camera, camera.mask[int(name.removeprefix(_MASK))], margin_px, region)
+    return replace(kept, mask=() if cover is None else (cover,))
 
 
 def _largest(proven: Callable[[float], ImageLimits | None], seen: float) -> tuple[float, ImageLimits | None]:
@@ -81,7 +102,7 @@ def _largest(proven: Callable[[float], ImageLimits | None], seen: float) -> tupl
 
 
 def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str, tuple[float, float, int]]]:
-    """Return (name, (smallest margin seen, w, point)) of the image's border and of the dead zone [px]."""
+    """Return (name, (smallest margin seen, w, point)) of border, dead zone and masks [px]."""
     camera = problem.camera
     w = np.linspace(0.0, 1.0, LOOKS + 1)
     poses = path(w)
@@ -91,10 +112,13 @@ def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str,
     size = np.array([camera.width, camera.height])
     border = np.minimum(pixels + 0.5, size - 0.5 - pixels).min(axis=-1)
     border = np.where(valid, border, -math.inf)
-    seen = [("visibility polygon", border)]
+    seen = [(_POLYGON, border)]
     if camera.dead_zone is not None:
         away = np.linalg.norm(pixels - np.array(camera.dead_zone.center), axis=-1) - camera.dead_zone.radius
         seen.append(("dead_zone", np.where(valid, away, math.inf)))
+    for i, corners in enumerate(camera.mask):
+        away = distance_beyond((corners,), pixels)
+        seen.append((f"{_MASK}{i}", np.where(valid, away, math.inf)))
     result = []
     for name, values in seen:
         step, point = np.unravel_index(int(np.argmin(values)), values.shape)
