@@ -171,7 +171,7 @@ def test_the_result_states_itself_consistently(clean, drawn):
     assert clean.camera.max_angle <= clean.coverage.largest_angle + np.radians(3.001)
     assert 0.2 < clean.coverage.image_fraction < 0.9
     assert clean.held_out.px == pytest.approx(clean.rms_px, rel=0.15)
-    assert clean.deviation_turned_px <= clean.deviation_px == clean.camera.deviation_px
+    assert clean.camera.deviation_px == clean.deviation_turned_px <= clean.deviation_px
     assert (np.diff(clean.ray_angles) > 0.0).all()
 
 

@@ -173,11 +173,14 @@ def test_a_fold_inside_the_image_is_said_and_stays_outside_the_camera():
     assert conversion.residual.lost < 0.02
 
 
-def test_a_mask_is_kept_and_leaves_the_camera_without_distortion():
-    masked = KannalaBrandt(190.0, 190.0, 255.0, 255.0, 512, 512, k=KB, mask=MASK, max_angle=1.2)
-    camera = to_unified(masked, largest_px=5.0).camera
-    assert camera.mask == masked.mask
-    assert not camera.is_distorted
+def test_a_mask_is_kept_and_costs_nothing():
+    fields = {"k": KB, "max_angle": 1.2}
+    masked = KannalaBrandt(190.0, 190.0, 255.0, 255.0, 512, 512, **fields, mask=MASK)
+    bare = to_unified(KannalaBrandt(190.0, 190.0, 255.0, 255.0, 512, 512, **fields))
+    found = to_unified(masked)
+    assert found.camera.mask == masked.mask
+    assert found.camera.distortion == pytest.approx(bare.camera.distortion, rel=0.05)
+    assert found.residual.largest_px < bare.residual.largest_px + 0.02
 
 
 @pytest.mark.parametrize(

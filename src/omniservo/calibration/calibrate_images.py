@@ -11,9 +11,10 @@ from typing import Literal
 import numpy as np
 
 from omniservo.calibration.adjustment import Calibration, calibrate_camera
-from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_board, read_grey_image
+from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_board
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo, InputError
+from omniservo.image_files import image_size, read_grey_image
 
 MOST_IMAGES = 2000
 
@@ -95,10 +96,7 @@ def _common_size(paths: Sequence[Path]) -> tuple[int, int]:
     Raises:
         InputError: they differ: it names the first that is not of the most frequent size.
     """
-    sizes = []
-    for path in paths:
-        height, width = read_grey_image(path).shape
-        sizes.append((width, height))
+    sizes = [image_size(path) for path in paths]
     size, _ = Counter(sizes).most_common(1)[0]
     for path, other in zip(paths, sizes, strict=True):
         if other != size:

@@ -58,7 +58,7 @@ def mask_on_plane(
         hidden = straight
     lines = _hull_lines(hidden)
     for beyond in _BEYOND_PX:
-        moved = lines + np.array([0.0, 0.0, beyond])
+        moved = np.asarray(lines + np.array([0.0, 0.0, beyond]), dtype=np.float64)
         parts = [part for line in moved if (part := _beyond(straight, line)) is not None]
         if _shows_nothing(camera, parts, grown):
             return moved

@@ -73,14 +73,24 @@ def show(
 
 def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> dict[str, Any]:
     """Say how the unified model stands for a camera, and what planning then keeps to."""
+    from omniservo.cameras.polygon_shortfall import polygon_shortfall
+
     for warning in conversion.warnings:
         output.line(f"{'warning':<14} {warning}")
     if conversion.camera is not shown:
         output.line(f"{'as unified':<14} {_spelled(conversion.residual)}")
     limits = conversion.camera.image_limits()
     output.line(f"{'limits':<14} {', '.join(limits.names)}")
+    shortfall = polygon_shortfall(conversion.camera)
+    if limits.polygon is not None:
+        output.line(f"{'polygon':<14} leaves out {100.0 * shortfall:.2f}% of the image's usable part")
     unified = {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)}
-    return {"warnings": list(conversion.warnings), "unified": unified, "limits": list(limits.names)}
+    return {
+        "warnings": list(conversion.warnings),
+        "unified": unified,
+        "limits": list(limits.names),
+        "polygon_shortfall": shortfall,
+    }
 
 
 def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path, output: Output) -> None:

@@ -82,7 +82,7 @@ def calibrate_camera(
     size = read_size(image_size)
     if distortion not in ("auto", "none", "radtan"):
         raise InputError(f"distortion: {spelled(distortion)} given; legal: 'auto', 'none', 'radtan'")
-    _check_camera(camera, size, distortion)
+    _check_camera(camera, size)
     views, useless = read_views(image_points, object_points, size)
     try:
         result = _calibrate(views, useless, size, distortion, camera)
@@ -210,7 +210,7 @@ def _distorted(selection: Selection, plain: State, size: tuple[int, int]) -> tup
     return refine(views, posed, _ALL, keep=keep, iterations=200)
 
 
-def _check_camera(camera: UnifiedCamera | None, size: tuple[int, int], distortion: Distortion) -> None:
+def _check_camera(camera: UnifiedCamera | None, size: tuple[int, int]) -> None:
     if camera is None:
         return
     if not isinstance(camera, UnifiedCamera):
@@ -220,5 +220,3 @@ def _check_camera(camera: UnifiedCamera | None, size: tuple[int, int], distortio
         raise InputError(f"camera: made for {given} px, image_size is {size[0]} × {size[1]}")
     if camera.skew != 0.0:
         raise InputError(f"camera: skew {camera.skew:g} given; a calibration has skew 0")
-    if camera.mask and distortion != "none":
-        raise InputError("camera: has a mask, which a camera with distortion cannot have; legal: 'none'")

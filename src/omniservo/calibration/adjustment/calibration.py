@@ -55,7 +55,7 @@ class Calibration:
     """What was found, in words; for any status but "ok" the reason."""
     camera: UnifiedCamera | None
     """Its ``max_angle`` ends at most 3° past the outermost corner: the rest of the lens was not seen. Its
-    ``deviation_px`` is the one below."""
+    ``deviation_px`` is the smaller of the two below: what a plan is given was seen by the same camera."""
     deviation_px: float
     """How far true pixels may lie from the camera's, anywhere up to ``max_angle``, with 95% confidence [px].
     The larger of the covariance's bound and twice the spread of the folds' cameras, plus the pattern

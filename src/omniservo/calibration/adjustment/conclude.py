@@ -94,7 +94,7 @@ def conclude(
     kind: Literal["none", "radtan"] = "radtan" if fit.free.all() else "none"
     return Calibration(
         status="ok", message=_message(selection, rms, kind),
-        camera=camera_of(state.theta, size, max_angle=limit, deviation_px=deviation, **lens),
+        camera=camera_of(state.theta, size, max_angle=limit, deviation_px=min(deviation, turned_px), **lens),
         deviation_px=deviation, deviation_turned_px=turned_px, rms_px=rms,
         noise_px=math.sqrt(variance), views_used=used,
         views_dropped=selection.dropped, corners_dropped=selection.dropped_corners, distortion=kind,

@@ -28,6 +28,9 @@ _LARGEST_DAMPING = 1e10
 _ENOUGH = 1e-7
 """converged: a step would lower the cost by less than this part of the variance of one coordinate"""
 
+_NEARLY = 1e-3
+"""the same where the steps are used up, in a curved valley: θ is then within 0.03 standard deviations"""
+
 _ENOUGH_ROBUST = 1e-3
 """the same with a robust loss, which is only ever a step on the way"""
 
@@ -131,6 +134,7 @@ def refine(
     normal = linearise(views, state, weights)
     enough = _ENOUGH if scale_px is None else _ENOUGH_ROBUST
     coordinates = max(1.0, 2.0 * mask.sum() - free.sum() - 6.0 * views.count)
+    gain = np.inf
     for _ in range(iterations):
         moved, gain = _step(normal, state, free, damping, chart)
         if gain <= enough * cost / coordinates or cost <= (_EXACT_PX**2) * coordinates:
@@ -144,7 +148,7 @@ def refine(
             damping *= 10.0
             if damping > _LARGEST_DAMPING:
                 break
-    return state, cost, False
+    return state, cost, bool(gain <= _NEARLY * cost / coordinates and damping <= 1.0)
 
 
 def refine_poses(
