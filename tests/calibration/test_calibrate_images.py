@@ -73,6 +73,22 @@ def test_a_mirror_has_one_negative_focal_length(calibrated):
     assert "mirror" in calibration_html(mirrored)
 
 
+def test_boards_with_names_tell_a_mirror_by_themselves(tmp_path):
+    true, board = preset("hyper-catadioptric"), board_from_text("charuco:7x5:0.035:0.026:DICT_4X4_50")
+    files = []
+    for k, turn in enumerate(np.radians([0.0, 75.0, 150.0, 220.0, 290.0])):
+        pose = facing(board, (math.cos(turn), math.sin(turn), 0.3), 0.2, (0.4 * (-1) ** k, 0.3), turn)
+        files.append(tmp_path / f"{k}.png")
+        Image.fromarray(render(true, board, pose, seed=k)).save(files[-1])
+    found = calibrate_images(files, board)
+    assert found.mirrored
+    assert found.camera.fy < 0.0 < found.camera.fx
+    # the preset's fx is negative instead: the same camera turned by half a turn about its axis
+    rays = np.array([[0.9, 0.2, 0.3], [-0.4, 0.8, 0.5], [0.1, -0.9, 0.1]])
+    turned = rays * [-1.0, -1.0, 1.0]
+    assert np.abs(found.camera.project(turned)[0] - true.project(rays)[0]).max() < 1.0
+
+
 def test_report_tells_every_image_and_shows_every_figure(calibrated):
     text = calibration_html(calibrated)
     assert "Calibrated" in text

@@ -60,6 +60,15 @@ def test_columns_of_the_cylinder_are_meridians(picture, tmp_path):
     assert math.isclose(row[90] - row[89], 120 / 180, abs_tol=1.01)
 
 
+def test_up_turns_the_view_over(picture, tmp_path):
+    views = []
+    for up in ("0,-1,0", "0,1,0"):
+        out = tmp_path / f"{len(views)}.png"
+        done(["camera", "rectify", "fe185", str(picture), str(out), "--view-size", "101x81", "--up", up])
+        views.append(np.asarray(Image.open(out)).astype(int))
+    assert np.abs(views[0] - views[1][::-1, ::-1]).max() <= 1
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [
@@ -67,6 +76,8 @@ def test_columns_of_the_cylinder_are_meridians(picture, tmp_path):
         (["--view-size", "99999x99999"], "size"),
         (["--direction", "1,0"], "--direction"),
         (["--direction", "0,0,0"], "direction"),
+        (["--up", "up"], "--up"),
+        (["--up", "0,0,1"], "up"),
         (["--field-of-view", "180"], "field_of_view"),
         (["--field-of-view", "nan"], "field_of_view"),
         (["--view", "equirectangular", "--field-of-view", "90"], "--field-of-view"),

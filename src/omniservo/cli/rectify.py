@@ -29,6 +29,9 @@ def rectify(
     direction: Annotated[
         str, typer.Option("--direction", help="Where it looks, camera frame: x,y,z with z ahead, y down.")
     ] = "0,0,1",
+    up: Annotated[
+        str | None, typer.Option("--up", help="What is up in the view, camera frame: x,y,z.")
+    ] = None,
     field_of_view: Annotated[
         float | None, typer.Option("--field-of-view", help="Horizontal [deg]; tangent 90, cylindrical 180.")
     ] = None,
@@ -52,7 +55,11 @@ def rectify(
     writable(out, force=force)
     source = open_camera(camera, name, size, model)
     seen = rectified(
-        source, read_image(image), _view(view, field_of_view, shape), direction=_direction(direction)
+        source,
+        read_image(image),
+        _view(view, field_of_view, shape),
+        direction=_vector("--direction", direction),
+        up=None if up is None else _vector("--up", up),
     )
     write_png(seen.image, out, force=force)
     share = float(seen.valid.mean())
@@ -70,11 +77,11 @@ def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> View
     return equirectangular_view(size)
 
 
-def _direction(text: str) -> list[float]:
+def _vector(option: str, text: str) -> list[float]:
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) != 3:
-        raise InputError(f"--direction: {text!r:.60} given; legal: x,y,z")
+        raise InputError(f"{option}: {text!r:.60} given; legal: x,y,z")
     return numbers
