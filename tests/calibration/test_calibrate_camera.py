@@ -293,3 +293,16 @@ def test_opencvs_shapes_are_accepted(drawn, clean):
 
 def test_it_is_a_public_name():
     assert omniservo.calibrate_camera is calibrate_camera
+
+
+def test_where_xi_cannot_be_known_the_simplest_is_taken():
+    """A perspective lens with distortion: ξ and k1, k2 trade, and the best fit may have any ξ."""
+    camera = UnifiedCamera(600, 602, 322, 238, 0.0, 640, 480, distortion=(-0.1, 0.08, 1e-3, -5e-4))
+    draw = {"views": 10, "noise_px": 0.2, "largest_angle": 0.2, "distances": (0.35, 0.6)}
+    seen = draw_views(camera, np.random.default_rng(4), **draw)
+    found = calibrate_camera(*seen, (640, 480), distortion="radtan")
+    assert found.status == "ok", found.message
+    assert found.camera.xi == 0.0
+    assert not found.identifiable["xi"]
+    assert found.camera.fx == pytest.approx(600, rel=0.01)
+    assert found.camera.distortion[0] == pytest.approx(-0.1, abs=0.05)

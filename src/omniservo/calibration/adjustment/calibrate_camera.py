@@ -42,6 +42,15 @@ _ALL = np.ones(9, dtype=np.bool_)
 _DISTORTED_ALPHAS = (0.25, 0.45, 0.65)
 """where else the distorted model starts, with the pixels of the plain one: its valley in (ξ, k1) is long"""
 
+_SIMPLE_ALPHAS = (0.0, 0.5)
+"""ξ = 0 and ξ = 1: what is taken where the corners cannot tell them from the best ξ"""
+
+_INDISTINGUISHABLE = 3.84
+"""χ² of one degree of freedom at 95%: a fixed ξ may cost so many variances more …"""
+
+_UNNOTICED_PX = 0.02
+"""… or may move the pixels so little, root mean square over the field"""
+
 Found = tuple[FloatArray, float]
 """θ and its typical error [px]"""
 
@@ -207,7 +216,32 @@ def _distorted(selection: Selection, plain: State, size: tuple[int, int]) -> tup
         if cost < best[1]:
             best = state, cost
     posed, _ = refine_poses(views, plain.with_theta(best[0].theta), scale_px=None, keep=keep)
-    return refine(views, posed, _ALL, keep=keep, iterations=200)
+    state, cost, converged = refine(views, posed, _ALL, keep=keep, iterations=200)
+    simple = _simplest(selection, state, cost, rays) if converged else None
+    return (state, cost, converged) if simple is None else simple
+
+
+def _simplest(
+    selection: Selection, best: State, cost: float, rays: FloatArray
+) -> tuple[State, float, bool] | None:
+    """Return the fit with ξ = 0, else with ξ = 1, that is as good as the best; None: neither.
+
+    With distortion free, ξ may run off to where k1 and k2 are thousands, and the pixels stay the same.
+    """
+    views, keep = selection.views, selection.keep
+    variance = cost / max(1.0, 2.0 * keep.sum() - 9.0 - 6.0 * views.count)
+    free = np.array(_ALL)
+    free[ALPHA] = False
+    for alpha in _SIMPLE_ALPHAS:
+        theta, moved = same_pixels(best.theta, best.theta, alpha, _ALL, rays)
+        if not is_legal(theta):
+            continue
+        posed, _ = refine_poses(views, best.with_theta(theta), scale_px=None, keep=keep)
+        state, more, converged = refine(views, posed, free, keep=keep)
+        unnoticed = float(np.sqrt((moved**2).mean())) <= _UNNOTICED_PX
+        if converged and (unnoticed or more <= cost + _INDISTINGUISHABLE * variance):
+            return state, more, True
+    return None
 
 
 def _check_camera(camera: UnifiedCamera | None, size: tuple[int, int]) -> None:
