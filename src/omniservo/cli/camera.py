@@ -80,10 +80,12 @@ def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> 
     if conversion.camera is not shown:
         output.line(f"{'as unified':<14} {_spelled(conversion.residual)}")
     limits = conversion.camera.image_limits()
-    output.line(f"{'limits':<14} {', '.join(limits.names)}")
     shortfall = polygon_shortfall(conversion.camera)
-    if limits.polygon is not None:
-        output.line(f"{'polygon':<14} leaves out {100.0 * shortfall:.2f}% of the image's usable part")
+    if limits.polygon is None:
+        output.line(f"{'limits':<14} {', '.join(limits.names)}")
+    else:
+        lost = f"leaves out {100.0 * shortfall:.2f}% of the image's usable part"
+        output.line(f"{'limits':<14} domain, polygon of {len(limits.polygon)} sides, which {lost}")
     unified = {"camera": conversion.camera.to_dict(), **_numbers(conversion.residual)}
     return {
         "warnings": list(conversion.warnings),
