@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from omniservo.calibration.boards import AprilGrid, CharucoBoard, Checkerboard, CircleGrid, board_from_text
+from omniservo.calibration.boards import (
+    AprilGrid,
+    CharucoBoard,
+    Checkerboard,
+    CircleGrid,
+    board_from_text,
+    find_board,
+)
 from omniservo.errors import InputError
 
 GOOD = {
@@ -91,3 +98,15 @@ def test_kalibrs_targets_are_read(tmp_path):
     grid.write_text("target_type: 'aprilgrid'\ntagCols: 6\n")
     with pytest.raises(InputError, match=r"tagRows: missing"):
         board_from_text(str(grid))
+
+
+@pytest.mark.parametrize(
+    "text", ["checkerboard:8x6:0.042", "charuco:7x5:0.035:0.026:DICT_4X4_50", "aprilgrid:6x6:0.088:0.3",
+             "circles:7x5:0.03:0.02", "acircles:4x11:0.02:0.015"]
+)  # fmt: skip
+def test_noise_shows_no_board(text):
+    """It has tens of thousands of small squares and discs, which must neither be a board nor take minutes."""
+    noise = np.random.default_rng(0).integers(0, 256, (720, 960), dtype=np.uint8)
+    view = find_board(noise, board_from_text(text))
+    assert not view.found
+    assert view.reason

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 _BLOCKS = (25, 61, 151)  # [px] sides of the neighbourhoods whose mean is the threshold
 _DARKER = 7  # grey values below that mean
 _LEAST_CONTRAST = 15.0
 _LEAST_AREA, _LARGEST_PART = 12.0, 0.1  # [px²]; of the image
+_MOST = 1500  # parts that are looked at for each threshold: noise has tens of thousands
 _ASPECT = 0.12  # shortest over longest axis
 _ROUND = (0.85, 1.12)  # area over that of the ellipse with the same moments
 _BLUR_SQUARE, _LEAST_SHARPNESS = 2.0, 0.5  # [px²] what blur may add to the moments; part that must be left
@@ -37,11 +38,8 @@ def find_discs(image: ByteArray) -> Discs:
         method = cv2.ADAPTIVE_THRESH_MEAN_C
         mask = cv2.adaptiveThreshold(image, 255, method, cv2.THRESH_BINARY_INV, block, _DARKER)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-        for k in range(1, count):
-            u, v, w, h, area = (int(x) for x in stats[k])
-            whole = u > 0 and v > 0 and u + w < image.shape[1] and v + h < image.shape[0]
-            if not whole or not _LEAST_AREA <= area <= _LARGEST_PART * image.size or area < 0.25 * w * h:
-                continue
+        for k in _candidates(stats[:count], image):
+            u, v, w, h, _ = (int(x) for x in stats[k])
             inside = labels[v : v + h, u : u + w] == k
             measured = _measured(grey, inside, (u, v))
             if measured is not None:
@@ -54,6 +52,16 @@ def find_discs(image: ByteArray) -> Discs:
         if all(np.hypot(*(pixels[k] - pixels[j])) > reach for j in kept):
             kept.append(k)
     return Discs(pixels[kept], shape[kept])
+
+
+def _candidates(stats: IntArray, image: ByteArray) -> IntArray:
+    """Return the parts, but the ground (0), that are whole and of a disc's size: the largest `_MOST`."""
+    u, v, w, h, area = stats.T.astype(np.int64)
+    fits = (u > 0) & (v > 0) & (u + w < image.shape[1]) & (v + h < image.shape[0])
+    fits &= (area >= _LEAST_AREA) & (area <= _LARGEST_PART * image.size) & (area >= 0.25 * w * h)
+    fits[0] = False
+    found = np.flatnonzero(fits)
+    return np.sort(found[np.argsort(-area[found], kind="stable")[:_MOST]])
 
 
 def _measured(

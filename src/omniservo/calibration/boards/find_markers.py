@@ -13,6 +13,8 @@ from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 _BORDERS = (1, 2)
 """dark cells around the code: OpenCV prints 1, Kalibr 2"""
 _ENOUGH = 4
+_LEAST_PERIMETER_PX = 40.0
+"""smaller squares have no code that can be read; noise is full of them"""
 _DOUBLED = 3_000_000  # pixels: larger images are not searched in double size
 
 
@@ -62,7 +64,7 @@ def _read(image: ByteArray, name: str, count: int, scale: int, mirrored: bool, b
     parameters = cv2.aruco.DetectorParameters()
     parameters.markerBorderBits = border
     parameters.adaptiveThreshWinSizeMax = 43
-    parameters.minMarkerPerimeterRate = 0.01
+    parameters.minMarkerPerimeterRate = max(0.01, _LEAST_PERIMETER_PX / max(image.shape))
     # a square of a wide-angle image has bent sides
     parameters.polygonalApproxAccuracyRate = 0.06
     detector = cv2.aruco.ArucoDetector(dictionary(name), parameters)
