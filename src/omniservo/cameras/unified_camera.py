@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import unified_kernels as kernels
+from omniservo.cameras import unified_kernels
 from omniservo.cameras.camera_fields import (
     checked_fields,
     focal_length,
     image_size,
     image_to_dict,
-    inside_image,
     largest_angle,
     numbers,
     pixel_number,
@@ -24,9 +23,9 @@ from omniservo.cameras.camera_fields import (
 )
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, DeadZoneLike, dead_zone_from
 from omniservo.cameras.distortion import largest_distorted_radius, largest_invertible_radius
-from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_limits import ImageLimits, image_limits
 from omniservo.cameras.image_mask import ImageMask, mask_from
+from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
@@ -43,7 +42,7 @@ _OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_
 
 
 @dataclass(frozen=True, init=False)
-class UnifiedCamera:
+class UnifiedCamera(KernelCamera):
     """The unified model (2): m = (X, Y)/(Z + ξρ), p = K D(m), with ρ = ‖(X, Y, Z)‖.
 
     D is radial-tangential distortion, D(m) = (1 + k1 r² + k2 r⁴) m + 2(q·m) m + r² q with r = ‖m‖ and
@@ -74,6 +73,8 @@ class UnifiedCamera:
     Raises:
         InputError: a number is not finite or not legal; the message names field, value and what is legal.
     """
+
+    kernels: ClassVar[Kernels] = (unified_kernels.project_points, unified_kernels.unproject_pixels)
 
     fx: float
     fy: float
@@ -160,29 +161,6 @@ class UnifiedCamera:
         """Whether any of k1, k2, p1, p2 differs from 0."""
         return any(self.distortion)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a person must know: where the formula stops being one-to-one inside the image."""
-        return domain_warnings(self)
-
-    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Project points in the camera frame.
-
-        Args:
-            points: (…, 3) [m]; a NaN or infinite point is not valid.
-
-        Returns:
-            pixels (…, 2) [px], NaN where not valid; valid (…): the point is in the domain (the pixel
-            may lie outside the image: see `in_image`).
-
-        Raises:
-            InputError: not numbers, or the last axis is not 3.
-        """
-        rows, shape = rows_of("points", points, 3)
-        pixels, valid = np.empty((len(rows), 2)), np.empty(len(rows), dtype=np.bool_)
-        kernels.project_points(self.parameters, rows, pixels, valid)
-        return pixels.reshape(*shape, 2), valid.reshape(shape)
-
     def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Project points (…, 3) [m] with ∂pixel/∂point.
 
@@ -192,26 +170,8 @@ class UnifiedCamera:
         rows, shape = rows_of("points", points, 3)
         n = len(rows)
         pixels, jacobian, valid = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty(n, dtype=np.bool_)
-        kernels.project_points_jacobian(self.parameters, rows, pixels, jacobian, valid)
+        unified_kernels.project_points_jacobian(self.parameters, rows, pixels, jacobian, valid)
         return pixels.reshape(*shape, 2), jacobian.reshape(*shape, 2, 3), valid.reshape(shape)
-
-    def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Return the bearings that pixels see.
-
-        Args:
-            pixels: (…, 2) [px]; a NaN or infinite pixel is not valid.
-
-        Returns:
-            bearings (…, 3), unit vectors in the camera frame, NaN where not valid; valid (…): the pixel is
-            in the model's domain, within ``max_angle`` and where the distortion is one-to-one.
-
-        Raises:
-            InputError: not numbers, or the last axis is not 2.
-        """
-        rows, shape = rows_of("pixels", pixels, 2)
-        bearings, valid = np.empty((len(rows), 3)), np.empty(len(rows), dtype=np.bool_)
-        kernels.unproject_pixels(self.parameters, rows, bearings, valid)
-        return bearings.reshape(*shape, 3), valid.reshape(shape)
 
     def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Unproject pixels (…, 2) [px] with ∂bearing/∂pixel.
@@ -222,13 +182,9 @@ class UnifiedCamera:
         """
         rows, shape = rows_of("pixels", pixels, 2)
         results, valid = np.empty((len(rows), 9)), np.empty(len(rows), dtype=np.bool_)
-        kernels.unproject_pixels_jacobian(self.parameters, rows, results, valid)
+        unified_kernels.unproject_pixels_jacobian(self.parameters, rows, results, valid)
         bearings, jacobian = results[:, :3].copy(), results[:, 3:].copy()
         return bearings.reshape(*shape, 3), jacobian.reshape(*shape, 3, 2), valid.reshape(shape)
-
-    def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
-        """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½], outside the dead zone and the mask."""
-        return inside_image(self, pixels)
 
     def image_limits(self, margin_px: float = 0.0) -> ImageLimits:
         """Return what the image shows, every limit moved inward by ``margin_px`` [px], as cones.

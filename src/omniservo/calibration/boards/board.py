@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -16,7 +17,7 @@ MOST_CELLS = 100
 
 
 @dataclass(frozen=True)
-class Board:
+class Board(ABC):
     """What all boards have: ``points`` (n, 3) [m] with z = 0, right-handed; a point's identity is its row."""
 
     columns: int
@@ -33,9 +34,9 @@ class Board:
         return frozen(np.concatenate([flat, np.zeros((len(flat), 1))], axis=1))
 
     @property
+    @abstractmethod
     def pitch(self) -> float:
         """Distance between neighbouring points along x [m]; the unit of `places`."""
-        raise NotImplementedError
 
     @cached_property
     def places(self) -> FloatArray:

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from omniservo.cameras.models.lens_model import Domain, Kernels, LensModel
+from omniservo.cameras.kernel_camera import Kernels
+from omniservo.cameras.models.lens_model import Domain, LensModel
 from omniservo.cameras.models.sphere_kernels import project_equirectangular, unproject_equirectangular
 from omniservo.geometry.arrays import FloatArray
 

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
+from omniservo.cameras.kernel_camera import Kernels
+from omniservo.cameras.models.lens_model import Domain, FocalModel
 from omniservo.cameras.models.sphere_kernels import project_extended, unproject_extended
 from omniservo.geometry.arrays import finite_number
 

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
+from omniservo.cameras.kernel_camera import Kernels
+from omniservo.cameras.models.lens_model import Domain, FocalModel
 from omniservo.cameras.models.polynomial_domain import first_positive_root, inverse_table
 from omniservo.cameras.models.radial_kernels import TABLE, project_kannala_brandt, unproject_kannala_brandt
 from omniservo.geometry.arrays import FloatArray

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from omniservo.cameras.camera_fields import (
     checked_fields,
     focal_length,
     image_size,
     image_to_dict,
-    inside_image,
     largest_angle,
     pixel_number,
-    rows_of,
 )
 from omniservo.cameras.dead_zone import DeadZone, dead_zone_from
-from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_mask import ImageMask, mask_from
+from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
+from omniservo.geometry.arrays import FloatArray, frozen
 
 _COSINE_SLACK = 1e-15
 """a point at the largest angle itself is inside, whatever the rounding"""
@@ -34,12 +31,6 @@ _SLACK = 2e-13
 """on r: the rounded pixel of a valid point can be unprojected"""
 
 _LARGEST_SQUARE = 1e280
-
-Kernels = tuple[
-    Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
-    Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
-]
-"""(parameters, points, pixels, valid) and (parameters, pixels, bearings, valid); the last two are written"""
 
 Model = TypeVar("Model", bound="LensModel")
 
@@ -56,13 +47,8 @@ class Domain:
     """the model's own numbers for the kernels"""
 
 
-class _Sized:
-    width: int
-    height: int
-
-
 @dataclass(frozen=True, kw_only=True)
-class LensModel(_Sized, ABC):
+class LensModel(KernelCamera, ABC):
     """A central model whose plane m goes to pixels by an affine map, with its lens's limits.
 
     Kernels read ``parameters``: 0–3 the affine map's matrix row by row, 4, 5 its offset (cx, cy), 6–9 the
@@ -119,51 +105,6 @@ class LensModel(_Sized, ABC):
     def _set(self, **values: Any) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a person must know: where the formula stops being one-to-one inside the image."""
-        return domain_warnings(self)
-
-    def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Project points in the camera frame.
-
-        Args:
-            points: (…, 3) [m]; a NaN or infinite point is not valid.
-
-        Returns:
-            pixels (…, 2) [px], NaN where not valid; valid (…): the point is in the domain (the pixel
-            may lie outside the image: see `in_image`).
-
-        Raises:
-            InputError: not numbers, or the last axis is not 3.
-        """
-        rows, shape = rows_of("points", points, 3)
-        pixels, valid = np.empty((len(rows), 2)), np.empty(len(rows), dtype=np.bool_)
-        self.kernels[0](self.parameters, rows, pixels, valid)
-        return pixels.reshape(*shape, 2), valid.reshape(shape)
-
-    def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """Return the bearings that pixels see.
-
-        Args:
-            pixels: (…, 2) [px]; a NaN or infinite pixel is not valid.
-
-        Returns:
-            bearings (…, 3), unit vectors in the camera frame, NaN where not valid; valid (…): the pixel is
-            in the domain.
-
-        Raises:
-            InputError: not numbers, or the last axis is not 2.
-        """
-        rows, shape = rows_of("pixels", pixels, 2)
-        bearings, valid = np.empty((len(rows), 3)), np.empty(len(rows), dtype=np.bool_)
-        self.kernels[1](self.parameters, rows, bearings, valid)
-        return bearings.reshape(*shape, 3), valid.reshape(shape)
-
-    def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
-        """Say which pixels (…, 2) [px] lie in [−½, W−½] × [−½, H−½], outside the dead zone and the mask."""
-        return inside_image(self, pixels)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as it stands in a file; `camera_from_dict` gives an equal one."""

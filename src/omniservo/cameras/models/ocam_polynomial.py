@@ -10,7 +10,8 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, Kernels, LensModel
+from omniservo.cameras.kernel_camera import Kernels
+from omniservo.cameras.models.lens_model import Domain, LensModel
 from omniservo.cameras.models.polynomial_domain import first_positive_root, inverse_table
 from omniservo.cameras.models.radial_kernels import TABLE, project_ocam, unproject_ocam
 from omniservo.errors import InputError

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from omniservo.cameras.camera_fields import numbers, pixel_number
-from omniservo.cameras.models.lens_model import Domain, FocalModel, Kernels
+from omniservo.cameras.kernel_camera import Kernels
+from omniservo.cameras.models.lens_model import Domain, FocalModel
 from omniservo.cameras.models.pinhole_domain import largest_disc, largest_reach, radial_table, tilt_matrix
 from omniservo.cameras.models.pinhole_kernels import project_pinhole, unproject_pinhole
 from omniservo.errors import InputError
