@@ -22,6 +22,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from omniservo import UnifiedCamera, calibrate_camera, preset
+from omniservo.calibration.adjustment.calibrate_camera import Distortion
 from omniservo.calibration.adjustment.lens import from_physical, ray_errors
 from omniservo.calibration.adjustment.poses import poses_from_corners
 from omniservo.calibration.adjustment.refine import refine_poses, residuals
@@ -94,9 +95,9 @@ def drawn(seed: int, *, views: int = COUNT) -> Corners:
     return Corners("drawn", *seen, (659, 432))
 
 
-def ours(corners: Corners, model: str) -> Made:
+def ours(corners: Corners, model: Distortion) -> Made:
     """Calibrate with omniservo."""
-    found = calibrate_camera(corners.pixels, corners.points, corners.size, distortion=model)  # type: ignore[arg-type]
+    found = calibrate_camera(corners.pixels, corners.points, corners.size, distortion=model)
     left = sum(len(rows) for rows in found.corners_dropped.values())
     words = [f"takes {found.distortion}"] if model == "auto" else []
     words += [f"{left} corners dropped"] if left else []
@@ -105,7 +106,7 @@ def ours(corners: Corners, model: str) -> Made:
     return Made(found.camera, found.rms_px, len(found.views_used), found.seconds, "; ".join(words))
 
 
-def opencv(corners: Corners, model: str) -> Made:
+def opencv(corners: Corners, model: Distortion) -> Made:
     """Calibrate with cv2.omnidir."""
     flags = cv2.omnidir.CALIB_FIX_SKEW
     if model == "none":
@@ -153,18 +154,25 @@ def ray_error(camera: UnifiedCamera, truth: UnifiedCamera) -> float:
     return float(np.degrees(np.sqrt(((a[both] - rotation.apply(b[both])) ** 2).sum(1).mean())))
 
 
+RUNS: tuple[tuple[str, Callable[[Corners, Distortion], Made], Distortion], ...] = (
+    ("ours", ours, "none"),
+    ("OpenCV", opencv, "none"),
+    ("ours", ours, "radtan"),
+    ("OpenCV", opencv, "radtan"),
+    ("ours", ours, "auto"),
+)
+"""By whom, how, and with which model: the rows of both tables."""
+
+
 def real_rows() -> Iterator[str]:
     """Give the table of the real sets, row by row."""
     yield (
         "| set | model | by | rms of its views [px] | rms of all views [px] | rays of all [deg] "
-        "| views | seconds | |"
+        "| views | seconds | remarks |"
     )
     yield "|---|---|---|---|---|---|---|---|---|"
     for corners in real_sets():
-        for by, calibrate, model in (
-            ("ours", ours, "none"), ("OpenCV", opencv, "none"), ("ours", ours, "radtan"),
-            ("OpenCV", opencv, "radtan"), ("ours", ours, "auto"),
-        ):  # fmt: skip
+        for by, calibrate, model in RUNS:
             made = calibrate(corners, model)
             px, deg = on_all(made.camera, corners) if made.camera is not None else (np.nan, np.nan)
             yield (
@@ -181,12 +189,8 @@ def drawn_rows() -> Iterator[str]:
         "| ξ called identifiable | seconds |"
     )
     yield "|---|---|---|---|---|---|---|"
-    runs: list[tuple[str, Callable[[Corners, str], Made], str]] = [
-        ("ours", ours, "none"), ("OpenCV", opencv, "none"), ("ours", ours, "radtan"),
-        ("OpenCV", opencv, "radtan"), ("ours", ours, "auto"),
-    ]  # fmt: skip
     new = board_views.draw_views(truth, np.random.default_rng(999), noise_px=0.0, distances=(0.12, 0.3))
-    for by, calibrate, model in runs:
+    for by, calibrate, model in RUNS:
         made = [calibrate(drawn(seed), model) for seed in range(SEEDS)]
         cameras = [m.camera for m in made if m.camera is not None]
         xi = [100.0 * abs(camera.xi / truth.xi - 1.0) for camera in cameras]
