@@ -31,7 +31,7 @@ BAD = {
     "checkerboard:8x6:-1": "square: -1 given; legal: >= 0.0001 and <= 100",
     "checkerboard:8x6:nan": "square: 'nan' given",
     "charuco:8x6:0.04:0.05:DICT_4X4_50": "marker: 0.05 given; legal: less than the square, 0.04",
-    "charuco:8x6:0.04:0.03:DICT_9X9": "dictionary: 'DICT_9X9' given; legal: DICT_4X4_100",
+    "charuco:8x6:0.04:0.03:DICT_9X9": "dictionary: 'DICT_9X9' given; legal: 4x4_100",
     "aprilgrid:30x30:0.02:0.3": "tags: 30×30 given; legal: at most 587",
     "aprilgrid:6x6:0.088:0": "spacing ratio: 0 given",
     "circles:7x5:0.03:0.03": "diameter: 0.03 given; legal: less than 0.027",

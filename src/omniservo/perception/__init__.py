@@ -1,8 +1,21 @@
-"""Images to dots; dots tracked and matched between views."""
+"""Images to dots and tags, tracked and matched between views."""
 
 from omniservo.perception.dot_tracker import DotTracker
 from omniservo.perception.dots import DotOptions, Dots
 from omniservo.perception.find_dots import find_dots
+from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_dots import DotMatch, match_dots
+from omniservo.perception.tag_picture import tag_cells, tag_picture, tag_picture_corners
 
-__all__ = ["DotMatch", "DotOptions", "DotTracker", "Dots", "find_dots", "match_dots"]
+__all__ = [
+    "DotMatch",
+    "DotOptions",
+    "DotTracker",
+    "Dots",
+    "ImagePoints",
+    "find_dots",
+    "match_dots",
+    "tag_cells",
+    "tag_picture",
+    "tag_picture_corners",
+]

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from omniservo.calibration.boards.board import AprilGrid, Board, CharucoBoard, Checkerboard, CircleGrid
-from omniservo.calibration.boards.dictionaries import dictionary_names
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import parse_document, read_text
 from omniservo.geometry.arrays import finite_number
+from omniservo.tag_dictionaries import opencv_name
 
 FORMS = {
     "checkerboard": "checkerboard:8x6:0.042 (inner corners, side of a square in m)",
@@ -64,11 +64,9 @@ def _checkerboard(columns: int, rows: int, parts: Sequence[str]) -> Board:
 
 
 def _charuco(columns: int, rows: int, parts: Sequence[str]) -> Board:
-    name = parts[2].upper()
-    name = name if name.startswith("DICT_") else f"DICT_{name}"
-    if name not in dictionary_names():
-        raise InputError(f"dictionary: {spelled(parts[2])} given; legal: {', '.join(dictionary_names())}")
-    return CharucoBoard(columns, rows, _number("square", parts[0]), _number("marker", parts[1]), name)
+    return CharucoBoard(
+        columns, rows, _number("square", parts[0]), _number("marker", parts[1]), opencv_name(parts[2])
+    )
 
 
 def _aprilgrid(columns: int, rows: int, parts: Sequence[str]) -> Board:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from omniservo.calibration.boards.dictionaries import dictionary
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
+from omniservo.tag_dictionaries import dictionary
 
 _BORDERS = (1, 2)
 """dark cells around the code: OpenCV prints 1, Kalibr 2"""
