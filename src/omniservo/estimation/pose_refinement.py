@@ -77,7 +77,7 @@ def refine_pose(
     )
     covariance = np.full((6, 6), math.nan)
     if ok:
-        ok = _pose_covariance(camera.parameters, model, seen, use, quaternion, translation, covariance)
+        ok = pose_covariance(camera.parameters, model, seen, use, quaternion, translation, 0.0, covariance)
     pose = RigidTransform.from_components(translation, Rotation.from_quat(quaternion)) if ok else None
     return PoseRefinement(pose, float(rms), frozen(covariance), bool(ok))
 
@@ -232,16 +232,20 @@ def pose_rows(
 
 
 @kernel
-def _pose_covariance(
+def pose_covariance(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
     valid: BoolArray,
     q: FloatArray,
     t: FloatArray,
+    least_variance: float,
     covariance: FloatArray,
 ) -> bool:
-    """Write σ²(JᵀJ)⁻¹, σ² = Σr²/(2n − 6), into ``covariance`` (6, 6); False where JᵀJ is singular."""
+    """Write σ²(JᵀJ)⁻¹ into ``covariance`` (6, 6); False where JᵀJ is singular.
+
+    σ² = Σr²/(2n − 6) over the valid points, at least ``least_variance`` [px²].
+    """
     normal = np.empty((6, 6))
     column = np.empty(6)
     cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, column)
@@ -251,7 +255,7 @@ def _pose_covariance(
             count += 1
     if not factor_cholesky(normal, 6, LEAST_PIVOT):
         return False
-    variance = cost / (2 * count - 6)
+    variance = max(cost / (2 * count - 6), least_variance)
     for k in range(6):
         for i in range(6):
             column[i] = variance if i == k else 0.0

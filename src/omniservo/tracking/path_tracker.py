@@ -16,6 +16,7 @@ from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
 from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.path_state import path_state
+from omniservo.tracking.pose_filter import forget, predict_belief
 from omniservo.tracking.stop_criterion import StopCriterion
 from omniservo.tracking.tracker_options import TrackerOptions
 from omniservo.tracking.tracker_report import Phase, TrackerReport
@@ -36,7 +37,8 @@ class PathTracker:
     The reference is s*(w) = s_p(w) + β(w) (s_goal − s_p(1)): the planned points' features of (43), led over
     to those of the goal image by a smooth β that is 0 up to w = 1/2 and 1 at w = 1. So the twist has no jump
     between path and goal, and the end is the goal image even where the estimated points disagree with it.
-    Distances are those of the pose that explains the current image (44).
+    Distances are those of the filtered pose (44): the pose that explains the current image, joined with the
+    poses before it. A point that this image's pose does not explain is not used; see TrackerOptions.gate_px.
 
     Args:
         plan: any plan with a path; its points, in the initial camera frame, are what the pixels show.
@@ -85,6 +87,7 @@ class PathTracker:
         self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
         self._goal_arrays = self._goal.pixels.copy(), self._goal.offsets.copy()
         self._settings = _settings(self.options)
+        self._belief, self._spread = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
 
@@ -116,27 +119,29 @@ class PathTracker:
                 in a valid row.
         """
         seen, used = self._checked_image(time, pixels, valid)
-        status, twist, reference, pose, evidence = self._run_kernel(time, seen, used)
+        status, twist, reference, pose, belief, spread, evidence = self._run_kernel(time, seen, used)
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
+        self._belief, self._spread = belief, spread
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
         w, w_dot = self.time_law(time)
         self.report = TrackerReport(
-            time, w, w_dot, phase, used, reference, error, goal_error, pose, rms, conditioning, factor < 1.0
-        )
+            time, w, w_dot, phase, used, reference, error, goal_error, pose, belief, spread, rms,
+            conditioning, factor < 1.0,
+        )  # fmt: skip
         return twist
 
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
         """Return where the points are expected at ``time`` [s]: pixels (n, 2), and which exist (n,).
 
-        The pose of the last step, carried on by the planned motion since; before the first step the plan's.
+        The filtered pose of the last step, carried on by the planned motion since; before that the plan's.
         Search windows for dots, and the places where lost dots are looked for, come from here.
         """
         plan_then = self._planned(time)[2]
         plan_seen, pose = plan_then, plan_then
         if self.report is not None:
-            plan_seen, pose = self._planned(self.report.time)[2], self.report.pose
+            plan_seen, pose = self._planned(self.report.time)[2], self._belief
         pixels = np.empty((len(self._points), 2))
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
@@ -144,8 +149,8 @@ class PathTracker:
 
     def _run_kernel(
         self, time: float, seen: FloatArray, used: BoolArray
-    ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return status, twist (6,), reference pixels (n, 2), pose (7,) and evidence (6,); ``used`` changes.
+    ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return status, twist, reference pixels (n, 2), pose, belief, spread, evidence; ``used`` changes.
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
@@ -154,13 +159,24 @@ class PathTracker:
         blend = np.array((_blend(w)[0], *_blend(w_now)))
         blend[kernel.BLEND_RATE] *= w_dot_now
         plan_twist *= w_dot_now
-        pose = plan_seen.copy() if self.report is None else self.report.pose.copy()
-        twist, reference, evidence = np.empty(6), np.empty((len(used), 2)), np.empty(6)
+        belief, spread = self._believed(time, plan_seen)
+        pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
             self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
-            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, twist, reference, evidence,
+            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, belief, spread, twist,
+            reference, evidence,
         )  # fmt: skip
-        return status, twist, reference, pose, evidence
+        return status, twist, reference, pose, belief, spread, evidence
+
+    def _believed(self, time: float, plan_seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the pose filter's belief for ``time`` [s]: pose (7,) and covariance (6, 6)."""
+        belief, spread = plan_seen.copy(), np.empty((6, 6))
+        if self.report is None:
+            forget(spread)
+            return belief, spread
+        belief, spread = self._belief.copy(), self._spread.copy()
+        predict_belief(belief, spread, self._planned(self.report.time)[2], plan_seen, time - self.report.time)
+        return belief, spread
 
     def _planned(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Return w, ẇ, the planned pose (7,) and the planned twist (6,) per unit w."""
@@ -230,12 +246,13 @@ class PathTracker:
 
 def _settings(options: TrackerOptions) -> FloatArray:
     """Return the options that the kernel reads."""
-    settings = np.empty(5)
+    settings = np.empty(6)
     settings[kernel.GAIN] = options.gain
     settings[kernel.LEAST_FEATURES] = options.least_features
     settings[kernel.DIVERGENCE_PX] = options.divergence_px
     settings[kernel.MAX_LINEAR] = options.max_linear_speed
     settings[kernel.MAX_ANGULAR] = options.max_angular_speed
+    settings[kernel.GATE_PX] = options.gate_px
     return settings
 
 

@@ -8,11 +8,12 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point, unproject_pixel
-from omniservo.estimation.pose_refinement import refine_pose_kernel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.servoing.control_law import LEAST_CONDITIONING, limit_twist, solve_twist
 from omniservo.servoing.interaction import BEARING, LEAST_COSINE, write_feature, write_rows
+from omniservo.tracking.gate import robust_pose
+from omniservo.tracking.pose_filter import correct_belief
 
 DONE = 0
 NOT_FINITE = 1
@@ -21,7 +22,7 @@ SINGULAR = 3
 NO_POSE = 4
 DIVERGED = 5
 
-GAIN, LEAST_FEATURES, DIVERGENCE_PX, MAX_LINEAR, MAX_ANGULAR = range(5)
+GAIN, LEAST_FEATURES, DIVERGENCE_PX, MAX_LINEAR, MAX_ANGULAR, GATE_PX = range(6)
 """Places in ``settings``."""
 
 BLEND_SEEN, BLEND_NOW, BLEND_RATE = range(3)
@@ -46,6 +47,8 @@ def track_step(
     plan_now: FloatArray,
     plan_twist: FloatArray,
     pose: FloatArray,
+    belief: FloatArray,
+    spread: FloatArray,
     twist: FloatArray,
     reference_pixels: FloatArray,
     evidence: FloatArray,
@@ -55,10 +58,10 @@ def track_step(
     Args:
         parameters: the camera's.
         kind: the feature, BEARING or VIRTUAL_PLANE.
-        settings: (5,), see GAIN and the rest.
+        settings: (6,), see GAIN and the rest.
         points: (n, 3) [m] in the initial camera frame.
         pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
-        valid: on return: the points used.
+        valid: on return: the points used; one that the others' pose does not explain is none of them.
         goal_pixels: (n, 2) [px] of the goal image.
         offsets: (n, 3) goal image's features minus those of the plan's end; the reference is
             s_p(w) + β offsets.
@@ -66,7 +69,9 @@ def track_step(
         plan_seen: (7,) planned pose at the exposure.
         plan_now: (7,) planned pose when the twist acts.
         plan_twist: (6,) planned twist when the twist acts, per second.
-        pose: (7,) in: guess of the pose at the exposure; out: the pose seen.
+        pose: (7,) out: the pose that explains this image alone.
+        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
+        spread: (6, 6) its covariance, likewise.
         twist: (6,) out, within the speed limits; zero unless the status is DONE.
         reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
         evidence: (6,) out, see COUNT and the rest.
@@ -78,7 +83,11 @@ def track_step(
     status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
     if status != DONE:
         return status
-    seen = _see_pose(parameters, points, pixels, valid, plan_seen, pose, evidence)
+    seen = _see_pose(parameters, points, pixels, valid, settings, belief, plan_seen, pose, evidence)
+    if evidence[COUNT] < settings[LEAST_FEATURES]:
+        return FEATURE_LOSS
+    if seen:
+        correct_belief(parameters, points, pixels, valid, pose, belief, spread)
     _measure_gaps(
         parameters, kind, points, pixels, valid, goal_pixels, offsets, blend[BLEND_SEEN], plan_seen,
         reference_pixels, evidence,
@@ -86,8 +95,8 @@ def track_step(
     rows = np.zeros((3 * n, 6))
     target = np.zeros(3 * n)
     _write_system(
-        kind, settings[GAIN], points, valid, bearings, offsets, blend, pose, plan_seen, plan_now, plan_twist,
-        rows, target,
+        kind, settings[GAIN], points, valid, bearings, offsets, blend, belief, plan_seen, plan_now,
+        plan_twist, rows, target,
     )  # fmt: skip
     evidence[CONDITIONING] = solve_twist(rows, target, twist)
     return _judge(settings, seen, twist, evidence)
@@ -167,25 +176,31 @@ def _see_pose(
     points: FloatArray,
     pixels: FloatArray,
     valid: BoolArray,
+    settings: FloatArray,
+    belief: FloatArray,
     plan_seen: FloatArray,
     pose: FloatArray,
     evidence: FloatArray,
 ) -> bool:
-    """Refine ``pose`` on the pixels, from the guess in it or else from the plan's; False: neither works.
+    """Write the pose of this image, from the belief as guess or else the plan's; False: neither works.
 
     Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
+    Points that the pose of the others does not explain are no longer ``valid``.
     """
     c = np.empty(3)
     fit = np.empty(points.shape[0], dtype=np.bool_)
-    for guess in (pose, plan_seen):
+    for guess in (belief, plan_seen):
         for j in range(points.shape[0]):
             _into_camera(guess, points[j], c)
             fit[j] = valid[j] and project_point(parameters, c[0], c[1], c[2])[2]
-        q, t, rms, ok = refine_pose_kernel(parameters, points, pixels, fit, guess[:4], guess[4:])
+        rms, ok = robust_pose(parameters, points, pixels, fit, valid, settings[GATE_PX], guess, pose)
         if ok:
-            pose[:4] = q
-            pose[4:] = t
             evidence[POSE_RMS_PX] = rms
+            count = 0
+            for j in range(valid.shape[0]):
+                if valid[j]:
+                    count += 1
+            evidence[COUNT] = count
             return True
     return False
 

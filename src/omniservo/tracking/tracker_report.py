@@ -23,7 +23,7 @@ class TrackerReport:
     phase: Phase
     """"path"; "goal" once the time law is finished; "done" once the stop criteria hold"""
     used: BoolArray
-    """(n,) the points that the step used"""
+    """(n,) the points that the step used: seen, in the camera's domain, and not rejected by the gate"""
     reference_pixels: FloatArray
     """(n, 2) where the points should have been at the exposure [px]; NaN where the camera cannot see it"""
     error_px: float
@@ -31,7 +31,11 @@ class TrackerReport:
     goal_error_px: float
     """rms distance of the used points to the goal image [px]"""
     pose: FloatArray
-    """(7,): quaternion (x, y, z, w) and translation [m] of initial_T_camera, from the image"""
+    """(7,): quaternion (x, y, z, w) and translation [m] of initial_T_camera, from this image alone"""
+    filtered_pose: FloatArray
+    """(7,) likewise, joined with the images before along the planned motion"""
+    filtered_covariance: FloatArray
+    """(6, 6) of (translation [m], rotation vector on the right [rad]) of the filtered pose"""
     pose_rms_px: float
     """rms distance of the used points to the projections from that pose [px]"""
     conditioning: float

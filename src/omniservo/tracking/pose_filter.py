@@ -1,0 +1,174 @@
+"""The camera's pose over time: what the images say of it, joined with the planned motion between them.
+
+An extended Kalman filter on the pose. Its belief is a pose (7,) with the covariance (6, 6) of (translation in
+the reference frame, rotation vector on the right), as everywhere. Between two images the camera is carried
+along the planned motion; what the control law adds to that motion is the process noise.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.estimation.pose_refinement import pose_covariance
+from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+
+UNPLANNED_SPEED = 0.01
+"""σ of the part of the velocity that the plan does not know [m/s]: gain times some millimetres of error"""
+
+UNPLANNED_TURN = 0.02
+"""likewise of the angular velocity [rad/s]"""
+
+UNKNOWN = 1e3
+"""Variance of the first belief [m²], [rad²]: the first image alone decides."""
+
+LEAST_PIXEL_VARIANCE = 0.02**2
+"""No pixel is known better [px²]: a few residuals that happen to vanish do not make a pose certain."""
+
+
+@kernel
+def forget(spread: FloatArray) -> None:
+    """Make the covariance (6, 6) that of a pose of which nothing is known."""
+    for i in range(6):
+        for k in range(6):
+            spread[i, k] = UNKNOWN if i == k else 0.0
+
+
+@kernel
+def predict_belief(
+    pose: FloatArray, spread: FloatArray, plan_before: FloatArray, plan_after: FloatArray, seconds: float
+) -> None:
+    """Carry pose (7,) and covariance (6, 6) along the planned motion Δ = plan_before⁻¹ plan_after, in place.
+
+    T ← T Δ: t' = t + R d, R' = R Δ_R, so δt' = δt − R[d]× δ and δ' = Δ_Rᵀ δ; then the process noise of
+    ``seconds``.
+    """
+    r, before, after = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    _matrix(pose, r)
+    _matrix(plan_before, before)
+    _matrix(plan_after, after)
+    turn, d = np.zeros((3, 3)), np.zeros(3)
+    for i in range(3):
+        for k in range(3):
+            d[i] += before[k, i] * (plan_after[4 + k] - plan_before[4 + k])
+            for m in range(3):
+                turn[i, k] += before[m, i] * after[m, k]
+    transition = np.zeros((6, 6))
+    for i in range(3):
+        transition[i, i] = 1.0
+        transition[i, 3] = -(r[i, 1] * d[2] - r[i, 2] * d[1])
+        transition[i, 4] = -(r[i, 2] * d[0] - r[i, 0] * d[2])
+        transition[i, 5] = -(r[i, 0] * d[1] - r[i, 1] * d[0])
+        for k in range(3):
+            pose[4 + i] += r[i, k] * d[k]
+            transition[3 + i, 3 + k] = turn[k, i]
+    _compose(pose, plan_before, plan_after)
+    _congruence(transition, spread)
+    for i in range(3):
+        spread[i, i] += (UNPLANNED_SPEED * seconds) ** 2
+        spread[3 + i, 3 + i] += (UNPLANNED_TURN * seconds) ** 2
+
+
+@kernel
+def correct_belief(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    used: BoolArray,
+    measured: FloatArray,
+    pose: FloatArray,
+    spread: FloatArray,
+) -> None:
+    """Join pose (7,) and covariance (6, 6) with the pose ``measured`` (7,) in the image, in place.
+
+    K = P(P + C)⁻¹ with C the covariance of the measured pose, σ²(JᵀJ)⁻¹ of its reprojection error.
+    """
+    own, gain = np.empty((6, 6)), np.empty((6, 6))
+    known = pose_covariance(
+        parameters, points, pixels, used, measured[:4], measured[4:], LEAST_PIXEL_VARIANCE, own
+    )
+    if not known:
+        return
+    total = own + spread
+    if not factor_cholesky(total, 6, 1e-15):
+        return
+    column = np.empty(6)
+    for i in range(6):  # row i of K = P S⁻¹ solves S kᵀ = pᵀ, both symmetric
+        column[:] = spread[i]
+        solve_factored(total, 6, column)
+        gain[i] = column
+    gap, step, rest = np.empty(6), np.zeros(6), np.zeros((6, 6))
+    _gap(pose, measured, gap)
+    for i in range(6):
+        for k in range(6):
+            step[i] += gain[i, k] * gap[k]
+            for m in range(6):
+                rest[i, k] += gain[i, m] * own[m, k]
+    for i in range(6):  # (I − K)P = K C
+        for k in range(6):
+            spread[i, k] = 0.5 * (rest[i, k] + rest[k, i])
+    pose[:4] = turn_quaternion(pose[:4], step[3], step[4], step[5])
+    for i in range(3):
+        pose[4 + i] += step[i]
+
+
+@kernel
+def _gap(pose: FloatArray, other: FloatArray, gap: FloatArray) -> None:
+    """Write what leads from ``pose`` to ``other``: translation and rotation vector on the right, (6,)."""
+    x, y, z, w = pose[0], pose[1], pose[2], pose[3]
+    a, b, c, d = other[0], other[1], other[2], other[3]
+    vx = w * a - x * d - (y * c - z * b)
+    vy = w * b - y * d - (z * a - x * c)
+    vz = w * c - z * d - (x * b - y * a)
+    scalar = w * d + x * a + y * b + z * c
+    sine = math.sqrt(vx * vx + vy * vy + vz * vz)
+    if scalar < 0.0:
+        vx, vy, vz, scalar = -vx, -vy, -vz, -scalar
+    factor = 2.0 * math.atan2(sine, scalar) / sine if sine > 1e-12 else 2.0
+    gap[3], gap[4], gap[5] = factor * vx, factor * vy, factor * vz
+    for i in range(3):
+        gap[i] = other[4 + i] - pose[4 + i]
+
+
+@kernel
+def _compose(pose: FloatArray, before: FloatArray, after: FloatArray) -> None:
+    """Turn ``pose`` by the planned rotation: q ← q · before* · after, of length 1."""
+    _multiply(pose, -before[0], -before[1], -before[2], before[3])
+    _multiply(pose, after[0], after[1], after[2], after[3])
+    norm = math.sqrt(pose[0] ** 2 + pose[1] ** 2 + pose[2] ** 2 + pose[3] ** 2)
+    for i in range(4):
+        pose[i] /= norm
+
+
+@kernel
+def _multiply(q: FloatArray, a: float, b: float, c: float, d: float) -> None:
+    """Multiply the quaternion in q[:4] by (a, b, c, d) from the right."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    q[0] = w * a + x * d + y * c - z * b
+    q[1] = w * b + y * d + z * a - x * c
+    q[2] = w * c + z * d + x * b - y * a
+    q[3] = w * d - x * a - y * b - z * c
+
+
+@kernel
+def _matrix(pose: FloatArray, r: FloatArray) -> None:
+    """Write the rotation matrix (3, 3) of a pose."""
+    matrix_from_quaternion(pose[0], pose[1], pose[2], pose[3], r)
+
+
+@kernel
+def _congruence(transition: FloatArray, spread: FloatArray) -> None:
+    """Replace P by F P Fᵀ, all (6, 6)."""
+    half = np.zeros((6, 6))
+    for i in range(6):
+        for k in range(6):
+            for m in range(6):
+                half[i, k] += transition[i, m] * spread[m, k]
+    for i in range(6):
+        for k in range(6):
+            total = 0.0
+            for m in range(6):
+                total += half[i, m] * transition[k, m]
+            spread[i, k] = total

@@ -1,0 +1,111 @@
+"""The pose filter: its motion model, its update, and what it is worth."""
+
+import numpy as np
+from kinematic_loop import FISHEYE, FRONT, Loop, bent_path, plan_of
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.estimation import refine_pose
+from omniservo.tracking import PathTracker, TrackerOptions
+from omniservo.tracking.pose_filter import (
+    UNPLANNED_SPEED,
+    UNPLANNED_TURN,
+    correct_belief,
+    forget,
+    predict_belief,
+)
+
+
+def row(pose):
+    return np.concatenate((pose.rotation.as_quat(), pose.translation))
+
+
+def pose_of(values):
+    return RigidTransform.from_components(values[4:], Rotation.from_quat(values[:4]))
+
+
+def moved(pose, step):
+    """(translation in the reference frame, rotation vector on the right) added to a pose."""
+    return RigidTransform.from_components(
+        pose.translation + step[:3], pose.rotation * Rotation.from_rotvec(step[3:])
+    )
+
+
+def gap(pose, other):
+    turn = (pose.rotation.inv() * other.rotation).as_rotvec()
+    return np.concatenate((other.translation - pose.translation, turn))
+
+
+A = RigidTransform.from_components([0.1, -0.2, 0.3], Rotation.from_rotvec([0.4, -0.9, 0.3]))
+BEFORE = RigidTransform.from_components([0.02, 0.1, -0.1], Rotation.from_rotvec([0.1, 0.2, -0.3]))
+AFTER = RigidTransform.from_components([0.05, 0.14, 0.1], Rotation.from_rotvec([-0.2, 0.3, 0.5]))
+
+
+def predicted(pose, spread, seconds=0.0):
+    values, covariance = row(pose), spread.copy()
+    predict_belief(values, covariance, row(BEFORE), row(AFTER), seconds)
+    return pose_of(values), covariance
+
+
+def test_between_images_the_belief_moves_as_the_plan_does():
+    pose, _ = predicted(A, np.eye(6))
+    np.testing.assert_allclose(pose.as_matrix(), (A * BEFORE.inv() * AFTER).as_matrix(), atol=1e-14)
+
+
+def test_the_predicted_covariance_is_that_of_the_linearised_motion():
+    step = 1e-6
+    centre, _ = predicted(A, np.eye(6))
+    transition = np.column_stack(
+        [gap(centre, predicted(moved(A, step * e), np.eye(6))[0]) / step for e in np.eye(6)]
+    )
+    spread = np.cov(np.random.default_rng(0).standard_normal((6, 40)))
+    _, covariance = predicted(A, spread, 0.1)
+    noise = np.repeat([(0.1 * UNPLANNED_SPEED) ** 2, (0.1 * UNPLANNED_TURN) ** 2], 3)
+    np.testing.assert_allclose(covariance, transition @ spread @ transition.T + np.diag(noise), atol=1e-5)
+
+
+def test_the_update_weighs_belief_and_image_by_their_covariances():
+    """Against the information form: P⁻¹ = P₀⁻¹ + C⁻¹, step = P C⁻¹ gap."""
+    rng = np.random.default_rng(1)
+    seen = bent_path()(0.4)
+    pixels = Loop(FISHEYE, pose=seen).look() + 0.3 * rng.standard_normal((9, 2))
+    fit = refine_pose(FISHEYE, FRONT, pixels, seen)
+    belief = moved(fit.reference_T_camera, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
+    prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
+    values, spread = row(belief), prior.copy()
+    correct_belief(
+        FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit.reference_T_camera), values, spread
+    )
+    joined = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(fit.covariance))
+    np.testing.assert_allclose(spread, joined, rtol=1e-6, atol=1e-12)
+    step = joined @ np.linalg.solve(fit.covariance, gap(belief, fit.reference_T_camera))
+    np.testing.assert_allclose(gap(belief, pose_of(values)), step, atol=1e-8)
+
+
+def test_the_first_image_alone_decides():
+    seen = bent_path()(0.2)
+    pixels = Loop(FISHEYE, pose=seen).look()
+    fit = refine_pose(FISHEYE, FRONT, pixels, seen).reference_T_camera
+    values, spread = row(moved(seen, np.full(6, 0.01))), np.empty((6, 6))
+    forget(spread)
+    correct_belief(FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit), values, spread)
+    np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=1e-7)
+
+
+def test_the_filtered_pose_is_nearer_to_the_truth_than_that_of_single_images():
+    period = 1.0 / 30.0
+    loop = Loop(FISHEYE, noise=0.5, period=period)
+    tracker = PathTracker(plan_of(), FISHEYE, options=TrackerOptions(delay=0.5 * period))
+    single, joined, normalised = [], [], []
+    for k in range(110):
+        truth = loop.pose
+        twist = tracker.step(k * period, loop.look())
+        report = tracker.report
+        single.append(gap(truth, report.initial_T_camera))
+        joined.append(gap(truth, pose_of(report.filtered_pose)))
+        normalised.append(joined[-1] @ np.linalg.solve(report.filtered_covariance, joined[-1]))
+        loop.pose = loop.pose * RigidTransform.from_exp_coords(
+            np.concatenate((twist[3:], twist[:3])) * period
+        )
+    rms = [np.sqrt(np.mean(np.square(np.array(e)[10:, :3]).sum(1))) for e in (single, joined)]
+    assert rms[1] < 0.7 * rms[0]
+    assert np.mean(normalised[10:]) < 2.0 * 6.0
