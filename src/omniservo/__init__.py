@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         plan_path,
         replan,
     )
+    from omniservo.targets import Target
     from omniservo.tracking import PathTracker, TrackerOptions
     from omniservo.verification import verify_plan
 
@@ -49,6 +50,7 @@ _HOME = {
     "improving_plans": "planning",
     "plan_path": "planning",
     "replan": "planning",
+    "Target": "targets",
     "PathTracker": "tracking",
     "TrackerOptions": "tracking",
     "verify_plan": "verification",
@@ -66,6 +68,7 @@ __all__ = [
     "Plan",
     "PlanningProblem",
     "ServoStop",
+    "Target",
     "TrackerOptions",
     "TwoViewEstimate",
     "UnifiedCamera",

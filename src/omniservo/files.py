@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -24,6 +25,12 @@ MAX_YAML = 2**20
 """Largest YAML document that is read [characters]."""
 
 _MAX_DEPTH = 32
+
+UNITS = {
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0},
+}
+"""What a document may state lengths and angles in, in metres and radians; the first where it says nothing."""
 
 
 def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
@@ -110,6 +117,25 @@ def parse_document(text: str, source: str) -> Any:
     except ValueError as error:
         message = "a number has too many digits" if "digits" in str(error) else str(error)
         raise InputError(f"{source}: {message}") from None
+
+
+def stated_units(units: Any, source: str) -> dict[str, float]:
+    """Return metres and radians in one unit of "length" and "angle", from the ``units`` field of a document.
+
+    Raises:
+        InputError: not a mapping of these two to units that are known.
+    """
+    if not isinstance(units, dict) or set(units) - set(UNITS):
+        raise InputError(
+            f"{source}: units: {spelled(units)} given; legal: a mapping with {' and '.join(UNITS)}"
+        )
+    stated = {}
+    for quantity, legal in UNITS.items():
+        unit = units.get(quantity, next(iter(legal)))
+        if not isinstance(unit, str) or unit not in legal:
+            raise InputError(f"{source}: units.{quantity}: {spelled(unit)} given; legal: {', '.join(legal)}")
+        stated[quantity] = legal[unit]
+    return stated
 
 
 def writable(path: str | Path, *, force: bool = False) -> None:

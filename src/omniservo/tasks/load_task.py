@@ -11,8 +11,7 @@ from pydantic import ValidationError
 from omniservo.calibration import load_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError
-from omniservo.files import read_document
-from omniservo.tasks.quantities import ANGLE_UNITS, LENGTH_UNITS
+from omniservo.files import read_document, stated_units
 from omniservo.tasks.task import FORMAT, Task
 
 
@@ -58,25 +57,12 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
     fields = dict(document)
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
-    context = _units(fields.pop("units", {}), source)
+    context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
     try:
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
         raise InputError(_first_problem(error, source)) from None
-
-
-def _units(units: Any, source: str) -> dict[str, float]:
-    legal = {"length": LENGTH_UNITS, "angle": ANGLE_UNITS}
-    if not isinstance(units, dict) or set(units) - set(legal):
-        raise InputError(f"{source}: units: {units!r} given; legal: a mapping with length and angle")
-    context = {}
-    for quantity, names in legal.items():
-        unit = units.get(quantity, next(iter(names)))
-        if unit not in names:
-            raise InputError(f"{source}: units.{quantity}: {unit!r} given; legal: {', '.join(names)}")
-        context[quantity] = names[unit]
-    return context
 
 
 def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:

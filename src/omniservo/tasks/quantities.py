@@ -1,15 +1,8 @@
 """Lengths and angles in a task file: stated in the file's units, kept in metres and radians."""
 
-import math
 from typing import Annotated
 
 from pydantic import AfterValidator, FiniteFloat, ValidationInfo
-
-LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Metres in one unit of length."""
-
-ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0}
-"""Radians in one unit of angle."""
 
 
 def _metres(value: float, info: ValidationInfo) -> float:

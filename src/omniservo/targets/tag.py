@@ -1,0 +1,50 @@
+"""A square tag on a target: which one it is, how large, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError, spelled
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.tag_dictionaries import dictionary_names, dictionary_size
+
+_CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """One printed tag. Its frame: origin in the middle, x right and y down in the print, z **into** the face.
+
+    So the camera that looks at the upright tag squarely has the tag's axes. The corners, in the order of
+    cv2.aruco, are top left, top right, bottom right, bottom left of the upright print:
+    (∓e/2, ∓e/2, 0) with edge e, the outer edge of the dark border.
+    """
+
+    dictionary: str
+    """name of the dictionary: tag36h11, 4x4_50, …"""
+    id: int
+    """number in the dictionary"""
+    edge: float
+    """length of the dark border's outer edge [m]"""
+    target_T_tag: RigidTransform
+    """where it is on the target"""
+
+    def __post_init__(self) -> None:
+        if self.dictionary not in dictionary_names():
+            legal = ", ".join(dictionary_names())
+            raise InputError(f"dictionary: {spelled(self.dictionary)} given; legal: {legal}")
+        whole = isinstance(self.id, int | np.integer) and not isinstance(self.id, bool)
+        size = dictionary_size(self.dictionary)
+        if not whole or not 0 <= self.id < size:
+            raise InputError(f"id: {spelled(self.id)} given; legal: whole numbers from 0 to {size - 1}")
+        object.__setattr__(self, "id", int(self.id))
+        object.__setattr__(self, "edge", finite_number("edge", self.edge, above=0.0))
+        finite_array("corners", self.corners, (4, 3))
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 3) [m] in the target frame."""
+        return frozen(self.target_T_tag.apply(self.edge * _CORNERS))
