@@ -1,7 +1,16 @@
 """Motion and structure from two views; pose from known points."""
 
 from omniservo.estimation.estimate_two_view import estimate_two_view
+from omniservo.estimation.joint_uncertainty import EstimateSamples, JointUncertainty
 from omniservo.estimation.pose_refinement import PoseRefinement, refine_pose, refine_pose_kernel
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 
-__all__ = ["PoseRefinement", "TwoViewEstimate", "estimate_two_view", "refine_pose", "refine_pose_kernel"]
+__all__ = [
+    "EstimateSamples",
+    "JointUncertainty",
+    "PoseRefinement",
+    "TwoViewEstimate",
+    "estimate_two_view",
+    "refine_pose",
+    "refine_pose_kernel",
+]

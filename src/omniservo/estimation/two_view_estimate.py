@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
+from omniservo.estimation.joint_uncertainty import SOURCES, EstimateSamples, JointUncertainty, Source
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
@@ -24,8 +25,10 @@ STATUSES: tuple[str, ...] = get_args(Status)
 
 _FIELDS = {
     "format", "status", "message", "goal", "points", "is_metric", "covariance", "points_covariance",
-    "inliers", "rms_px", "noise_px", "residuals_px", "seconds",
+    "inliers", "rms_px", "noise_px", "residuals_px", "seconds", "scale_sigma", "uncertainty",
 }  # fmt: skip
+_ADDED = {"scale_sigma", "uncertainty"}
+"""Fields that older files of this format do not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +54,10 @@ class TwoViewEstimate:
     is_metric: bool
     """False: ‖t‖ = 1, the two views do not tell more."""
     covariance: FloatArray
-    """(6, 6) of (translation, rotation vector applied on the right of initial_T_goal); [m], [rad]. The scale
-    is taken as exact. It is that of Student's t with n − 5 degrees of freedom, σ²(n−5)/(n−7) (JᵀJ)⁻¹, since
-    σ itself comes from the residuals; of rank 5 where ‖t‖ is given."""
+    """(6, 6) of (translation, rotation vector applied on the right of initial_T_goal); [m], [rad]. That of
+    pixel noise is Student's t with n − 5 degrees of freedom, σ²(n−5)/(n−7) (JᵀJ)⁻¹, since σ itself comes from
+    the residuals; to it come ``scale_sigma`` and the calibration's covariance where they are stated. Of rank
+    5 where ‖t‖ is given and taken as exact."""
     points_covariance: FloatArray
     """(n, 3, 3) likewise of each point; NaN for a rejected match."""
     inliers: BoolArray
@@ -66,6 +70,42 @@ class TwoViewEstimate:
     """(n, 4) projection minus pixel, (u, v) in the initial and (u, v) in the goal image [px]."""
     seconds: float
     """Wall time of the estimation [s]."""
+    scale_sigma: float = 0.0
+    """Standard deviation of the scale over the scale: the one common factor of t and of every point."""
+    uncertainty: JointUncertainty | None = None
+    """Joint law of motion and structure, the scale aside; None where there is no pose, and in files written
+    before there was one."""
+
+    def sample(
+        self, rng: np.random.Generator, count: int, sources: tuple[Source, ...] = SOURCES
+    ) -> EstimateSamples:
+        """Return ``count`` equally likely motions and structures, to first order: x + dx, times 1 + ε.
+
+        Args:
+            rng: where the numbers come from.
+            count: how many.
+            sources: what is uncertain: "noise" of the pixels, "scale", "calibration"; the rest stands still,
+                and the same ``rng`` gives the same numbers for what remains.
+
+        Raises:
+            InputError: there is no pose, or no uncertainty with it.
+        """
+        pose, law = self.initial_T_goal, self.uncertainty
+        if pose is None or law is None:
+            what = "no pose" if pose is None else "no joint uncertainty (written by an older version?)"
+            raise InputError(f"estimate: status {self.status!r} with {what}; nothing can be sampled")
+        if unknown := [s for s in sources if s not in SOURCES]:
+            raise InputError(f"sources: {unknown[0]!r} given; legal: {', '.join(SOURCES)}")
+        dx, camera = law.draw(rng, count, sources)
+        factor = 1.0 + self.scale_sigma * rng.standard_normal(count)
+        if "scale" not in sources:
+            factor[:] = 1.0
+        points = np.full((count, *self.points.shape), math.nan)
+        moved = self.points[self.inliers] + dx[:, 6:].reshape(count, -1, 3)
+        points[:, self.inliers] = factor[:, None, None] * moved
+        translation = factor[:, None] * (pose.translation + dx[:, :3])
+        rotation = pose.rotation * Rotation.from_rotvec(dx[:, 3:6])
+        return EstimateSamples(RigidTransform.from_components(translation, rotation), points, camera)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers; NaN becomes None. See :meth:`from_dict`."""
@@ -90,6 +130,8 @@ class TwoViewEstimate:
             "noise_px": _to_lists(self.noise_px),
             "residuals_px": _to_lists(self.residuals_px),
             "seconds": self.seconds,
+            "scale_sigma": self.scale_sigma,
+            "uncertainty": None if self.uncertainty is None else self.uncertainty.to_dict(),
         }
 
     @classmethod
@@ -113,6 +155,7 @@ class TwoViewEstimate:
         if not all(isinstance(x, bool) for x in fields["inliers"]):
             raise InputError(f"{source}: inliers: true or false is needed for each match")
         n = len(fields["inliers"])
+        law = fields.get("uncertainty")
         return cls(
             status=cast(Status, status),
             message=fields["message"],
@@ -128,6 +171,10 @@ class TwoViewEstimate:
             noise_px=float(_read_array(fields["noise_px"], (), f"{source}: noise_px")),
             residuals_px=_read_array(fields["residuals_px"], (n, 4), f"{source}: residuals_px"),
             seconds=finite_number(f"{source}: seconds", fields["seconds"], minimum=0.0),
+            scale_sigma=finite_number(f"{source}: scale_sigma", fields.get("scale_sigma", 0.0), minimum=0.0),
+            uncertainty=None
+            if law is None
+            else JointUncertainty.from_dict(law, sum(fields["inliers"]), f"{source}: uncertainty"),
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
@@ -161,7 +208,7 @@ def _check_fields(fields: Any, source: str) -> None:
         raise InputError(f"{source}: {type(fields).__name__} given; a mapping of fields is needed")
     if fields.get("format") != FORMAT:
         raise InputError(f"{source}: format: {fields.get('format')!r} given; legal: {FORMAT!r}")
-    if wrong := sorted(map(str, set(fields) ^ _FIELDS)):
+    if wrong := sorted(map(str, (set(fields) | _ADDED) ^ _FIELDS)):
         kind = "unknown" if wrong[0] in fields else "missing"
         raise InputError(f"{source}: {wrong[0]}: {kind} field; the fields are {', '.join(sorted(_FIELDS))}")
 
