@@ -1,7 +1,7 @@
 """The world, the ray-cast camera, the simulated robot and the closed loop."""
 
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
-from omniservo.simulation.scene import Ball, Box, Dots, Scene, Sensor
+from omniservo.simulation.scene import Ball, Box, Dots, Panel, Scene, Sensor
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
@@ -11,6 +11,7 @@ __all__ = [
     "Box",
     "Dots",
     "OutsideView",
+    "Panel",
     "Scene",
     "Sensor",
     "SimulatedRobot",

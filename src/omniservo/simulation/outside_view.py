@@ -8,15 +8,25 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, finite_array, finite_number
+from omniservo.geometry.arrays import (
+    BoolArray,
+    ByteArray,
+    FloatArray,
+    IntArray,
+    finite_array,
+    finite_number,
+)
+from omniservo.simulation.panel_pictures import Footprints, PanelPictures
 from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster
 from omniservo.simulation.world import World
 
 _THREADS = 2
 _EDGE = 2  # rays per side of a pixel on an edge
+_TILES = 2  # per side of a pixel on a panel's picture
 _CONTRAST = 0.08  # above a shadow's steps and the floor's tiles
 _SELF_SHADOW = 0.003  # [m] a surface this close before a point does not shade it
 _LAMP_RADIUS = 0.30  # [m]
@@ -44,13 +54,14 @@ class Viewpoint:
 
     @classmethod
     def beside(cls, world: World) -> Viewpoint:
-        """Return the view from the arm's right that shows arm, obstacles and dots of the world."""
+        """Return the view from the arm's right that shows arm and target of the world."""
         scene = world.scene
         base_R = scene.world_T_base.rotation
         points = [scene.world_T_base.apply([0.0, 0.0, 0.1]), scene.world_T_base.apply([0.0, 0.0, 0.75])]
         points.append(scene.world_T_camera(scene.start_joints).translation)
         if scene.dots is not None and len(scene.dots.centers):
             points += list(scene.dots.centers)
+        points += [corner for panel in scene.panels for corner in panel.corners]
         middle = (np.min(points, axis=0) + np.max(points, axis=0)) / 2.0
         size = float(np.linalg.norm(np.max(points, axis=0) - np.min(points, axis=0)))
         eye = middle + 1.75 * size * base_R.apply(np.array([-0.55, -0.72, 0.42]))
@@ -89,6 +100,8 @@ class OutsideView:
         self._view = viewpoint or Viewpoint.beside(world)
         self._eye = finite_array("viewpoint.eye", self._view.eye, (3,))
         self._axes = _axes_of(self._view)
+        self._world = world
+        self._pictures = PanelPictures(world.scene.panels)
         self._colours = np.vstack([world.model.geom_rgba[:, :3].astype(np.float64), np.zeros(3)])
         floor = world.model.geom_type == 0
         self._is_floor = np.append(floor, False)
@@ -108,41 +121,59 @@ class OutsideView:
         for caster in self._casters:
             caster.pose_arm(joints)
         rows, columns = np.indices(self._shape).reshape(2, -1)
-        image = self._colours_at(np.stack([columns, rows], axis=-1).astype(np.float64))
-        edge = self._edges(image.reshape(*self._shape, 3)).ravel()
+        image, panels = self._colours_at(np.stack([columns, rows], axis=-1).astype(np.float64), 1.0)
+        edge = self._edges(image.reshape(*self._shape, 3), panels.reshape(self._shape)).ravel()
         samples = np.stack([columns[edge], rows[edge]], axis=-1)[:, None, :] + sheared_grid(_EDGE)
-        image[edge] = self._colours_at(samples.reshape(-1, 2)).reshape(-1, _EDGE**2, 3).mean(axis=1)
+        finer, _ = self._colours_at(samples.reshape(-1, 2), 1.0 / _EDGE)
+        image[edge] = finer.reshape(-1, _EDGE**2, 3).mean(axis=1)
         grey_values: ByteArray = np.rint(255.0 * _srgb(np.clip(image, 0.0, 1.0))).astype(np.uint8)
         return grey_values.reshape(*self._shape, 3)
 
-    def _edges(self, image: FloatArray) -> BoolArray:
-        return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST)
+    def _edges(self, image: FloatArray, panels: IntArray) -> BoolArray:
+        """Where neighbours differ; within a panel its picture is averaged over each pixel already."""
+        printed = (panels >= 0) & ~differs_from_neighbour(panels, 0)
+        return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST) & ~printed
 
-    def _colours_at(self, pixels: FloatArray) -> FloatArray:
-        """Linear colours (n, 3) at pixels (n, 2), in two threads."""
-        parts = self._pool.map(self._look, self._casters, np.array_split(pixels, _THREADS))
-        return np.concatenate(list(parts))
+    def _colours_at(self, pixels: FloatArray, side: float) -> tuple[FloatArray, IntArray]:
+        """Linear colours (n, 3) at pixels (n, 2) of this side [px], and the panels that are met (n,)."""
+        halves = np.array_split(pixels, _THREADS)
+        looks = self._pool.map(lambda caster, half: self._look(caster, half, side), self._casters, halves)
+        colours, panels = zip(*looks, strict=True)
+        return np.concatenate(colours), np.concatenate(panels)
 
-    def _look(self, caster: RayCaster, pixels: FloatArray) -> FloatArray:
+    def _look(self, caster: RayCaster, pixels: FloatArray, side: float) -> tuple[FloatArray, IntArray]:
         height, width = self._shape
         focal = 0.5 * height / math.tan(0.5 * self._view.field_of_view)
         rays = np.empty((len(pixels), 3))
         rays[:, 0] = pixels[:, 0] - (width - 1) / 2.0
         rays[:, 1] = pixels[:, 1] - (height - 1) / 2.0
         rays[:, 2] = focal
-        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        directions = np.einsum("ij,kj->ik", rays, self._axes)
+        directions = np.einsum("ij,kj->ik", rays / np.linalg.norm(rays, axis=1, keepdims=True), self._axes)
         geoms, distances, normals = caster.cast(self._eye, directions)
+        panels = self._world.panels_at(geoms, normals)
         colours = _sky(directions)
         hit = geoms != MISS
         points = self._eye + distances[hit, None] * directions[hit]
-        surface = self._colours[geoms[hit]] * self._tiles(geoms[hit], points)[:, None]
+        surface = self._surface(geoms, panels, rays, side)[hit] * self._tiles(geoms[hit], points)[:, None]
         shaded = self._shade(caster, points, directions[hit], normals[hit], surface)
         haze = np.where(self._is_floor[geoms[hit]], 1.0 - np.exp2(-((distances[hit] / _HAZE) ** 2)), 0.0)[
             :, None
         ]
         colours[hit] = (1.0 - haze) * shaded + haze * colours[hit]
-        return colours
+        return colours, panels
+
+    def _surface(
+        self, geoms: npt.NDArray[np.int32], panels: IntArray, rays: FloatArray, side: float
+    ) -> FloatArray:
+        """Colours (n, 3) of what the rays meet, before any light."""
+        surface = self._colours[geoms]
+        printed = np.flatnonzero(panels >= 0)
+        if len(printed):
+            world_T_eye = RigidTransform.from_components(self._eye, Rotation.from_matrix(self._axes))
+            right, down = (np.tile(side * np.eye(3)[axis], (len(printed), 1)) for axis in (0, 1))
+            pixels = Footprints(rays[printed], right, down)
+            surface[printed] = self._pictures.greys(world_T_eye, panels[printed], pixels, _TILES)[:, None]
+        return surface
 
     def _tiles(self, geoms: npt.NDArray[np.int32], points: FloatArray) -> FloatArray:
         """Brightness (n,) of a chequered floor; 1 elsewhere."""

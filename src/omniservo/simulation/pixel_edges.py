@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
-def differs_from_neighbour(image: FloatArray, contrast: float) -> BoolArray:
+def differs_from_neighbour(image: FloatArray | IntArray, contrast: float) -> BoolArray:
     """Return which pixels (height, width) differ by more than ``contrast`` from one of their neighbours."""
     different = np.zeros(image.shape, dtype=bool)
     ahead, behind, every = slice(1, None), slice(None, -1), slice(None)

@@ -107,6 +107,42 @@ class Dots:
 
 
 @dataclass(frozen=True)
+class Panel:
+    """A flat printed picture. Like a dot it has no body of its own: it cannot be touched.
+
+    Its frame lies in the middle of its face, as a viewer sees it: x right, y down in the picture, z into the
+    panel. From behind and from the side it is white card.
+    """
+
+    name: str
+    """unique in its scene"""
+    world_T_panel: RigidTransform
+    size: FloatArray
+    """(2,) width along x, height along y [m]"""
+    picture: FloatArray
+    """(rows, columns) linear grey in [0, 1]; each entry fills its rectangle of the face evenly"""
+
+    def __post_init__(self) -> None:
+        size = finite_array(f"panel {self.name!r}: size", self.size, (2,))
+        if size.min() < _SHORTEST:
+            raise InputError(
+                f"panel {self.name!r}: size {size.min():g} m given; at least {_SHORTEST:g} is needed"
+            )
+        picture = finite_array(f"panel {self.name!r}: picture", self.picture, (None, None))
+        if not picture.size or picture.min() < 0.0 or picture.max() > 1.0:
+            raise InputError(f"panel {self.name!r}: picture must hold greys between 0 and 1, at least one")
+        object.__setattr__(self, "size", frozen(size))
+        object.__setattr__(self, "picture", frozen(picture))
+
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 3) corners in the world [m]: top left, top right, bottom right, bottom left of the picture."""
+        signs = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
+        corners: FloatArray = self.world_T_panel.apply(signs * [*self.size, 0.0])
+        return corners
+
+
+@dataclass(frozen=True)
 class Sensor:
     """How the camera in the hand delivers images."""
 
@@ -139,8 +175,10 @@ class Scene:
     """(6,) [rad], within the arm's range"""
     sensor: Sensor = field(default_factory=Sensor)
     dots: Dots | None = None
+    panels: tuple[Panel, ...] = ()
+    """printed pictures: tags, textured faces"""
     boards: tuple[Box, ...] = ()
-    """what carries the dots or stands behind them, walls too"""
+    """what carries dots and panels or stands behind them, walls too"""
     obstacles: tuple[Box | Ball, ...] = ()
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
@@ -150,7 +188,7 @@ class Scene:
         if not self.arm.within_limits(joints):
             raise InputError(f"scene: start_joints {np.rad2deg(joints).round(1)} deg leave the arm's range")
         object.__setattr__(self, "start_joints", frozen(joints))
-        names = [body.name for body in (*self.boards, *self.obstacles)]
+        names = [body.name for body in (*self.boards, *self.obstacles, *self.panels)]
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")

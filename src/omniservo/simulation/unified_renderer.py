@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.image_mask import distance_beyond
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.simulation.panel_pictures import Footprints, PanelPictures
 from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster, daylight
 from omniservo.simulation.world import World
@@ -22,9 +24,22 @@ BACKGROUND = 0.25
 
 _THREADS = 2
 _DOT_EDGE = 8  # rays per side of a pixel next to a dot: its centre is measured
+_PANEL_EDGE = 6  # rays per side of a pixel on the outline of a panel
 _OTHER_EDGE = 2  # rays per side of a pixel on any other edge
+_TILES = 3  # per side of a pixel that sees nothing but one panel
 _CONTRAST = 0.01  # neighbouring greys that differ by more lie on an edge
 _BLUR_REACH = 4.0  # standard deviations
+
+
+class _Sight(NamedTuple):
+    """What rays meet."""
+
+    greys: FloatArray
+    """(n,) linear; of a picture: as if it were white"""
+    is_dot: BoolArray
+    """(n,)"""
+    panels: IntArray
+    """(n,) index of the panel whose picture is met, −1 for none"""
 
 
 class UnifiedRenderer:
@@ -48,6 +63,11 @@ class UnifiedRenderer:
         bearings, self._lit = self._sightlines(pixels)
         self._bearings = np.ascontiguousarray(bearings[self._lit])
         self._rim = differs_from_neighbour(self._lit.astype(np.float64), _CONTRAST)
+        if world.scene.panels:
+            self._pictures = PanelPictures(world.scene.panels)
+            self._footprints = Footprints(
+                bearings, self._slope(pixels, [0.5, 0.0]), self._slope(pixels, [0.0, 0.5])
+            )
 
     def render(self, q: FloatArray) -> FloatArray:
         """Return the linear intensity (height, width) in [0, 1] on the sensor, without blur and noise.
@@ -59,11 +79,18 @@ class UnifiedRenderer:
             pose = self._world.world_T_camera(caster.pose_arm(q))
         image = np.full(self._lit.shape, DARK)
         is_dot = np.zeros(self._lit.shape)
-        image[self._lit], is_dot[self._lit] = self._in_parallel(pose, self._bearings)
-        edge = differs_from_neighbour(image, _CONTRAST) | self._rim
-        dot_edge = differs_from_neighbour(is_dot, _CONTRAST)
-        self._refine(image, pose, dot_edge, _DOT_EDGE)
-        self._refine(image, pose, edge & ~dot_edge, _OTHER_EDGE)
+        panels = np.full(self._lit.shape, -1)
+        image[self._lit], is_dot[self._lit], panels[self._lit] = self._in_parallel(pose, self._bearings)
+        fine = differs_from_neighbour(is_dot, _CONTRAST)
+        outline = differs_from_neighbour(panels, 0)
+        printed = (panels >= 0) & ~outline
+        edge = (differs_from_neighbour(image, _CONTRAST) | self._rim) & ~printed
+        self._refine(image, pose, fine, _DOT_EDGE)
+        self._refine(image, pose, outline & ~fine, _PANEL_EDGE)
+        self._refine(image, pose, edge & ~outline & ~fine, _OTHER_EDGE)
+        if printed.any():
+            pixels = self._footprints.at(printed)
+            image[printed] *= self._printed(pose, panels[printed], pixels, _TILES)
         return image
 
     def photograph(self, q: FloatArray, noise: np.random.Generator) -> ByteArray:
@@ -93,6 +120,12 @@ class UnifiedRenderer:
             valid = valid & (distance_beyond(self._camera.mask, pixels) > 0.0)
         return bearings, valid
 
+    def _slope(self, pixels: FloatArray, step: list[float]) -> FloatArray:
+        """Change of the bearings (…, 3) over twice a step [px]; 0 where one side cannot be unprojected."""
+        ahead, ahead_valid = self._camera.unproject(pixels + step)
+        behind, behind_valid = self._camera.unproject(pixels - step)
+        return np.where((ahead_valid & behind_valid)[..., None], ahead - behind, 0.0)
+
     def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:
         """Give the chosen pixels of the image the mean over a grid of rays, in place."""
         rows, columns = np.nonzero(chosen)
@@ -100,19 +133,35 @@ class UnifiedRenderer:
             np.stack([columns, rows], axis=-1)[:, None, :] + sheared_grid(per_side)
         )
         greys = np.full(lit.shape, DARK)
-        greys[lit] = self._in_parallel(pose, bearings[lit])[0]
+        sight = self._in_parallel(pose, bearings[lit])
+        greys[lit] = sight.greys
+        if (sight.panels >= 0).any():
+            printed = np.flatnonzero(sight.panels >= 0)
+            at = np.flatnonzero(lit.ravel())[printed]
+            parent = self._footprints.at(chosen).at(at // per_side**2)
+            rays = Footprints(bearings[lit][printed], parent.right / per_side, parent.down / per_side)
+            greys.ravel()[at] *= self._printed(pose, sight.panels[printed], rays, 1)
         image[chosen] = greys.mean(axis=1)
 
-    def _in_parallel(self, pose: RigidTransform, bearings: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Linear greys (n,) along the bearings (n, 3) from the camera at ``pose``; and which see a dot."""
+    def _printed(self, pose: RigidTransform, panels: IntArray, pixels: Footprints, tiles: int) -> FloatArray:
+        """Greys (n,) of the pictures that the pixels see, in two threads."""
+        parts = np.array_split(np.arange(len(panels)), _THREADS)
+        looks = self._pool.map(
+            lambda part: self._pictures.greys(pose, panels[part], pixels.at(part), tiles), parts
+        )
+        return np.concatenate(list(looks))
+
+    def _in_parallel(self, pose: RigidTransform, bearings: FloatArray) -> _Sight:
+        """What is seen along the bearings (n, 3) from the camera at ``pose``."""
         world_R_camera = pose.rotation.as_matrix()
         origin = np.array(pose.translation)
 
-        def look(caster: RayCaster, part: FloatArray) -> tuple[FloatArray, BoolArray]:
+        def look(caster: RayCaster, part: FloatArray) -> _Sight:
             geoms, _, normals = caster.cast(origin, np.einsum("ij,kj->ik", part, world_R_camera))
-            greys = self._world.luminance[geoms] * daylight(normals)
+            panels = self._world.panels_at(geoms, normals)
+            greys = np.where(panels >= 0, 1.0, self._world.luminance[geoms]) * daylight(normals)
             greys[geoms == MISS] = BACKGROUND
-            return greys, self._is_dot[geoms]
+            return _Sight(greys, self._is_dot[geoms], panels)
 
         parts = list(self._pool.map(look, self._casters, np.array_split(bearings, _THREADS)))
-        return np.concatenate([greys for greys, _ in parts]), np.concatenate([dots for _, dots in parts])
+        return _Sight(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))

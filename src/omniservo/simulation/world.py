@@ -1,15 +1,17 @@
-"""The world: one MuJoCo model of arm, camera housing, boards, dots, obstacles and floor."""
+"""The world: one MuJoCo model of arm, camera housing, boards, dots, panels, obstacles and floor."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.simulation.scene import Ball, Box, Colour, Dots, Scene
+from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
 
 TICK = 0.001
 """Physics step [s]."""
@@ -26,7 +28,9 @@ CAMERA_GROUP = 2
 _FLOOR_COLOUR: Colour = (0.30, 0.31, 0.33)
 _HOUSING_COLOUR: Colour = (0.07, 0.08, 0.10)
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (Rec. 709)
-_DOT_THICKNESS = 1e-5  # [m] thinner than any pixel shows from the side
+_THICKNESS = 1e-5  # [m] of dots and panels: thinner than any pixel shows from the side
+
+_FACING = 0.5  # cosine between normals that tells a panel's front from its sides and back
 
 # Camera frame [m]: the pupil lies 5 mm behind the lens front; the housing reaches back to the flange.
 _LENS_FRONT, _LENS_BACK, _LENS_RADIUS = 0.005, -0.030, 0.025
@@ -54,6 +58,8 @@ class World:
             _add_body(spec, body)
         if scene.dots is not None:
             _add_dots(spec, scene.dots)
+        for panel in scene.panels:
+            _add_panel(spec, panel)
         if scene.floor is not None:
             floor = spec.worldbody.add_body(name="floor", pos=[0.0, 0.0, scene.floor])
             _paint(floor.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1]), _FLOOR_COLOUR)
@@ -64,6 +70,8 @@ class World:
         """geoms of the arm's links and the camera's housing"""
         self.dot_geoms: IntArray = np.flatnonzero(self.model.geom_bodyid == 0)
         """geoms of the target's dots"""
+        self._panel_of_geom = _panel_of_geom(self.model, scene.panels)
+        self._panel_faces = np.array([p.world_T_panel.rotation.apply([0.0, 0.0, -1.0]) for p in scene.panels])
         obstacles = {body.name for body in scene.obstacles}
         owners = [self.body_of(geom) for geom in range(self.model.ngeom)]
         self.obstacle_geoms: IntArray = np.flatnonzero([owner in obstacles for owner in owners])
@@ -73,6 +81,19 @@ class World:
     def body_of(self, geom: int) -> str:
         """Return the name of the body that a geom belongs to; ``world`` for the dots."""
         return str(self.model.body(int(self.model.geom_bodyid[geom])).name)
+
+    def panels_at(self, geoms: NDArray[np.int32], normals: FloatArray) -> IntArray:
+        """Return whose picture each ray meets: indices (n,) into the scene's panels, −1 for no picture.
+
+        Args:
+            geoms: (n,) as `RayCaster.cast` returns them.
+            normals: (n, 3) of the surfaces there; a panel's back and sides bear no picture.
+        """
+        panels = self._panel_of_geom[geoms]
+        met = np.flatnonzero(panels >= 0)
+        facing = np.einsum("ij,ij->i", normals[met], self._panel_faces[panels[met]]) if len(met) else met
+        panels[met[facing < _FACING]] = -1
+        return panels
 
     def data_at(self, q: FloatArray) -> Any:
         """Return new MjData with the arm at rest in the joints ``q`` (6,) [rad], all positions computed."""
@@ -147,12 +168,35 @@ def _add_dots(spec: Any, dots: Dots) -> None:
     for center, normal in zip(dots.centers, dots.normals, strict=True):
         geom = spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            fromto=[*center, *(center - _DOT_THICKNESS * normal)],
+            fromto=[*center, *(center - _THICKNESS * normal)],
             size=[dots.radius, 0.0, 0.0],
             contype=0,
             conaffinity=0,
         )
         _paint(geom, dots.colour)
+
+
+def _add_panel(spec: Any, panel: Panel) -> None:
+    """A thin block whose front is the panel's face."""
+    pose = panel.world_T_panel * RigidTransform.from_translation([0.0, 0.0, _THICKNESS / 2])
+    holder = spec.worldbody.add_body(
+        name=panel.name, pos=pose.translation, quat=_mujoco_quaternion(pose.rotation)
+    )
+    geom = holder.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[*panel.size / 2, _THICKNESS / 2],
+        contype=0,
+        conaffinity=0,
+    )
+    _paint(geom, BOARD_COLOUR)
+
+
+def _panel_of_geom(model: Any, panels: Sequence[Panel]) -> IntArray:
+    """(geoms + 1,) index of the panel that each geom is, else −1; the last entry answers for a ray's miss."""
+    owner = np.full(model.ngeom + 1, -1, dtype=np.int64)
+    for index, panel in enumerate(panels):
+        owner[int(model.body(panel.name).geomadr[0])] = index
+    return owner
 
 
 def _paint(geom: Any, colour: Colour, group: int = SURROUNDINGS_GROUP) -> None:
