@@ -100,7 +100,8 @@ def _minimum(camera: UnifiedCamera, scene: Scene) -> Rotation | None:
 def _bound(camera: UnifiedCamera, scene: Scene) -> Rotation | None:
     r, t = scene.initial_T_goal.rotation.as_matrix(), np.array(scene.initial_T_goal.translation)
     pixels = np.hstack([scene.pixels_initial, scene.pixels_goal])
-    refine_jointly(camera.parameters, pixels, QUATERNION, math.inf, r, t, scene.points.copy(), 200)
+    weights, points = np.ones((len(pixels), 2)), scene.points.copy()
+    refine_jointly(camera.parameters, pixels, weights, QUATERNION, math.inf, r, t, points, 200)
     return Rotation.from_matrix(r)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omniservo.estimation import epipolar_refinement, joint_refinement
+from omniservo.estimation import epipolar_refinement, joint_refinement, normal_blocks
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.matches import Matches
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
@@ -83,8 +83,8 @@ def test_joint_derivatives_agree_with_finite_differences(view):
     to_point, to_motion, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
     zero, h = np.zeros(3), 1e-6
     for j in range(len(points)):
-        assert joint_refinement.linearise_point(
-            matches.parameters, matches.pixels, j, r, t, points, to_point, to_motion, e
+        assert normal_blocks.linearise_point(
+            matches.parameters, matches.pixels, matches.weights, j, r, t, points, to_point, to_motion, e
         )
         np.testing.assert_allclose(e, residual(j, zero, zero, zero), atol=1e-9)
         for i, s in enumerate(h * np.eye(3)):
@@ -104,16 +104,18 @@ def test_blocks_are_those_of_the_dense_normal_equations(view):
     dense, residuals = np.zeros((4 * n, 6 + 3 * n)), np.zeros(4 * n)
     to_point, to_motion, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
     for j in range(n):
-        joint_refinement.linearise_point(
-            matches.parameters, matches.pixels, j, r, t, points, to_point, to_motion, e
+        normal_blocks.linearise_point(
+            matches.parameters, matches.pixels, matches.weights, j, r, t, points, to_point, to_motion, e
         )
         dense[4 * j + 2 : 4 * j + 4, :6] = to_motion
         dense[4 * j : 4 * j + 4, 6 + 3 * j : 9 + 3 * j] = to_point
         residuals[4 * j : 4 * j + 4] = e
-    blocks = joint_refinement.NormalBlocks(
+    blocks = normal_blocks.NormalBlocks(
         np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
     )
-    cost = joint_refinement.linearise(matches.parameters, matches.pixels, math.inf, r, t, points, blocks)
+    cost = normal_blocks.linearise(
+        matches.parameters, matches.pixels, matches.weights, math.inf, r, t, points, blocks
+    )
     normal, gradient = dense.T @ dense, dense.T @ residuals
     assert cost == pytest.approx(residuals @ residuals)
     np.testing.assert_allclose(np.tril(blocks.motion), np.tril(normal[:6, :6]), rtol=1e-12, atol=1e-6)

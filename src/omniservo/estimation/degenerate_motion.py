@@ -25,6 +25,7 @@ MOST_STEPS = 8
 def refine_linear_map(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     bearings: FloatArray,
     jacobians: FloatArray,
     kind: int,
@@ -32,12 +33,12 @@ def refine_linear_map(
 ) -> float:
     """Refine G (3, 3) in place and return its cost [px²], infinite where it leaves the domain.
 
-    ``pixels`` (n, 4), ``bearings`` (n, 6) and ``jacobians`` (n, 12) as elsewhere in this room. Gauss-Newton;
-    a step that does not lower the cost ends it.
+    ``pixels`` (n, 4), ``weights`` (n, 2), ``bearings`` (n, 6) and ``jacobians`` (n, 12) are those of
+    `Matches`. Gauss-Newton; a step that does not lower the cost ends it.
     """
     size = 3 if kind == ROTATION else 9
     normal, gradient = np.empty((9, 9)), np.empty(9)
-    cost = _accumulate(parameters, pixels, bearings, jacobians, size, matrix, normal, gradient)
+    cost = _accumulate(parameters, pixels, weights, bearings, jacobians, size, matrix, normal, gradient)
     if kind == IDENTITY:
         return cost
     trial, turn = np.empty((3, 3)), np.empty((3, 3))
@@ -50,7 +51,7 @@ def refine_linear_map(
             break
         solve_factored(normal, size, gradient)
         _step(kind, matrix, gradient, turn, trial)
-        lower = _accumulate(parameters, pixels, bearings, jacobians, size, trial, normal, gradient)
+        lower = _accumulate(parameters, pixels, weights, bearings, jacobians, size, trial, normal, gradient)
         if not lower < cost:
             break
         small = cost - lower < 1e-6 * cost
@@ -96,6 +97,7 @@ def _step(kind: int, matrix: FloatArray, step: FloatArray, turn: FloatArray, tri
 def _accumulate(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     bearings: FloatArray,
     jacobians: FloatArray,
     size: int,
@@ -118,8 +120,11 @@ def _accumulate(
         )
         if not ok:
             return math.inf
-        eu, ev = pixels[j, 0] - u, pixels[j, 1] - v
+        w = weights[j, 0]
+        eu, ev = w * (pixels[j, 0] - u), w * (pixels[j, 1] - v)
         for r in range(2):
+            for i in range(3):
+                jp[r, i] *= w
             m0 = jp[r, 0] * g[0, 0] + jp[r, 1] * g[1, 0] + jp[r, 2] * g[2, 0]
             m1 = jp[r, 0] * g[0, 1] + jp[r, 1] * g[1, 1] + jp[r, 2] * g[2, 1]
             m2 = jp[r, 0] * g[0, 2] + jp[r, 1] * g[1, 2] + jp[r, 2] * g[2, 2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ def estimate_two_view(
     method: Literal["pixel", "virtual-plane"] = "pixel",
     rotation: Literal["quaternion", "cayley"] = "quaternion",
     robust: bool = True,
+    noise: float | npt.ArrayLike | None = None,
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, from the same points' pixels in two images.
 
@@ -55,10 +57,13 @@ def estimate_two_view(
             and status are decided on the real image for both.
         rotation: s_R as quaternion (17), (20) or Cayley vector (18), (21); the answer is the same.
         robust: reject matches that do not agree with the others.
+        noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
+            image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
+            pixel is as good as any other, and σ comes from the residuals.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
-            virtual-plane image), an illegal scale or option.
+            virtual-plane image), an illegal scale, noise or option.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
@@ -67,7 +72,7 @@ def estimate_two_view(
         raise InputError(f"method: {method!r} given; legal: {', '.join(METHODS)}")
     if rotation not in ROTATIONS:
         raise InputError(f"rotation: {rotation!r} given; legal: {', '.join(ROTATIONS)}")
-    matches = Matches.of_pixels(camera, pixels)
+    matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
     if len(pixels) < LEAST_POINTS:
         words = f"{len(pixels)} matches given; at least {LEAST_POINTS} are needed"
@@ -98,6 +103,20 @@ def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -
     if len(initial) == 0:
         raise InputError("pixels_initial: no pixel given")
     return np.concatenate((initial, goal), axis=1)
+
+
+def _checked_noise(noise: Any, n: int) -> FloatArray | None:
+    """Return σ of each point in either image (n, 2) [px]."""
+    if noise is None:
+        return None
+    if np.ndim(noise) == 0:
+        return np.full((n, 2), finite_number("noise", noise, above=0.0))
+    sigmas = finite_array("noise", noise, (None, 2))
+    if len(sigmas) != n:
+        raise InputError(f"noise: {len(sigmas)} rows given; {n} are needed, one for each match")
+    if sigmas.min() <= 0.0:
+        raise InputError(f"noise: {sigmas.min():g} given; legal: > 0")
+    return sigmas
 
 
 def _checked_scale(scale: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
@@ -138,8 +157,8 @@ def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, Fl
     pixels, slopes, valid = plane.project_jacobian(matches.bearings.reshape(n, 2, 3))
     if not valid.all():
         raise InputError(f"pixels: index {int(np.argwhere(~valid)[0][0])} has no image on the virtual plane")
-    noise = slopes @ matches.jacobians.reshape(n, 2, 3, 2)
-    seen = Matches(plane.parameters, pixels.reshape(n, 4).copy(), matches.bearings, matches.jacobians)
+    noise = matches.weights[:, :, None, None] * (slopes @ matches.jacobians.reshape(n, 2, 3, 2))
+    seen = replace(matches, parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
     return seen, noise.reshape(n, 8)
 
 
@@ -161,23 +180,28 @@ def _with_pose(
     n = len(matches.pixels)
     if plane is not None:
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
-        _, converged = refine_jointly(
-            chosen.parameters, chosen.pixels, kind, math.inf, rotation, translation, structure, MOST_STEPS
-        )
-        if not converged:
+        if not _refined(chosen, kind, rotation, translation, structure):
             words = "the refinement on the virtual plane found no minimum"
             return _without_pose(n, "not_converged", words, started)
     spread = two_view_covariance(
-        chosen.parameters, chosen.pixels, noise, rotation, translation, structure, _places(between, fit)
+        chosen.parameters,
+        chosen.pixels,
+        chosen.weights,
+        noise,
+        rotation,
+        translation,
+        structure,
+        _places(between, fit),
     )
     if spread is None:
         return _without_pose(n, "not_converged", "the matches do not determine the motion", started)
     points = _all_points(matches, fit, rotation, translation, structure)
     metres = _metres(points, between, length)
     residuals = _residuals(matches, rotation, translation, points)
-    square = float((residuals[fit.members] ** 2).sum())
+    square = (residuals[fit.members].reshape(-1, 2, 2) ** 2).sum(axis=2)
+    weighted = float((members.weights**2 * square).sum())
     freedom = len(members.pixels) - MOTION_PARAMETERS
-    variance = square / (freedom - 2)
+    variance = _variance(weighted, freedom, matches.noise_px)
     scales = np.array([metres, metres, metres, 1.0, 1.0, 1.0])
     points_covariance = np.full((n, 3, 3), math.nan)
     points_covariance[fit.members] = variance * metres**2 * spread[1]
@@ -192,11 +216,34 @@ def _with_pose(
         covariance=frozen(variance * np.outer(scales, scales) * spread[0]),
         points_covariance=frozen(points_covariance),
         inliers=fit.members,
-        rms_px=math.sqrt(square / (2 * len(members.pixels))),
-        noise_px=math.sqrt(square / freedom),
+        rms_px=math.sqrt(float(square.sum()) / (2 * len(members.pixels))),
+        noise_px=math.sqrt(weighted / freedom),
         residuals_px=frozen(residuals),
         seconds=time.perf_counter() - started,
     )
+
+
+def _refined(
+    matches: Matches, kind: int, rotation: FloatArray, translation: FloatArray, points: FloatArray
+) -> bool:
+    """Refine motion and structure in place; tell whether they converged."""
+    _, converged = refine_jointly(
+        matches.parameters,
+        matches.pixels,
+        matches.weights,
+        kind,
+        math.inf,
+        rotation,
+        translation,
+        points,
+        MOST_STEPS,
+    )
+    return bool(converged)
+
+
+def _variance(weighted: float, freedom: int, stated: float | None) -> float:
+    """Return the σ² of the covariance: what is stated, or more where the residuals say so; Student's t."""
+    return weighted / (freedom - 2) if stated is None else max(stated**2, weighted / freedom)
 
 
 def _places(between: tuple[int, int] | None, fit: TwoViewFit) -> tuple[int, int] | None:

@@ -9,6 +9,9 @@ because then the pixels do not tell the general model from it. The floor stands 
 is known better; without it, exact synthetic data would make rounding errors significant. A simpler model is
 dropped all the same where S_simple exceeds (0.6 px)² χ²_c(2n − p): with nine points the F test alone would
 believe in several pixels of noise before it believed in parallax.
+
+Where the noise is stated, σ² is that (or what the residuals say, where that is more), F becomes χ² and the
+second bound falls away.
 """
 
 from __future__ import annotations
@@ -28,10 +31,14 @@ from omniservo.estimation.degenerate_motion import (
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.motion_search import Minimum
 from omniservo.estimation.two_view_estimate import Status
-from omniservo.estimation.two_view_fit import LARGEST_NOISE_PX, MOTION_PARAMETERS, TwoViewFit
+from omniservo.estimation.two_view_fit import MOTION_PARAMETERS, TwoViewFit
 
 LEAST_NOISE_PX = 0.01
 PLAUSIBLE_NOISE_PX = 0.6
+LARGEST_NOISE_PX = 5.0
+"""Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
+LARGEST_MISSTATEMENT = 3.0
+"""likewise, as a multiple of the noise that is stated"""
 CONFIDENCE = {"no_motion": 0.999, "pure_rotation": 0.999, "planar_points": 0.99}
 """Higher where no direction exists: the general model then takes the best of many, and F is too large."""
 
@@ -45,7 +52,7 @@ SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
 
 NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
-With σ unknown that is (S/S_rival)^((n−5)/2)."""
+With σ unknown that is (S/S_rival)^((n−5)/2), else exp((S − S_rival)/2σ²)."""
 
 FAR_ROTATION = math.radians(5.0)
 FAR_DIRECTION = math.radians(20.0)
@@ -58,17 +65,20 @@ def judge(fit: TwoViewFit, matches: Matches) -> tuple[Status, str]:
     n = len(members.pixels)
     freedom = n - MOTION_PARAMETERS
     cost = fit.cost
-    floor = LEAST_NOISE_PX**2 * freedom
-    simple = _simpler_model(members, max(cost, floor) if math.isfinite(cost) else 100.0 * floor, cost)
+    variance = _variance(cost, freedom, members.noise_px)
+    simple = _simpler_model(members, variance, cost)
     if simple is not None:
         return simple
     if not fit.minima or not fit.minima[0].converged:
         return "not_converged", "the refinement of motion and structure found no minimum"
     noise = math.sqrt(cost / freedom)
-    if noise > LARGEST_NOISE_PX:
-        return "not_converged", f"the best motion leaves {noise:.1f} px of noise: the matches do not agree"
+    if noise > largest_noise(members.noise_px):
+        words = f"the best motion leaves {noise:.2g} px of noise"
+        if members.noise_px is not None:
+            words += f" where {members.noise_px:.2g} px is stated"
+        return "not_converged", f"{words}: the matches do not agree"
     for rival in fit.minima[1:]:
-        odds = (max(cost, floor) / max(rival.cost, floor)) ** (0.5 * freedom)
+        odds = _odds(cost, rival.cost, freedom, variance, members.noise_px)
         turn, swing = _separation(fit.minima[0], rival)
         if odds > NEARLY_AS_LIKELY and (turn > FAR_ROTATION or swing > FAR_DIRECTION):
             return "ambiguous", (
@@ -79,18 +89,48 @@ def judge(fit: TwoViewFit, matches: Matches) -> tuple[Status, str]:
     return "ok", ""
 
 
-def _simpler_model(members: Matches, variance_sum: float, cost: float) -> tuple[Status, str] | None:
+def largest_noise(stated: float | None) -> float:
+    """Return the σ [px] beyond which pixels do not belong to one rigid scene seen by this camera."""
+    return LARGEST_NOISE_PX if stated is None else LARGEST_MISSTATEMENT * stated
+
+
+def _variance(cost: float, freedom: int, stated: float | None) -> float:
+    """Return σ² [px²] of a coordinate of weight 1: from the residuals, but never below what is known."""
+    if not math.isfinite(cost):
+        return 100.0 * LEAST_NOISE_PX**2 if stated is None else stated**2
+    return max(cost / freedom, (LEAST_NOISE_PX if stated is None else stated) ** 2)
+
+
+def _odds(cost: float, rival: float, freedom: int, variance: float, stated: float | None) -> float:
+    """Return how likely a rival minimum is beside the best one."""
+    if stated is not None:
+        return math.exp(0.5 * (cost - rival) / variance)
+    floor = LEAST_NOISE_PX**2 * freedom
+    return math.pow(max(cost, floor) / max(rival, floor), 0.5 * freedom)
+
+
+def _simpler_model(members: Matches, variance: float, cost: float) -> tuple[Status, str] | None:
     n = len(members.pixels)
     freedom = n - MOTION_PARAMETERS
     for kind, parameters, status, words in SIMPLER:
         matrix = algebraic_map(members.bearings, kind)
         simple = refine_linear_map(
-            members.parameters, members.pixels, members.bearings, members.jacobians, kind, matrix
+            members.parameters,
+            members.pixels,
+            members.weights,
+            members.bearings,
+            members.jacobians,
+            kind,
+            matrix,
         )
         extra = n + MOTION_PARAMETERS - parameters
-        bound = float(fdtri(extra, freedom, CONFIDENCE[status])) * variance_sum / freedom
-        plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, 1.0 - CONFIDENCE[status]))
-        if simple < plausible and (simple - min(cost, simple)) / extra < bound:
+        chance = 1.0 - CONFIDENCE[status]
+        if members.noise_px is None:
+            bound = extra * float(fdtri(extra, freedom, 1.0 - chance)) * variance
+            plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, chance))
+        else:
+            bound, plausible = float(chdtri(extra, chance)) * variance, math.inf
+        if simple < plausible and simple - min(cost, simple) < bound:
             return (
                 status,
                 f"{words} (rms {_rms(simple, n):.3f} px; with motion and structure {_rms(cost, n):.3f})",

@@ -1,17 +1,23 @@
 """Joint refinement of motion and structure, s = (s_R, s_t, s_h₁ … s_hₙ), (13)-(22), on pixels.
 
-The unknowns minimise Σⱼ ‖π(hⱼ) − pⱼ‖² + ‖π(Rᵀ(hⱼ − t)) − pⱼ*‖². π is the real camera (the default cost) or
-the perspective camera of the virtual plane, and then this is (19). Levenberg-Marquardt; the points are
+The unknowns minimise Σⱼ wⱼ²‖π(hⱼ) − pⱼ‖² + wⱼ*²‖π(Rᵀ(hⱼ − t)) − pⱼ*‖². π is the real camera (the default
+cost) or the perspective camera of the virtual plane, and then this is (19); w is 1 where nothing is known of
+the pixels' noise. Levenberg-Marquardt; the points are
 eliminated by their 3×3 blocks (Schur complement), so a step costs O(n).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
-from omniservo.estimation.pose_refinement import pose_rows
+from omniservo.cameras.unified_kernels import project_point
+from omniservo.estimation.normal_blocks import (
+    NormalBlocks,
+    cauchy_loss,
+    eliminate_point,
+    invert_point_block,
+    linearise,
+)
 from omniservo.estimation.rotation_parameters import (
     QUATERNION,
     parameters_from_rotation,
@@ -33,25 +39,11 @@ FARTHEST = 1e6
 LEAST_PIVOT = 1e-13
 
 
-class NormalBlocks(NamedTuple):
-    """The normal equations in (dt, δ; dh₁ … dhₙ), block by block."""
-
-    motion: FloatArray
-    """(6, 6), lower triangle"""
-    motion_gradient: FloatArray
-    """(6,)"""
-    points: FloatArray
-    """(n, 6): xx, xy, yy, xz, yz, zz of each point's block"""
-    mixed: FloatArray
-    """(n, 18): each point's 6×3 block, row by row"""
-    point_gradients: FloatArray
-    """(n, 3)"""
-
-
 @kernel
 def refine_jointly(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     kind: int,
     loss_scale: float,
     rotation: FloatArray,
@@ -61,7 +53,8 @@ def refine_jointly(
 ) -> tuple[float, bool]:
     """Refine ``rotation`` (3, 3), ``translation`` (3,), ``points`` (n, 3) in place; return (cost, converged).
 
-    ``parameters`` are the camera's, ``pixels`` (n, 4) [px] hold initial and goal, ``kind`` chooses s_R,
+    ``parameters`` are the camera's, ``pixels`` (n, 4) [px] hold initial and goal, ``weights`` (n, 2) their w,
+    ``kind`` chooses s_R,
     ``loss_scale`` is c [px] of the Cauchy loss c² log(1 + r²/c²) on a point's four residuals r (infinite:
     least squares), ``most_steps`` counts accepted and rejected steps. ‖t‖ is set to 1, the points with it.
 
@@ -77,7 +70,7 @@ def refine_jointly(
     step, point_steps = np.empty(7), np.empty((n, 3))
     trial_s, trial_r, trial_t, trial_h = s.copy(), np.empty((3, 3)), np.empty(3), np.empty((n, 3))
     _unit_translation(translation, points)
-    cost = linearise(parameters, pixels, loss_scale, rotation, translation, points, blocks)
+    cost = linearise(parameters, pixels, weights, loss_scale, rotation, translation, points, blocks)
     damping = FIRST_DAMPING
     for _ in range(most_steps):
         if not cost < math.inf or damping > LARGEST_DAMPING:
@@ -92,7 +85,7 @@ def refine_jointly(
             trial_t[i] = translation[i] + step[i]
         rotation_from_parameters(kind, trial_s, trial_r)
         _move_points(points, point_steps, trial_h)
-        trial = two_view_cost(parameters, pixels, loss_scale, trial_r, trial_t, trial_h)
+        trial = two_view_cost(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h)
         # Below this the cost is rounding; the step is as good as the answer.
         last = decrement <= 1e-10 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
         if trial > cost and not (last and trial < math.inf):
@@ -102,7 +95,7 @@ def refine_jointly(
         if last:
             return trial, True
         damping = max(0.1 * damping, 1e-12)
-        cost = linearise(parameters, pixels, loss_scale, rotation, translation, points, blocks)
+        cost = linearise(parameters, pixels, weights, loss_scale, rotation, translation, points, blocks)
     return cost, False
 
 
@@ -137,6 +130,7 @@ def _accept(
 def two_view_cost(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     loss_scale: float,
     rotation: FloatArray,
     translation: FloatArray,
@@ -150,7 +144,7 @@ def two_view_cost(
         u, v, ok = project_point(parameters, x, y, z)
         if not ok:
             return math.inf
-        error = (u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2
+        error = weights[j, 0] ** 2 * ((u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2)
         x, y, z = x - translation[0], y - translation[1], z - translation[2]
         u, v, ok = project_point(
             parameters,
@@ -160,8 +154,8 @@ def two_view_cost(
         )
         if not ok:
             return math.inf
-        error += (u - pixels[j, 2]) ** 2 + (v - pixels[j, 3]) ** 2
-        cost += _loss(error, loss_scale)
+        error += weights[j, 1] ** 2 * ((u - pixels[j, 2]) ** 2 + (v - pixels[j, 3]) ** 2)
+        cost += cauchy_loss(error, loss_scale)
     return cost
 
 
@@ -192,121 +186,6 @@ def write_residuals(
         else:
             for i in range(4):
                 residuals[j, i] = math.nan
-
-
-@kernel
-def _loss(error: float, scale: float) -> float:
-    """Return the Cauchy loss of a squared residual [px²]."""
-    if scale == math.inf:
-        return error
-    return scale * scale * math.log1p(error / (scale * scale))
-
-
-@kernel
-def linearise_point(
-    parameters: FloatArray,
-    pixels: FloatArray,
-    j: int,
-    rotation: FloatArray,
-    translation: FloatArray,
-    points: FloatArray,
-    to_point: FloatArray,
-    to_motion: FloatArray,
-    residual: FloatArray,
-) -> bool:
-    """Fill point ``j``'s residual (4,), its derivative to h (4, 3) and, goal rows only, to (dt, δ) (2, 6).
-
-    δ is the rotation vector applied on the right of R. Returns False outside the camera's domain.
-    """
-    r = rotation
-    x, y, z = points[j, 0], points[j, 1], points[j, 2]
-    u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
-    if not ok:
-        return False
-    residual[0], residual[1] = u - pixels[j, 0], v - pixels[j, 1]
-    to_point[0, 0], to_point[0, 1], to_point[0, 2] = j00, j01, j02
-    to_point[1, 0], to_point[1, 1], to_point[1, 2] = j10, j11, j12
-    x, y, z = x - translation[0], y - translation[1], z - translation[2]
-    cx = r[0, 0] * x + r[1, 0] * y + r[2, 0] * z
-    cy = r[0, 1] * x + r[1, 1] * y + r[2, 1] * z
-    cz = r[0, 2] * x + r[1, 2] * y + r[2, 2] * z
-    u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, cx, cy, cz)
-    if not ok:
-        return False
-    residual[2], residual[3] = u - pixels[j, 2], v - pixels[j, 3]
-    pose_rows(to_motion, 0, r, cx, cy, cz, j00, j01, j02)
-    pose_rows(to_motion, 1, r, cx, cy, cz, j10, j11, j12)
-    for k in range(3):
-        to_point[2, k] = -to_motion[0, k]
-        to_point[3, k] = -to_motion[1, k]
-    return True
-
-
-@kernel
-def linearise(
-    parameters: FloatArray,
-    pixels: FloatArray,
-    loss_scale: float,
-    rotation: FloatArray,
-    translation: FloatArray,
-    points: FloatArray,
-    blocks: NormalBlocks,
-) -> float:
-    """Fill the blocks of the normal equations and return the cost, or infinity outside the domain."""
-    b4, a2, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
-    blocks.motion[:, :] = 0.0
-    blocks.motion_gradient[:] = 0.0
-    cost = 0.0
-    for j in range(points.shape[0]):
-        if not linearise_point(parameters, pixels, j, rotation, translation, points, b4, a2, e):
-            return math.inf
-        error = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
-        cost += _loss(error, loss_scale)
-        weight = 1.0 if loss_scale == math.inf else 1.0 / (1.0 + error / (loss_scale * loss_scale))
-        place = 0
-        for a in range(3):
-            x, y, z, w = weight * b4[0, a], weight * b4[1, a], weight * b4[2, a], weight * b4[3, a]
-            blocks.point_gradients[j, a] = x * e[0] + y * e[1] + z * e[2] + w * e[3]
-            for b in range(a + 1):
-                blocks.points[j, place] = x * b4[0, b] + y * b4[1, b] + z * b4[2, b] + w * b4[3, b]
-                place += 1
-        for a in range(6):
-            x, y = weight * a2[0, a], weight * a2[1, a]
-            blocks.motion_gradient[a] += x * e[2] + y * e[3]
-            for b in range(a + 1):
-                blocks.motion[a, b] += x * a2[0, b] + y * a2[1, b]
-            for b in range(3):
-                blocks.mixed[j, 3 * a + b] = x * b4[2, b] + y * b4[3, b]
-    return cost
-
-
-@kernel
-def invert_point_block(block: FloatArray, damping: float, inverse: FloatArray) -> bool:
-    """Write the inverse (6,), same order, of a point block (6,) with its diagonal times (1 + damping)."""
-    xx, yy, zz = (1.0 + damping) * block[0], (1.0 + damping) * block[2], (1.0 + damping) * block[5]
-    xy, xz, yz = block[1], block[3], block[4]
-    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    determinant = xx * a + xy * b + xz * c
-    if not determinant > 1e-15 * xx * yy * zz:
-        return False
-    f = 1.0 / determinant
-    inverse[0], inverse[1], inverse[3] = f * a, f * b, f * c
-    inverse[2], inverse[4], inverse[5] = (
-        f * (xx * zz - xz * xz),
-        f * (xy * xz - xx * yz),
-        f * (xx * yy - xy * xy),
-    )
-    return True
-
-
-@kernel
-def eliminate_point(inverse: FloatArray, mixed: FloatArray, product: FloatArray) -> None:
-    """Write the product (18,), a 6×3 block row by row, of a mixed block and an inverted point block."""
-    for a in range(6):
-        x, y, z = mixed[3 * a], mixed[3 * a + 1], mixed[3 * a + 2]
-        product[3 * a] = x * inverse[0] + y * inverse[1] + z * inverse[3]
-        product[3 * a + 1] = x * inverse[1] + y * inverse[2] + z * inverse[4]
-        product[3 * a + 2] = x * inverse[3] + y * inverse[4] + z * inverse[5]
 
 
 @kernel

@@ -21,14 +21,18 @@ class Matches:
     """of the camera"""
     pixels: FloatArray
     """(n, 4) initial and goal [px]"""
+    weights: FloatArray
+    """(n, 2) of the residuals in either image: a pixel's σ is σ₀ over its weight"""
     bearings: FloatArray
     """(n, 6)"""
     jacobians: FloatArray
-    """(n, 12) bearings by pixels"""
+    """(n, 12) bearings by pixels, over the weight: by pixels of equal noise"""
+    noise_px: float | None = None
+    """σ₀ of a pixel coordinate of weight 1 [px]; None: not known"""
 
     @classmethod
-    def of_pixels(cls, camera: UnifiedCamera, pixels: FloatArray) -> Matches:
-        """Unproject ``pixels`` (n, 4).
+    def of_pixels(cls, camera: UnifiedCamera, pixels: FloatArray, noise: FloatArray | None = None) -> Matches:
+        """Unproject ``pixels`` (n, 4); ``noise`` (n, 2) is the σ of a coordinate in either image [px].
 
         Raises:
             InputError: a pixel lies outside the domain in which the camera can be unprojected.
@@ -43,10 +47,22 @@ class Matches:
                 f"pixels_{('initial', 'goal')[view]}: ({u:g}, {v:g}) at index {j} is outside the"
                 f" camera's domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
             )
-        return cls(camera.parameters, pixels, bearings, jacobians)
+        if noise is None:
+            return cls(camera.parameters, pixels, np.ones((n, 2)), bearings, jacobians)
+        usual = float(np.median(noise))
+        weights = usual / noise
+        jacobians /= np.repeat(weights, 6, axis=1)
+        return cls(camera.parameters, pixels, weights, bearings, jacobians, usual)
 
     def where(self, members: BoolArray) -> Matches:
         """Return the chosen rows."""
         if members.all():
             return self
-        return Matches(self.parameters, self.pixels[members], self.bearings[members], self.jacobians[members])
+        return Matches(
+            self.parameters,
+            self.pixels[members],
+            self.weights[members],
+            self.bearings[members],
+            self.jacobians[members],
+            self.noise_px,
+        )

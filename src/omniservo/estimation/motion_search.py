@@ -91,7 +91,15 @@ def _refined_jointly(matches: Matches, kind: int, rotation: FloatArray, translat
     points = np.empty((len(matches.pixels), 3))
     linear_structure(matches.bearings, rotation, translation, points)
     cost, converged = refine_jointly(
-        matches.parameters, matches.pixels, kind, math.inf, rotation, translation, points, JOINT_STEPS
+        matches.parameters,
+        matches.pixels,
+        matches.weights,
+        kind,
+        math.inf,
+        rotation,
+        translation,
+        points,
+        JOINT_STEPS,
     )
     return Minimum(cost, rotation, translation, points, converged)
 

@@ -55,8 +55,9 @@ class TwoViewEstimate:
     """False: ‖t‖ = 1, the two views do not tell more."""
     covariance: FloatArray
     """(6, 6) of (translation, rotation vector applied on the right of initial_T_goal); [m], [rad]. That of
-    pixel noise is Student's t with n − 5 degrees of freedom, σ²(n−5)/(n−7) (JᵀJ)⁻¹, since σ itself comes from
-    the residuals; to it come ``scale_sigma`` and the calibration's covariance where they are stated. Of rank
+    pixel noise is σ²(JᵀJ)⁻¹ where the noise is stated, σ being that or what the residuals say where that is
+    more; else Student's t with n − 5 degrees of freedom, σ²(n−5)/(n−7) (JᵀJ)⁻¹, since σ itself comes from
+    the residuals. To it come ``scale_sigma`` and the calibration's covariance where they are stated. Of rank
     5 where ‖t‖ is given and taken as exact."""
     points_covariance: FloatArray
     """(n, 3, 3) likewise of each point; NaN for a rejected match."""
@@ -65,7 +66,8 @@ class TwoViewEstimate:
     rms_px: float
     """Root mean square distance between pixel and projection over both images of the inliers [px]."""
     noise_px: float
-    """σ of one pixel coordinate, from the residuals: √(Σr²/(n − 5)) [px]."""
+    """σ of one pixel coordinate, from the residuals: √(Σr²/(n − 5)) [px]; where each point's noise is stated,
+    of one of the median noise."""
     residuals_px: FloatArray
     """(n, 4) projection minus pixel, (u, v) in the initial and (u, v) in the goal image [px]."""
     seconds: float

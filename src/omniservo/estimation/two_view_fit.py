@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtri
+from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.consensus import find_consensus
 from omniservo.estimation.epipolar_refinement import (
@@ -36,7 +36,7 @@ FEW_POINTS = 40
 """Up to here five starts are worth their time; beyond, one finds the minimum."""
 
 SAMPLE_THRESHOLD_PX = 2.0
-"""Sampson distance at which a match stops to count while sampling."""
+"""Sampson distance at which a match stops to count while sampling, where no noise is stated."""
 
 GATE = 3.5
 """A match farther than this many σ from the epipolar geometry of the others is rejected."""
@@ -52,8 +52,8 @@ SIGNIFICANCE = 1e-3
 UNSUSPICIOUS_NOISE_PX = 1.0
 """Few points can hide a wrong match in a bad motion; more noise than this makes them suspicious."""
 
-LARGEST_NOISE_PX = 5.0
-"""Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
+SUSPICIOUS = 2.0
+"""likewise, as a multiple of the noise that is stated"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
         if _agree(whole, matches):
             return whole
     essential = np.empty((3, 3))
-    _, inliers = find_consensus(matches.bearings, matches.jacobians, SAMPLE_THRESHOLD_PX, 1, essential)
+    _, inliers = find_consensus(matches.bearings, matches.jacobians, _threshold(matches), 1, essential)
     if inliers < LEAST_POINTS:  # every sample is degenerate: so are all matches together, and judged as that
         return whole or _fit(matches, everyone, kind, None)
     members = _members(matches, essential)
@@ -97,7 +97,7 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
     if members.all() and whole is not None:
         return whole
     chosen = _grown(matches, _fit(matches, members, kind, essential), kind)
-    if whole is not None and not _significant(whole, chosen):
+    if whole is not None and not _significant(whole, chosen, matches.noise_px):
         return whole
     return chosen
 
@@ -118,7 +118,7 @@ def _grown(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
         return fit
     best = fit.minima[0]
     distances, essential = _distances(matches, best.rotation, best.translation)
-    near = np.abs(distances) <= GATE * _blended_noise(distances[fit.members])
+    near = np.abs(distances) <= GATE * _blended_noise(distances[fit.members], matches.noise_px)
     near &= ~_behind(matches, best.rotation, best.translation)
     if near.sum() <= fit.members.sum():
         return fit
@@ -130,9 +130,10 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     if not fit.minima:
         return False
     distances, _ = _distances(matches, fit.minima[0].rotation, fit.minima[0].translation)
-    sigma = _blended_noise(distances)
+    sigma = _blended_noise(distances, matches.noise_px)
     noise = math.sqrt(fit.cost / max(len(distances) - MOTION_PARAMETERS, 1))
-    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= UNSUSPICIOUS_NOISE_PX
+    most = UNSUSPICIOUS_NOISE_PX if matches.noise_px is None else SUSPICIOUS * matches.noise_px
+    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= most
 
 
 def _members(matches: Matches, essential: FloatArray) -> BoolArray:
@@ -140,17 +141,17 @@ def _members(matches: Matches, essential: FloatArray) -> BoolArray:
     rotation, translation = np.empty((3, 3)), np.empty(3)
     distances, weights = np.empty(len(matches.pixels)), np.empty(len(matches.pixels))
     sampson_distances(matches.bearings, matches.jacobians, essential, distances, weights)
-    members = np.abs(distances) < SAMPLE_THRESHOLD_PX
+    members = np.abs(distances) < _threshold(matches)
     for _ in range(3):
         if members.sum() < LEAST_POINTS:
             break
         chosen = matches.where(members)
-        sigma = _blended_noise(distances[members])
+        sigma = _blended_noise(distances[members], matches.noise_px)
         if motion_in_front(chosen.bearings, essential, rotation, translation) < 0:
             break
         refine_epipolar(chosen.bearings, chosen.jacobians, 2.0 * sigma, rotation, translation, 20)
         distances, essential = _distances(matches, rotation, translation)
-        sigma = _blended_noise(distances[members])
+        sigma = _blended_noise(distances[members], matches.noise_px)
         near = np.abs(distances) <= GATE * sigma
         if (near == members).all():
             break
@@ -192,8 +193,15 @@ def _distances(
     return distances, essential
 
 
-def _blended_noise(distances: FloatArray) -> float:
-    """Return σ [px] from the median distance (so outliers do not enter) and the prior."""
+def _threshold(matches: Matches) -> float:
+    """Return the Sampson distance [px] at which a match stops to count while sampling."""
+    return SAMPLE_THRESHOLD_PX if matches.noise_px is None else GATE * matches.noise_px
+
+
+def _blended_noise(distances: FloatArray, stated: float | None) -> float:
+    """Return σ [px]: what is stated, or from the median distance (so outliers do not enter) and the prior."""
+    if stated is not None:
+        return stated
     n = len(distances)
     robust = 1.4826 * float(np.median(np.abs(distances)))
     freedom = max(n - MOTION_PARAMETERS, 1)
@@ -201,8 +209,8 @@ def _blended_noise(distances: FloatArray) -> float:
     return math.sqrt((PRIOR_WEIGHT * PRIOR_NOISE_PX**2 + square) / (PRIOR_WEIGHT + freedom))
 
 
-def _significant(whole: TwoViewFit, chosen: TwoViewFit) -> bool:
-    """F test: do the members fit better than all do, beyond what leaving out any few would bring?"""
+def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float | None) -> bool:
+    """F test (χ² where σ is known): do members fit better, beyond what leaving out any few would bring?"""
     kept = int(chosen.members.sum())
     dropped = len(chosen.members) - kept
     freedom = kept - MOTION_PARAMETERS
@@ -210,5 +218,7 @@ def _significant(whole: TwoViewFit, chosen: TwoViewFit) -> bool:
         return False
     if not whole.minima:
         return True
-    gain = (whole.cost - chosen.cost) / dropped
-    return bool(gain > fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)
+    gain = whole.cost - chosen.cost
+    if stated is not None:
+        return bool(gain > chdtri(dropped, SIGNIFICANCE) * stated**2)
+    return bool(gain > dropped * fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)

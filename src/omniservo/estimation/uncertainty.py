@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from omniservo.estimation.joint_refinement import (
+from omniservo.estimation.normal_blocks import (
     NormalBlocks,
     eliminate_point,
     invert_point_block,
@@ -22,13 +22,14 @@ FAR_POINT_DAMPING = 1e-10
 def two_view_covariance(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     noise: FloatArray,
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
     between: tuple[int, int] | None,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the covariances of (t, δ) (6, 6) and of each point (n, 3, 3) for pixel noise of 1 px, ‖t‖ = 1.
+    """Return the covariances of (t, δ) (6, 6) and of each point (n, 3, 3) for noise of 1 px over the weight.
 
     The estimate answers pixel noise ε linearly: dm = Σ Mⱼεⱼ for the motion m = (t, δ), dhⱼ = Pⱼεⱼ − Kⱼdm. The
     scale is fixed by ‖t‖ or, where ``between`` = (i, k) is given, by ‖hᵢ − hₖ‖: its relative error then
@@ -37,7 +38,9 @@ def two_view_covariance(
     Args:
         parameters: of the camera whose pixels the cost is measured in.
         pixels: (n, 4) in that camera.
-        noise: (n, 8) the derivative of those pixels to the real ones, two 2×2 blocks row by row.
+        weights: (n, 2) of the residuals in either image, inverse to the pixels' noise.
+        noise: (n, 8) the derivative of those pixels, times their weights, to pixel noise of 1 px over the
+            weight: two 2×2 blocks row by row, the identity in the real image.
         rotation: (3, 3) the optimum.
         translation: (3,) the optimum, length 1.
         points: (n, 3) the optimum.
@@ -48,7 +51,7 @@ def two_view_covariance(
     """
     n = len(points)
     motion, own, follow = np.empty((n, 6, 4)), np.empty((n, 3, 4)), np.empty((n, 3, 6))
-    if not _responses(parameters, pixels, noise, rotation, translation, points, motion, own, follow):
+    if not _responses(parameters, pixels, weights, noise, rotation, translation, points, motion, own, follow):
         return None
     if between is not None:
         i, k = between
@@ -75,6 +78,7 @@ def two_view_covariance(
 def _responses(
     parameters: FloatArray,
     pixels: FloatArray,
+    weights: FloatArray,
     noise: FloatArray,
     rotation: FloatArray,
     translation: FloatArray,
@@ -88,7 +92,7 @@ def _responses(
     blocks = NormalBlocks(
         np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
     )
-    if not linearise(parameters, pixels, math.inf, rotation, translation, points, blocks) < math.inf:
+    if not linearise(parameters, pixels, weights, math.inf, rotation, translation, points, blocks) < math.inf:
         return False
     inverse, product = np.empty(6), np.empty(18)
     b4, a2, e, column = np.empty((4, 3)), np.empty((2, 6)), np.empty(4), np.empty(6)
@@ -96,7 +100,7 @@ def _responses(
         if not invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse):
             return False
         eliminate_point(inverse, blocks.mixed[j], product)
-        linearise_point(parameters, pixels, j, rotation, translation, points, b4, a2, e)
+        linearise_point(parameters, pixels, weights, j, rotation, translation, points, b4, a2, e)
         for a in range(6):
             for i in range(3):
                 follow[j, i, a] = product[3 * a + i]
