@@ -9,14 +9,12 @@ Planning again on the way has its own, `benchmarks.replanning_speed`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, PlanningProblem, Sphere, plan_path
 from omniservo.planning.obstacles.ball_tree import ball_tree
 from omniservo.planning.paper_search import paper_path
@@ -25,19 +23,11 @@ from omniservo.runs.plan_task import problem_of
 from omniservo.tasks import load_task, shipped_tasks
 
 
-@dataclass
-class Truth:
-    """What an estimate without error says."""
-
-    initial_T_goal: RigidTransform
-    points: FloatArray
-
-
 def shipped_problem(name: str) -> PlanningProblem:
     """Return the planning problem of a shipped task, had its estimate no error."""
     task = load_task(name)
     points = np.array([dot.center for dot in task.target.dots])
-    return problem_of(task, Truth(task.teach.initial_T_goal.transform, points))
+    return problem_of(task, task.teach.initial_T_goal.transform, points)
 
 
 def many_targets(count: int) -> PlanningProblem:

@@ -13,7 +13,7 @@ import numpy as np
 from omniservo.estimation import estimate_two_view
 from omniservo.planning import plan_path
 from omniservo.runs import run_task, see
-from omniservo.runs.plan_task import problem_of
+from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import load_task
 
@@ -47,14 +47,16 @@ def whole_run(name: str, method: str = "certified") -> RunResult:
 def stage_times(result: RunResult, rounds: int = 15) -> StageTimes:
     """Time the stages again on the images of a run."""
     task, seen = result.task, result.seen
+    kind = feature_kind_of(task)
 
     def estimate() -> object:
         scale = task.scale.displacement
-        return estimate_two_view(task.camera, seen.initial_dots, seen.goal_dots, scale=scale)
+        return estimate_two_view(task.camera, seen.matched.initial, seen.matched.goal, scale=scale)
 
-    problem = problem_of(task, result.estimate)
+    assert result.plan is not None
+    problem = result.plan.problem
     return StageTimes(
-        _median(lambda: see(task.camera, seen.initial_image, result.goal.image), rounds),
+        _median(lambda: see(kind, task.camera, seen.initial_image, result.goal.image), rounds),
         _median(estimate, rounds),
         _median(lambda: plan_path(problem), rounds),
     )

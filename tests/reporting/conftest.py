@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.estimation import TwoViewEstimate
+from omniservo.perception import MatchedPoints
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
@@ -131,7 +132,8 @@ def build(name="paper-example-1", method="certified", steps=40):
         task=task,
         method=method,
         goal=TaughtGoal(task.camera, goal_image, goal_dots, None),
-        seen=Seen(picture(task.camera, initial_dots), initial_dots, goal_dots, 0.03),
+        seen=Seen(picture(task.camera, initial_dots), goal_image, MatchedPoints(initial_dots, goal_dots)),
+        followed=np.arange(len(initial_dots)),
         estimate=estimate,
         plan=plan,
         log=log,

@@ -61,8 +61,8 @@ def test_planned_curve_starts_at_the_start_and_ends_at_the_goal(run):
     curve = planned_curve(run)
     np.testing.assert_allclose(curve.positions[0], 0.0, atol=1e-9)
     np.testing.assert_allclose(curve.positions[-1], run.estimate.initial_T_goal.translation, atol=1e-8)
-    np.testing.assert_allclose(curve.pixels[0], run.seen.initial_dots, atol=1e-6)
-    np.testing.assert_allclose(curve.pixels[-1], run.seen.goal_dots, atol=1e-4)
+    np.testing.assert_allclose(curve.pixels[0], run.initial_pixels, atol=1e-6)
+    np.testing.assert_allclose(curve.pixels[-1], run.goal_pixels, atol=1e-4)
 
 
 def test_planned_curve_keeps_the_certified_bounds(run):

@@ -20,7 +20,7 @@ ROOM = 0.005
 def prepared(request):
     task = load_task(request.param)
     estimate = estimate_simulated(request.param)
-    return task, estimate, plan_task(task, estimate, "certified", 0)
+    return task, estimate, plan_task(task, estimate, np.flatnonzero(estimate.inliers), "certified", 0)
 
 
 def test_the_two_pictures_give_the_taught_motion(prepared):

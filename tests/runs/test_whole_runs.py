@@ -29,7 +29,7 @@ def test_the_certified_run_keeps_its_promises(certified):
     assert metrics["arm_clearance_executed_m"] >= 0.005
     assert metrics["visibility_planned_px"] > 0
     assert metrics["visibility_executed_px"] > 0
-    assert metrics["lost_dots"] == 0
+    assert metrics["lost_points"] == 0
     assert metrics["path_deviation_m"] <= 0.001
 
 

@@ -148,16 +148,24 @@ def test_a_taught_goal_survives_its_file(tmp_path):
     back = TaughtGoal.load(tmp_path / "goal.json")
     assert back.camera == goal().camera
     np.testing.assert_array_equal(back.image, goal().image)
-    np.testing.assert_array_equal(back.dots, goal().dots)
+    np.testing.assert_array_equal(back.features, goal().features)
     np.testing.assert_array_equal(back.joints, goal().joints)
+
+
+def test_a_goal_of_the_first_format_is_read(tmp_path):
+    path = tmp_path / "goal.json"
+    goal().save(path)
+    text = path.read_text().replace("omniservo.goal/2", "omniservo.goal/1").replace('"features"', '"dots"')
+    path.write_text(text)
+    np.testing.assert_array_equal(TaughtGoal.load(path).features, goal().features)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("omniservo.goal/1", "omniservo.goal/7", "legal: 'omniservo.goal/1'"),
-        ('"dots"', '"points"', "dots, points"),
-        ("10.25", "NaN", "dots"),
+        ("omniservo.goal/2", "omniservo.goal/7", "legal: 'omniservo.goal/2'"),
+        ('"features"', '"points"', "features, points"),
+        ("10.25", "NaN", "features"),
         ('"image_png": "', '"image_png": "AAAA', "not a PNG"),
         ('"width": 659', '"width": 660', "659"),
     ],

@@ -20,7 +20,7 @@ def teach(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Bring the arm to the goal, take a picture, save it with its dots and the arm's joints."""
+    """Bring the arm to the goal, take a picture, save it with its features and the arm's joints."""
     from omniservo.files import writable
     from omniservo.runs import teach_goal
     from omniservo.tasks import load_task
@@ -30,5 +30,5 @@ def teach(
     with output.working("teaching"):
         goal = teach_goal(load_task(task, camera=camera, camera_name=camera_name), seed=seed)
     goal.save(out, force=force)
-    output.line(f"{len(goal.dots)} dots; written: {out}")
-    output.result({"out": str(out), "dots": goal.dots, "joints": goal.joints})
+    output.line(f"{len(goal.features)} features; written: {out}")
+    output.result({"out": str(out), "features": goal.features, "joints": goal.joints})

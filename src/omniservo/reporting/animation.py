@@ -36,7 +36,7 @@ _SWATCH = 12
 def write_animation(result: RunResult, path: Path) -> None:
     """Write the run as an endless animated GIF, in its own time; an existing file is replaced.
 
-    Left: the camera's pictures with the ways of the dots so far and blue rings where the goal image has them.
+    Left: the camera's pictures with the ways of the points so far, blue rings where the goal image has them.
     Right: robot and obstacle. A run that was stopped before its first step gives one picture.
 
     Raises:
@@ -100,7 +100,7 @@ def _composed(
     height = outside.shape[0]
     left, right = _scaled(camera, height), _scaled(outside, height)
     ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
-    _mark(left, ways, result.seen.goal_dots, left.height / camera.shape[0])
+    _mark(left, ways, result.goal_pixels, left.height / camera.shape[0])
     sizes = [(picture.width // _FINE, height) for picture in (left, right)]
     page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], height + _FOOTER), "white")
     page.paste(left.resize(sizes[0], Image.Resampling.BOX), (0, 0))

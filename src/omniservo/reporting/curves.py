@@ -57,7 +57,7 @@ def planned_curve(result: RunResult) -> Curve | None:
     w = np.linspace(0.0, 1.0, SAMPLES)
     poses = result.plan.path(w)
     seen_from = poses.inv()
-    points = np.stack([seen_from.apply(h) for h in result.estimate.points], axis=1)
+    points = np.stack([seen_from.apply(h) for h in result.points], axis=1)
     pixels, valid = result.task.camera.project(points)
     pixels = np.where(valid[..., None], pixels, np.nan)
     return Curve(
@@ -75,7 +75,7 @@ def planned_curve(result: RunResult) -> Curve | None:
 
 def executed_curve(result: RunResult) -> Curve:
     """Return what the arm did: dots as detected, poses and visibility from the simulator's truth."""
-    log, count = result.log, len(result.estimate.points)
+    log, count = result.log, len(result.followed)
     positions = _column(log, "true_position", (3,))
     pixels = _column(log, "pixels", (count, 2))
     bearings, valid = result.task.camera.unproject(pixels)

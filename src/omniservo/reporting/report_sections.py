@@ -150,7 +150,6 @@ def estimate(result: RunResult) -> Markup:
     sigma = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     rows = [["status", found.status], ["residual, rms over both images", spell(found.rms_px, "px")]]
     rows.append(["dots used", f"{int(found.inliers.sum())} of {len(found.inliers)}"])
-    rows.append(["matching residual", spell(result.seen.residual_px, "px")])
     rows.append(["metric", "yes" if found.is_metric else "no: the translation has length 1"])
     if found.initial_T_goal is not None:
         length, factor = ("mm", 1e3) if found.is_metric else ("lengths of t", 1.0)

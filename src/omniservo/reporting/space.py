@@ -68,7 +68,7 @@ class Space:
 def space_of(result: RunResult, upright: UprightAxes) -> Space:
     """Return what a run's figures of space show."""
     planned, executed = planned_curve(result), executed_curve(result)
-    points = upright.apply(result.estimate.points[np.isfinite(result.estimate.points).all(axis=1)])
+    points = upright.apply(result.points)
     shown = executed if len(executed) else planned
     planning = result.task.planning
     size = 0.06 * float(np.ptp(np.vstack([points, np.zeros((1, 3))]), axis=0).max()) / 1000.0

@@ -30,7 +30,7 @@ def plane_trajectories(result: RunResult) -> Drawing:
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.plane, executed.plane)
     camera = result.task.camera
-    _ends(axes, _on_plane(camera, result.seen.initial_dots), _on_plane(camera, result.seen.goal_dots))
+    _ends(axes, _on_plane(camera, result.initial_pixels), _on_plane(camera, result.goal_pixels))
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
     axes.set_xlabel("X / Z [1]")
@@ -53,7 +53,7 @@ def image_trajectories(result: RunResult) -> Drawing:
     _image_limits(axes, camera)
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.pixels, executed.pixels)
-    _ends(axes, result.seen.initial_dots, result.seen.goal_dots)
+    _ends(axes, result.initial_pixels, result.goal_pixels)
     axes.set_aspect("equal")
     axes.set_xlim(-0.03 * camera.width, 1.03 * camera.width)
     axes.set_ylim(camera.height + 0.03 * camera.width, -0.03 * camera.width)

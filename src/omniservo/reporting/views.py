@@ -18,8 +18,8 @@ def views(result: RunResult) -> Drawing:
     figure = new_figure(11.0, 0.5 + 7.4 * camera.height / camera.width)
     panels = figure.subplots(2, 3)
     pictures = (
-        ("Initial image", result.seen.initial_image, result.seen.initial_dots, START),
-        ("Goal image, as taught", result.goal.image, result.seen.goal_dots, GOAL),
+        ("Initial image", result.seen.initial_image, result.initial_pixels, START),
+        ("Goal image, as taught", result.goal.image, result.goal_pixels, GOAL),
         ("Final image", result.final_image, _last_dots(result), GOAL),
     )
     for (whole, near), (title, image, dots, colour) in zip(panels.T, pictures, strict=True):

@@ -11,7 +11,9 @@ from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import ByteArray
 from omniservo.image_files import read_grey_image
+from omniservo.perception import DotKind
 from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.in_view import require_in_view
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
@@ -43,8 +45,8 @@ def estimate_images(
         AnswerIsNo: the dots cannot be matched.
     """
     model = named_camera(camera, camera_name)
-    seen = see(model, read_image(initial, model), read_image(goal, model))
-    return estimate_two_view(model, seen.initial_dots, seen.goal_dots, scale=displacement)
+    matched = DotKind().match(model, read_image(initial, model), read_image(goal, model))
+    return estimate_two_view(model, matched.initial, matched.goal, scale=displacement)
 
 
 def estimate_simulated(
@@ -61,7 +63,8 @@ def estimate_simulated(
     scene = scene_of_task(loaded)
     robot = SimulatedRobot(scene, seed=seed)
     image, joints = take_picture(robot), robot.read().joint_positions
-    return estimate_task(loaded, scene, see(loaded.camera, image.pixels, goal.image), goal, joints)
+    seen = see(feature_kind_of(loaded), loaded.camera, image.pixels, goal.image)
+    return estimate_task(loaded, scene, seen, goal, joints)
 
 
 def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:

@@ -23,7 +23,7 @@ def estimate_task(
     Args:
         task: its scale says what makes the estimate metric.
         scene: the arm's kinematics, for ``odometry``.
-        seen: the matched dots.
+        seen: the matched points.
         goal: with the arm's joints, where ``odometry`` is the scale.
         joints: (6,) the arm's joints at the initial picture [rad].
 
@@ -32,14 +32,15 @@ def estimate_task(
         AnswerIsNo: the pictures do not determine the motion.
     """
     scale = _scale(task, scene, goal, joints)
-    if isinstance(scale, tuple) and max(scale[0]) >= len(seen.initial_dots):
+    matched = seen.matched
+    if isinstance(scale, tuple) and max(scale[0]) >= len(matched):
         raise InputError(
-            f"scale.known_length.dots: {scale[0]} given; {len(seen.initial_dots)} dots are matched, "
+            f"scale.known_length.dots: {scale[0]} given; {len(matched)} dots are matched, "
             "numbered from 0, top to bottom, then left to right in the initial picture"
         )
-    estimate = estimate_two_view(task.camera, seen.initial_dots, seen.goal_dots, scale=scale)
+    estimate = estimate_two_view(task.camera, matched.initial, matched.goal, scale=scale)
     if estimate.status != "ok":
-        raise AnswerIsNo(f"motion and structure cannot be estimated: {estimate.status}")
+        raise AnswerIsNo(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
     return estimate
 
 

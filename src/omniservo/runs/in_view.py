@@ -7,11 +7,9 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
+from omniservo.perception.feature_kind import LEAST_FEATURES
 from omniservo.tasks import Task
 from omniservo.tasks.task import Dot
-
-LEAST_DOTS = 8
-"""The eight-point algorithm needs eight."""
 
 
 def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) -> None:
@@ -29,10 +27,10 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
     pixels, valid = task.camera.project(initial_T_camera.inv().apply(rims.reshape(-1, 3)))
     seen = valid & task.camera.in_image(np.where(valid[:, None], pixels, -1e3))
     shown = seen.reshape(len(rims), -1).all(1)
-    if shown.sum() < LEAST_DOTS:
+    if shown.sum() < LEAST_FEATURES:
         raise InputError(
             f"{task.name}: {int(shown.sum())} of the target's {len(rims)} dots lie wholly in {where} of this "
-            f"camera ({task.camera.width}×{task.camera.height} px); at least {LEAST_DOTS} are needed"
+            f"camera ({task.camera.width}×{task.camera.height} px); at least {LEAST_FEATURES} are needed"
         )
 
 

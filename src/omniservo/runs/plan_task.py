@@ -5,30 +5,26 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import AnswerIsNo
 from omniservo.estimation import TwoViewEstimate
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_path
 from omniservo.tasks import Task
 
 
-def problem_of(task: Task, estimate: TwoViewEstimate) -> PlanningProblem:
-    """Return the problem: estimated goal and points, the task's obstacles, clearance plus tracking margin.
+def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
+    """Return the problem of goal and points (n, 3) [m] as estimated: clearance plus tracking margin.
 
     An obstacle with a clearance of its own keeps it: the tracking margin widens the common one.
-
-    Raises:
-        AnswerIsNo: the estimate holds no pose.
     """
     planning = task.planning
-    pose = estimate.initial_T_goal
-    if pose is None:
-        raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
     workspace = planning.workspace
     return PlanningProblem(
         camera=task.camera,
-        points=estimate.points,
-        initial_T_goal=pose,
+        points=points,
+        initial_T_goal=initial_T_goal,
         obstacles=tuple(section.obstacle for section in planning.obstacles),
         clearance=planning.clearance + planning.tracking_margin,
         least_distance=planning.least_distance,
@@ -40,9 +36,13 @@ def problem_of(task: Task, estimate: TwoViewEstimate) -> PlanningProblem:
 
 
 def plan_task(
-    task: Task, estimate: TwoViewEstimate, method: Literal["certified", "paper"], seed: int
+    task: Task,
+    estimate: TwoViewEstimate,
+    followed: IntArray,
+    method: Literal["certified", "paper"],
+    seed: int,
 ) -> Plan:
-    """Return the plan to follow.
+    """Return the plan to follow, for the ``followed`` rows (m,) of the estimated points.
 
     The paper's method promises nothing between its samples, so its path is followed whatever the
     certificate says of it.
@@ -50,7 +50,10 @@ def plan_task(
     Raises:
         AnswerIsNo: there is no path to follow.
     """
-    plan = plan_path(problem_of(task, estimate), method=method, seed=seed)
+    pose = estimate.initial_T_goal
+    if pose is None:
+        raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
+    plan = plan_path(problem_of(task, pose, estimate.points[followed]), method=method, seed=seed)
     if plan.path is None or (method == "certified" and plan.status != "certified"):
         raise AnswerIsNo(f"no path: {plan.status}: {plan.reason}")
     return plan

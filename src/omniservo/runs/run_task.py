@@ -1,4 +1,4 @@
-"""The whole job: images → dots → motion and structure → path → servo, measured against the truth."""
+"""The whole job: images → points → motion and structure → path → servo, measured against the truth."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import ByteArray
-from omniservo.perception import DotTracker
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.perception import FeatureTracker
 from omniservo.planning import Plan
 from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
+from omniservo.runs.followed_points import followed_points
 from omniservo.runs.in_view import require_in_view
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
@@ -24,12 +25,13 @@ from omniservo.runs.recorder import Recorder
 from omniservo.runs.score import score
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
+from omniservo.runs.true_points import true_points
 from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.closed_loop import Controller, servo
 from omniservo.simulation.outside_view import OutsideView
 from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
+from omniservo.simulation.run_result import Film, RunResult, Truth
 from omniservo.simulation.scene import Scene
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
@@ -64,7 +66,7 @@ def run_task(
         progress: told what is being done.
 
     Raises:
-        InputError: the task or the goal cannot be worked on: too few dots, another camera, out of reach.
+        InputError: the task or the goal cannot be worked on: too few features, another camera, out of reach.
         AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
@@ -75,16 +77,20 @@ def run_task(
     progress("looking")
     image, joints = take_picture(robot), robot.read().joint_positions
     seconds: dict[str, float] = {}
-    seen, seconds["perception"] = _timed(lambda: see(task.camera, image.pixels, goal.image))
+    kind = feature_kind_of(task)
+    seen, seconds["perception"] = _timed(lambda: see(kind, task.camera, image.pixels, goal.image))
     progress("estimating motion and structure")
     estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
+    followed = followed_points(estimate, seen.matched.initial)
     progress("planning")
     plan = None
     if method != "ibvs":
-        plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, method, seed))
+        plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
     progress("servoing")
-    truth = _truth(task, scene, goal, seen)
-    log, images = _drive(task, robot, _controller(task, scene, plan, estimate, seen), seen, truth)
+    truth = _truth(task, scene, goal, true_points(task, robot.world, seen.matched.initial[followed]))
+    controller = _controller(task, scene, plan, estimate.points[followed], seen.matched.goal[followed])
+    tracker = kind.tracker(task.camera, seen.initial_image, goal.image, seen.matched.where(followed))
+    log, images = _drive(task, robot, controller, tracker, truth)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     progress("drawing")
     outside_initial, outside_final = _outside(robot)
@@ -94,6 +100,7 @@ def run_task(
         goal=goal,
         seen=seen,
         estimate=estimate,
+        followed=followed,
         plan=plan,
         log=log,
         final_image=take_picture(robot).pixels,
@@ -122,13 +129,13 @@ def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
 
 
 def _controller(
-    task: Task, scene: Scene, plan: Plan | None, estimate: TwoViewEstimate, seen: Seen
+    task: Task, scene: Scene, plan: Plan | None, points: FloatArray, goal_pixels: FloatArray
 ) -> Controller:
     if plan is None or plan.path is None:
         return GoalServo(
             task.camera,
-            estimate.points,
-            seen.goal_dots,
+            points,
+            goal_pixels,
             tolerance_px=task.servo.tolerance_px,
             options=ImageServoOptions(gain=task.servo.rate),
         )
@@ -139,11 +146,11 @@ def _controller(
         tolerance_px=task.servo.tolerance_px,
     )
     law = pace(task, scene, plan.path)
-    return PathTracker(plan, task.camera, goal_pixels=seen.goal_dots, options=options, time_law=law)
+    return PathTracker(plan, task.camera, goal_pixels=goal_pixels, options=options, time_law=law)
 
 
 def _drive(
-    task: Task, robot: SimulatedRobot, controller: Controller, seen: Seen, truth: Truth
+    task: Task, robot: SimulatedRobot, controller: Controller, tracker: FeatureTracker, truth: Truth
 ) -> tuple[RunLog, list[ByteArray]]:
     recorder = Recorder(task, robot, controller, truth.points)
     stop = servo(
@@ -151,7 +158,7 @@ def _drive(
         robot.world.scene.arm,
         robot.world.scene.flange_T_camera,
         controller,
-        DotTracker(task.camera),
+        tracker,
         wait=robot.advance,
         on_step=recorder.step,
         image_age=IMAGE_AGE,
@@ -160,17 +167,14 @@ def _drive(
     return recorder.finish(stop), recorder.images
 
 
-def _truth(task: Task, scene: Scene, goal: TaughtGoal, seen: Seen) -> Truth:
-    """The truth, in the order of the matched dots. Scoring only."""
+def _truth(task: Task, scene: Scene, goal: TaughtGoal, points: FloatArray) -> Truth:
+    """The truth. Scoring only."""
     initial_T_world = task.start.world_T_camera.transform.inv()
-    centers = np.array([dot.center for dot in task.target.dots])
-    pixels, _ = task.camera.project(centers)
-    order = [int(np.nanargmin(np.linalg.norm(pixels - p, axis=1))) for p in seen.initial_dots]
     initial_T_goal = task.teach.initial_T_goal.transform
     if goal.joints is not None:
         initial_T_goal = initial_T_world * scene.world_T_camera(goal.joints)
     corners = [initial_T_world.apply(b.corners) for b in scene.obstacles if hasattr(b, "corners")]
-    return Truth(initial_T_goal.as_matrix(), centers[order], tuple(corners))
+    return Truth(initial_T_goal.as_matrix(), points, tuple(corners))
 
 
 def _metrics(result: RunResult, seed: int) -> dict[str, object]:

@@ -32,7 +32,7 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
         "path_deviation_m": _deviation(plan, log),
         "servo_seconds": float(log.rows[-1].time) if log.rows else 0.0,
         "frames": len(log.rows),
-        "lost_dots": int(np.sum(log.column("valid") == 0)) if log.rows else 0,
+        "lost_points": int(np.sum(log.column("valid") == 0)) if log.rows else 0,
         "contacts": sorted(list(pair) for pair in log.contacts),
     }
 

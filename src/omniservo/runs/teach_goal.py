@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, frozen
-from omniservo.perception import find_dots
-from omniservo.runs.in_view import LEAST_DOTS, require_in_view
+from omniservo.geometry.arrays import frozen
+from omniservo.perception.feature_kind import require_features
+from omniservo.runs.feature_kind_of import feature_kind_of
+from omniservo.runs.in_view import require_in_view
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
 from omniservo.simulation.take_picture import take_picture
@@ -16,7 +16,7 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
     """Return what the camera sees at the task's goal pose, with the arm's joints.
 
     Raises:
-        InputError: the arm does not reach the goal, or fewer than eight dots are seen there.
+        InputError: the arm does not reach the goal, or fewer than eight features are seen there.
     """
     require_in_view(task, task.teach.initial_T_goal.transform, "the goal image")
     scene = scene_of_task(task)
@@ -24,16 +24,7 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
     robot = SimulatedRobot(scene, seed=seed)
     robot.place(joints)
     image = take_picture(robot)
-    dots = find_dots(image.pixels, task.camera)
-    require_dots(dots.pixels, f"{task.name}: the goal image")
-    return TaughtGoal(task.camera, image.pixels, frozen(dots.pixels), frozen(robot.read().joint_positions))
-
-
-def require_dots(pixels: FloatArray, where: str) -> None:
-    """Refuse a picture with too few dots.
-
-    Raises:
-        InputError: fewer than eight.
-    """
-    if len(pixels) < LEAST_DOTS:
-        raise InputError(f"{where}: {len(pixels)} dots found; at least {LEAST_DOTS} are needed")
+    kind = feature_kind_of(task)
+    pixels = kind.find(task.camera, image.pixels)
+    require_features(len(pixels), kind.name, f"{task.name}: the goal image")
+    return TaughtGoal(task.camera, image.pixels, frozen(pixels), frozen(robot.read().joint_positions))

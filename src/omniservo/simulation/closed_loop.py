@@ -1,4 +1,4 @@
-"""The closed loop: image → dots → twist → joint velocities → robot → image, until done or stopped.
+"""The closed loop: image → points → twist → joint velocities → robot → image, until done or stopped.
 
 It knows nothing of the simulator: any `Robot` can be driven, with ``wait`` letting time pass.
 """
@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import JointLimit, ServoStop, StaleImage
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.perception import DotTracker
+from omniservo.perception import FeatureTracker
 from omniservo.robots import Arm, CameraImage, Robot, RobotState
 
 JOINT_RESERVE = np.deg2rad(1.0)
@@ -111,7 +111,7 @@ def servo(
     arm: Arm,
     flange_T_camera: RigidTransform,
     controller: Controller,
-    dots: DotTracker,
+    features: FeatureTracker,
     *,
     wait: Callable[[float], None],
     on_step: Callable[[Step], None],
@@ -124,8 +124,8 @@ def servo(
         robot: the arm with its camera.
         arm: its kinematics.
         flange_T_camera: how the camera sits on it.
-        controller: turns dots into camera twists.
-        dots: finds the dots near their predicted places.
+        controller: turns points into camera twists.
+        features: finds the points near their predicted places.
         wait: lets the given time [s] pass.
         on_step: called after every command.
         image_age: the oldest image that is acted on [s].
@@ -141,7 +141,7 @@ def servo(
             if image.time - start > time_limit:
                 raise TimeLimit(f"not at the goal after {time_limit:g} s")
             predicted, expected = controller.predict(image.time - start)
-            pixels, valid = dots.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
+            pixels, valid = features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
             state = robot.read()
             before = perf_counter()
             twist = controller.step(image.time - start, pixels, valid)

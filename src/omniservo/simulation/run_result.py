@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
+from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
 from omniservo.simulation.run_log import RunLog
 from omniservo.tasks.task import Task
@@ -14,16 +15,14 @@ from omniservo.tasks.taught_goal import TaughtGoal
 
 @dataclass(frozen=True)
 class Seen:
-    """The two pictures and the dots matched between them."""
+    """The two pictures and the points matched between them."""
 
     initial_image: ByteArray
     """(height, width)"""
-    initial_dots: FloatArray
-    """(n, 2) [px], in the order of the initial picture: top to bottom, then left to right"""
-    goal_dots: FloatArray
-    """(n, 2) [px], row j belongs to row j of initial_dots"""
-    residual_px: float
-    """of the match"""
+    goal_image: ByteArray
+    """(height, width)"""
+    matched: MatchedPoints
+    """n points"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Truth:
     initial_T_goal: FloatArray
     """(4, 4)"""
     points: FloatArray
-    """(n, 3) the matched dots' centres, initial camera frame [m]"""
+    """(m, 3) the followed points, initial camera frame [m]"""
     obstacle_corners: tuple[FloatArray, ...]
     """(8, 3) of each obstacle block, initial camera frame [m]"""
 
@@ -60,6 +59,9 @@ class RunResult:
     goal: TaughtGoal
     seen: Seen
     estimate: TwoViewEstimate
+    """of all n matched points"""
+    followed: IntArray
+    """(m,) rows of the points that are planned for and servoed on"""
     plan: Plan | None
     """None for "ibvs", which plans nothing"""
     log: RunLog
@@ -73,3 +75,18 @@ class RunResult:
     """perception, estimation, planning (each once), control (median of a step), whole run"""
     metrics: dict[str, object] = field(default_factory=dict)
     """as in metrics.json"""
+
+    @property
+    def points(self) -> FloatArray:
+        """(m, 3) the followed points as estimated, initial camera frame [m]."""
+        return self.estimate.points[self.followed]
+
+    @property
+    def initial_pixels(self) -> FloatArray:
+        """(m, 2) the followed points in the initial picture [px]."""
+        return self.seen.matched.initial[self.followed]
+
+    @property
+    def goal_pixels(self) -> FloatArray:
+        """(m, 2) the followed points in the goal picture [px]."""
+        return self.seen.matched.goal[self.followed]

@@ -16,22 +16,23 @@ from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, frozen
 
-FORMAT = "omniservo.goal/1"
-"""The file format that this version reads and writes."""
+FORMAT = "omniservo.goal/2"
+"""The file format that this version writes; it also reads /1, which calls the features dots."""
 
-_FIELDS = {"format", "camera", "image_png", "dots", "joints"}
+_FIRST_FORMAT = "omniservo.goal/1"
+_FIELDS = {"format", "camera", "image_png", "features", "joints"}
 _MAX_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True)
 class TaughtGoal:
-    """The goal image with the camera that took it, its dots and, where known, the arm's joints."""
+    """The goal image with the camera that took it, its features and, where known, the arm's joints."""
 
     camera: UnifiedCamera
     image: ByteArray
     """(height, width) grey values"""
-    dots: FloatArray
-    """(n, 2) [px], top to bottom, then left to right"""
+    features: FloatArray
+    """(n, 2) [px] what was found in the image"""
     joints: FloatArray | None
     """(6,) [rad], None where the arm's pose was not recorded"""
 
@@ -46,7 +47,7 @@ class TaughtGoal:
         document = {
             "format": FORMAT,
             "camera": self.camera.to_dict(),
-            "dots": self.dots.tolist(),
+            "features": self.features.tolist(),
             "joints": None if self.joints is None else self.joints.tolist(),
             "image_png": base64.b64encode(buffer.getvalue()).decode("ascii"),
         }
@@ -60,8 +61,10 @@ class TaughtGoal:
             InputError: not such a file; the message names file, field and what is legal.
         """
         document = read_document(path)
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}")
+        if not isinstance(document, dict) or document.get("format") not in (FORMAT, _FIRST_FORMAT):
+            raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}, {_FIRST_FORMAT!r}")
+        if document["format"] == _FIRST_FORMAT and "dots" in document:
+            document["features"] = document.pop("dots")
         if set(document) != _FIELDS:
             odd = ", ".join(sorted(set(document) ^ _FIELDS))
             raise InputError(f"{path}: {odd}: missing or unknown; legal: {', '.join(sorted(_FIELDS))}")
@@ -70,7 +73,7 @@ class TaughtGoal:
         return cls(
             camera,
             _image(document["image_png"], camera, str(path)),
-            frozen(finite_array(f"{path}: dots", document["dots"], (None, 2))),
+            frozen(finite_array(f"{path}: features", document["features"], (None, 2))),
             None if joints is None else frozen(finite_array(f"{path}: joints", joints, (None,))),
         )
 

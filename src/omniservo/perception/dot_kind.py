@@ -1,0 +1,48 @@
+"""Dark dots without names as a kind of feature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import AnswerIsNo
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.perception.dot_tracker import DotTracker
+from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
+from omniservo.perception.find_dots import find_dots
+from omniservo.perception.match_dots import match_dots
+
+
+class DotKind:
+    """Dots of one radius: nobody knows which is which until two pictures are compared."""
+
+    name = "dots"
+
+    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+        """Return the dots (n, 2) [px], top to bottom, then left to right."""
+        return find_dots(image, camera).pixels
+
+    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+        """Return the dots that both pictures show, in the order of the initial picture.
+
+        Raises:
+            InputError: a picture with fewer than eight dots.
+            AnswerIsNo: the match is ambiguous, or fewer than eight dots can be matched.
+        """
+        initial_dots, goal_dots = find_dots(initial, camera), find_dots(goal, camera)
+        require_features(len(initial_dots), self.name, "the initial image")
+        require_features(len(goal_dots), self.name, "the goal image")
+        match = match_dots(camera, initial_dots, goal_dots)
+        if match.status != "ok":
+            raise AnswerIsNo(f"the dots of the two images cannot be matched: {match.status}: {match.reason}")
+        if len(match.pairs) < LEAST_FEATURES:
+            raise AnswerIsNo(f"{len(match.pairs)} dots matched; at least {LEAST_FEATURES} are needed")
+        pairs = match.pairs[np.argsort(match.pairs[:, 0])]
+        return MatchedPoints(initial_dots.pixels[pairs[:, 0]], goal_dots.pixels[pairs[:, 1]])
+
+    def tracker(
+        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+    ) -> DotTracker:
+        """Return a tracker that looks for a dot near each prediction."""
+        del initial, goal, matched  # every dot looks like every other
+        return DotTracker(camera)

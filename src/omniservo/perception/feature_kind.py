@@ -1,0 +1,90 @@
+"""What every kind of feature can do: be matched between two pictures, and be followed through the next ones.
+
+A new kind of feature is one class that answers to `FeatureKind`; nothing else needs to know it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+
+LEAST_FEATURES = 8
+"""Motion and structure of an unknown target need eight points; every kind asks for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedPoints:
+    """The same points in two pictures."""
+
+    initial: FloatArray
+    """(n, 2) [px], in an order that the initial picture fixes"""
+    goal: FloatArray
+    """(n, 2) [px], row j belongs to row j of ``initial``"""
+    noise: FloatArray | None = None
+    """(n, 2) σ of a coordinate in the initial and in the goal picture [px]; None: not known beforehand"""
+    ids: IntArray | None = None
+    """(n,) which points of a known target they are, numbered as in `omniservo.targets`; None: unknown"""
+
+    def __len__(self) -> int:
+        return len(self.initial)
+
+    def where(self, rows: IntArray) -> MatchedPoints:
+        """Return the chosen rows."""
+        noise = None if self.noise is None else self.noise[rows]
+        ids = None if self.ids is None else self.ids[rows]
+        return MatchedPoints(self.initial[rows], self.goal[rows], noise, ids)
+
+
+class FeatureTracker(Protocol):
+    """Finds the matched points again in every new picture; it keeps nothing between pictures."""
+
+    def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the points near their predictions: pixels (n, 2) [px], NaN where lost, and valid (n,).
+
+        Args:
+            image: (height, width) grey values.
+            predicted_pixels: (n, 2) [px]; a row with NaN is a point without prediction and stays lost.
+        """
+        ...
+
+
+class FeatureKind(Protocol):
+    """One kind of feature: dots, tags, natural features."""
+
+    @property
+    def name(self) -> str:
+        """In words, plural: "dots"."""
+        ...
+
+    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+        """Return the pixels (n, 2) [px] of every feature in a picture."""
+        ...
+
+    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+        """Return the points that both pictures show.
+
+        Raises:
+            InputError: a picture with fewer than `LEAST_FEATURES`.
+            AnswerIsNo: they cannot be matched, or too few can.
+        """
+        ...
+
+    def tracker(
+        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+    ) -> FeatureTracker:
+        """Return what follows the ``matched`` points, rows in their order."""
+        ...
+
+
+def require_features(count: int, name: str, where: str, least: int = LEAST_FEATURES) -> None:
+    """Refuse a picture with too few features.
+
+    Raises:
+        InputError: fewer than ``least``.
+    """
+    if count < least:
+        raise InputError(f"{where}: {count} {name} found; at least {least} are needed")
