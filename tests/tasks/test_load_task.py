@@ -122,6 +122,86 @@ def test_the_planner_knows_every_kind_of_obstacle_in_metres(tmp_path):
     assert capsule.clearance == pytest.approx(0.007)
 
 
+TAGS = {
+    "dictionary": "tag36h11",
+    "panels": [
+        {"id": 7, "edge": 40, "center": [10, 20, 400], "rotation_vector": [0, 0, 90]},
+        {"id": 2, "edge": 60, "center": [-50, 0, 300]},
+    ],
+}
+FACES = [{"kind": "stones", "seed": 3, "size": [200, 100], "center": [0, 0, 400]}]
+
+
+def aimed_at(target, **more):
+    return {**MINIMAL, "target": target, **more}
+
+
+def test_tags_stand_in_the_initial_camera_frame_in_metres(tmp_path):
+    target = load_task(written(tmp_path, aimed_at({"tags": TAGS}, scale={"tags": True}))).target
+    first, second = target.tags.panels
+    assert (first.id, first.edge, second.edge) == pytest.approx((7, 0.04, 0.06))
+    np.testing.assert_allclose(first.transform.apply([0.02, 0, 0]), [0.01, 0.04, 0.4], atol=1e-15)
+    np.testing.assert_allclose(second.transform.apply([0.02, 0, 0]), [-0.03, 0, 0.3], atol=1e-15)
+
+
+def test_known_target_holds_the_tags_but_not_where_the_camera_is(tmp_path):
+    target = load_task(written(tmp_path, aimed_at({"tags": TAGS}))).target
+    first, second = target.known.tags
+    assert (first.dictionary, first.id, second.id) == ("tag36h11", 7, 2)
+    half = 0.02
+    np.testing.assert_allclose(first.corners[0], [-half, -half, 0], atol=1e-15)
+    between = first.target_T_tag.inv() * second.target_T_tag
+    stated = target.tags.panels[0].transform.inv() * target.tags.panels[1].transform
+    np.testing.assert_allclose(between.as_matrix(), stated.as_matrix(), atol=1e-15)
+    assert load_task(written(tmp_path, MINIMAL)).target.known is None
+
+
+def test_textured_faces_are_read_in_metres(tmp_path):
+    (face,) = load_task(written(tmp_path, aimed_at({"textures": FACES}))).target.textures
+    assert (face.kind, face.seed) == ("stones", 3)
+    assert face.size == pytest.approx((0.2, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("target", "more", "says"),
+    [
+        ({}, {}, "exactly one of dots, tags, textures"),
+        ({"tags": TAGS, "textures": FACES}, {}, "exactly one of dots, tags, textures"),
+        ({"tags": TAGS, "dot_radius": 5}, {}, "dot_radius stands with dots"),
+        ({"dots": [{"center": [0, 0, 400]}]}, {}, "dot_radius stands with dots"),
+        ({"tags": {**TAGS, "dictionary": "tag37"}}, {}, "target.tags.dictionary: Value error, 'tag37' given"),
+        (
+            {"tags": {**TAGS, "panels": [TAGS["panels"][0], {**TAGS["panels"][1], "id": 7}]}},
+            {},
+            "id 7 given 2 times",
+        ),
+        (
+            {"tags": {**TAGS, "dictionary": "tag16h5", "panels": [{**TAGS["panels"][0], "id": 30}]}},
+            {},
+            "0 to 29",
+        ),
+        ({"tags": {**TAGS, "panels": []}}, {}, "target.tags.panels"),
+        (
+            {"tags": {**TAGS, "panels": [{"id": 1, "edge": 0, "center": [0, 0, 1]}]}},
+            {},
+            "target.tags.panels.0.edge",
+        ),
+        ({"textures": [{**FACES[0], "kind": "wool"}]}, {}, "'stones', 'poster' or 'crate'; 'wool' given"),
+        ({"textures": [{**FACES[0], "size": [100, -1]}]}, {}, "target.textures.0.size.1"),
+        ({"textures": FACES}, {"scale": {"tags": True}}, "needs a target of tags"),
+        (
+            {"tags": TAGS},
+            {"scale": {"known_length": {"dots": [0, 1], "length": 5}}},
+            "needs a target of dots",
+        ),
+    ],
+)
+def test_a_target_that_cannot_be_is_refused_with_the_reason(tmp_path, target, more, says):
+    with pytest.raises(InputError) as refusal:
+        load_task(written(tmp_path, aimed_at(target, **more)))
+    assert says in str(refusal.value)
+
+
 def test_a_missing_field_is_named(tmp_path):
     document = {k: v for k, v in MINIMAL.items() if k != "arm"}
     with pytest.raises(InputError, match="arm: Field required"):

@@ -9,7 +9,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception.feature_kind import LEAST_FEATURES
 from omniservo.tasks import Task
-from omniservo.tasks.task import Dot
+from omniservo.tasks.target import Dot
 
 
 def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) -> None:
@@ -23,7 +23,7 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
     Raises:
         InputError: fewer than eight dots project wholly into the camera's image.
     """
-    rims = np.array([_rim(dot, task.target.dot_radius) for dot in task.target.dots])
+    rims = np.array([_rim(dot, task.target.dot_radius or 0.0) for dot in task.target.dots])
     pixels, valid = task.camera.project(initial_T_camera.inv().apply(rims.reshape(-1, 3)))
     seen = valid & task.camera.in_image(np.where(valid[:, None], pixels, -1e3))
     shown = seen.reshape(len(rims), -1).all(1)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm
+from omniservo.simulation.panels_of_target import panels_of_target
 from omniservo.simulation.scene import BOARD_COLOUR, OBSTACLE_COLOUR, Box, Colour, Dots, Scene, Sensor
 from omniservo.tasks import Block, Task
 
@@ -38,6 +39,7 @@ def scene_of_task(task: Task) -> Scene:
         start_joints=start,
         sensor=Sensor(sensor.rate, sensor.latency, sensor.noise, sensor.blur),
         dots=_dots(task, world_T_initial),
+        panels=panels_of_target(task.target, world_T_initial),
         boards=tuple(_box(f"board {i}", b, world_T_initial) for i, b in enumerate(task.target.boards)),
         obstacles=tuple(
             _box(f"obstacle {i}", b, world_T_initial, OBSTACLE_COLOUR) for i, b in enumerate(task.obstacles)
@@ -63,9 +65,10 @@ def _box(name: str, block: Block, world_T_initial: RigidTransform, colour: Colou
     return Box(name, world_T_initial * block.transform, np.asarray(block.half_extents), colour)
 
 
-def _dots(task: Task, world_T_initial: RigidTransform) -> Dots:
+def _dots(task: Task, world_T_initial: RigidTransform) -> Dots | None:
+    radius = task.target.dot_radius
+    if radius is None:
+        return None
     centers = np.array([dot.center for dot in task.target.dots])
     normals = np.array([dot.normal for dot in task.target.dots])
-    return Dots(
-        world_T_initial.apply(centers), world_T_initial.rotation.apply(normals), task.target.dot_radius
-    )
+    return Dots(world_T_initial.apply(centers), world_T_initial.rotation.apply(normals), radius)

@@ -9,11 +9,14 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, field_validator, model_validator
+from pydantic import Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.tasks.obstacles import ObstacleSection
-from omniservo.tasks.quantities import Angle, Direction, NonNegativeLength, Point, PositiveLength
+from omniservo.tasks.placed import Block
+from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
+from omniservo.tasks.section import Section
+from omniservo.tasks.target import Target
 
 FORMAT = "omniservo.task/1"
 """The task format that this version reads."""
@@ -21,11 +24,7 @@ FORMAT = "omniservo.task/1"
 _UNIT_TOLERANCE = 1e-6
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
-
-
-class Pose(_Section):
+class Pose(Section):
     """A pose: translation and either a unit quaternion (x, y, z, w) or a rotation vector."""
 
     translation: Point = (0.0, 0.0, 0.0)
@@ -53,7 +52,7 @@ class Pose(_Section):
         return RigidTransform.from_components(np.asarray(self.translation), rotation)
 
 
-class Sensor(_Section):
+class Sensor(Section):
     """How the camera delivers images."""
 
     rate: Annotated[FiniteFloat, Field(gt=0, le=1000)] = 30.0
@@ -66,7 +65,7 @@ class Sensor(_Section):
     """standard deviation of the lens's point spread [px]"""
 
 
-class ArmMount(_Section):
+class ArmMount(Section):
     """The arm, where it stands, and how the camera sits on it."""
 
     model: Literal["rx60"] = "rx60"
@@ -77,7 +76,7 @@ class ArmMount(_Section):
     """the camera in the flange frame"""
 
 
-class Start(_Section):
+class Start(Section):
     """Where the camera is at the beginning."""
 
     world_T_camera: Pose
@@ -86,51 +85,14 @@ class Start(_Section):
     """chooses among the inverse-kinematics branches: the nearest is taken [rad]"""
 
 
-class Dot(_Section):
-    """One dark dot of the target."""
-
-    center: Point
-    """[m]"""
-    normal: Direction = (0.0, 0.0, -1.0)
-    """out of the dot's face, towards the viewer"""
-
-
-class Block(_Section):
-    """A box in the initial camera frame."""
-
-    center: Point
-    """[m]"""
-    half_extents: tuple[PositiveLength, PositiveLength, PositiveLength]
-    """[m]"""
-    rotation_vector: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """of the box's axes in the initial camera frame [rad]"""
-
-    @property
-    def transform(self) -> RigidTransform:
-        """initial_T_block."""
-        return RigidTransform.from_components(
-            np.asarray(self.center), Rotation.from_rotvec(np.asarray(self.rotation_vector))
-        )
-
-
-class Target(_Section):
-    """What is looked at: dots on boards."""
-
-    dot_radius: PositiveLength
-    """[m]"""
-    dots: Annotated[tuple[Dot, ...], Field(min_length=1, max_length=400)]
-    boards: tuple[Block, ...] = ()
-    """the bright bodies that carry the dots, or stand behind them"""
-
-
-class Teach(_Section):
+class Teach(Section):
     """How the goal is taught: the arm is brought there and a picture is taken."""
 
     initial_T_goal: Pose
     """where the operator brings the camera, relative to its initial pose"""
 
 
-class KnownLength(_Section):
+class KnownLength(Section):
     """The distance between two dots, numbered as in the initial picture (top to bottom, left to right)."""
 
     dots: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
@@ -145,23 +107,26 @@ class KnownLength(_Section):
         return dots
 
 
-class Scale(_Section):
-    """What makes the estimate metric: exactly one of the three."""
+class Scale(Section):
+    """What makes the estimate metric: exactly one of the four."""
 
     displacement: PositiveLength | None = None
     """distance between initial and goal camera centre [m], the paper's α"""
     known_length: KnownLength | None = None
     odometry: bool = False
     """the displacement follows from the arm's joint readings at both poses"""
+    tags: bool = False
+    """sizes and places of the target's tags are known as the task states them"""
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Scale:
-        if (self.displacement is not None) + (self.known_length is not None) + self.odometry != 1:
-            raise ValueError("give exactly one of displacement, known_length, odometry: true")
+        given = (self.displacement is not None, self.known_length is not None, self.odometry, self.tags)
+        if sum(given) != 1:
+            raise ValueError("give exactly one of displacement, known_length, odometry: true, tags: true")
         return self
 
 
-class Workspace(_Section):
+class Workspace(Section):
     """A box that the camera centre must not leave, in the initial camera frame."""
 
     min: Point
@@ -174,14 +139,14 @@ class Workspace(_Section):
         return self
 
 
-class Degrees(_Section):
+class Degrees(Section):
     """Highest polynomial degrees of the path."""
 
     rotation: Annotated[int, Field(ge=1, le=8)] = 2
     translation: Annotated[int, Field(ge=1, le=8)] = 2
 
 
-class Planning(_Section):
+class Planning(Section):
     """What the path must keep."""
 
     obstacles: tuple[ObstacleSection, ...] = ()
@@ -199,7 +164,7 @@ class Planning(_Section):
     degrees: Degrees = Degrees()
 
 
-class Servo(_Section):
+class Servo(Section):
     """How the path is followed."""
 
     feature: Literal["bearing", "virtual-plane"] = "bearing"
@@ -216,7 +181,7 @@ class Servo(_Section):
     """[s]"""
 
 
-class Task(_Section):
+class Task(Section):
     """One whole job. Build it with `load_task`; every length is in m, every angle in rad."""
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")]
@@ -233,3 +198,11 @@ class Task(_Section):
     scale: Scale
     planning: Planning = Planning()
     servo: Servo = Servo()
+
+    @model_validator(mode="after")
+    def _scale_of_the_target(self) -> Task:
+        if self.scale.tags and self.target.tags is None:
+            raise ValueError("scale.tags: true needs a target of tags")
+        if self.scale.known_length is not None and not self.target.dots:
+            raise ValueError("scale.known_length needs a target of dots")
+        return self

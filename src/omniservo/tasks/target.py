@@ -1,0 +1,112 @@
+"""What is looked at: dots, tags or textured faces, and the boards that carry them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from omniservo import targets
+from omniservo.errors import InputError
+from omniservo.tag_dictionaries import dictionary_size
+from omniservo.tasks.placed import Block, Placed
+from omniservo.tasks.quantities import Direction, Point, PositiveLength
+from omniservo.tasks.section import Section
+
+MOST_FACES = 64
+"""most tags, and most textured faces, of a target"""
+
+
+class Dot(Section):
+    """One dark dot of the target."""
+
+    center: Point
+    """[m]"""
+    normal: Direction = (0.0, 0.0, -1.0)
+    """out of the dot's face, towards the viewer"""
+
+
+class Tag(Placed):
+    """One printed tag. Its frame: x right and y down in the upright print, z into the face.
+
+    Without a rotation it stands upright and faces the initial camera.
+    """
+
+    id: Annotated[int, Field(ge=0)]
+    """number in the dictionary"""
+    edge: PositiveLength
+    """length of the black square's outer edge [m]"""
+
+
+def _known(name: str) -> str:
+    try:
+        dictionary_size(name)
+    except InputError as error:
+        raise ValueError(str(error).removeprefix("dictionary: ")) from None
+    return name
+
+
+class Tags(Section):
+    """Tags of one dictionary, with their white borders."""
+
+    dictionary: Annotated[str, AfterValidator(_known)]
+    """its name, as ``tag36h11`` or ``4x4_50``"""
+    panels: Annotated[tuple[Tag, ...], Field(min_length=1, max_length=MOST_FACES)]
+
+    @model_validator(mode="after")
+    def _each_once_and_in_the_dictionary(self) -> Tags:
+        ids = [tag.id for tag in self.panels]
+        size = dictionary_size(self.dictionary)
+        for number in ids:
+            if number >= size:
+                raise ValueError(f"id {number} given; {self.dictionary} has 0 to {size - 1}")
+            if ids.count(number) > 1:
+                raise ValueError(f"id {number} given {ids.count(number)} times; once is legal")
+        return self
+
+
+class TexturedFace(Placed):
+    """A flat face with a picture that looks like a real surface. Its frame is that of a `Tag`."""
+
+    kind: Literal["stones", "poster", "crate"]
+    """what surface"""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """which one of its kind"""
+    size: tuple[PositiveLength, PositiveLength]
+    """width along x, height along y [m]"""
+
+
+class Target(Section):
+    """Dots, tags or textured faces: exactly one of the three."""
+
+    dot_radius: PositiveLength | None = None
+    """[m]; stands with dots"""
+    dots: Annotated[tuple[Dot, ...], Field(min_length=1, max_length=400)] = ()
+    tags: Tags | None = None
+    textures: Annotated[tuple[TexturedFace, ...], Field(min_length=1, max_length=MOST_FACES)] = ()
+    boards: tuple[Block, ...] = ()
+    """the bodies that carry dots, tags or faces, or stand behind them"""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Target:
+        if bool(self.dots) + (self.tags is not None) + bool(self.textures) != 1:
+            raise ValueError("give exactly one of dots, tags, textures")
+        if bool(self.dots) != (self.dot_radius is not None):
+            raise ValueError("dot_radius stands with dots, and only with them")
+        return self
+
+    @property
+    def known(self) -> targets.Target | None:
+        """The tags as a target of known geometry, in the frame of the first; None where it has no tags.
+
+        Where the tags are as a whole is left out: that is for the pictures to tell.
+        """
+        if self.tags is None:
+            return None
+        target_T_initial = self.tags.panels[0].transform.inv()
+        return targets.Target(
+            tags=tuple(
+                targets.Tag(self.tags.dictionary, tag.id, tag.edge, target_T_initial * tag.transform)
+                for tag in self.tags.panels
+            )
+        )
