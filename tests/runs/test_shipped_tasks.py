@@ -51,10 +51,6 @@ def test_an_obstacle_stands_in_the_straight_way(prepared):
     task, _, plan = prepared
     goal = task.teach.initial_T_goal.transform.translation
     straight = np.linspace(0, 1, 201)[:, None] * goal
-    gaps = [
-        np.linalg.norm(straight - np.asarray(o.center), axis=1).min() - o.radius
-        for o in task.planning.obstacles
-        if o.clearance is None
-    ]
+    gaps = [o.obstacle.distance(straight).min() for o in task.planning.obstacles if o.clearance is None]
     assert min(gaps) < task.planning.clearance
     assert len(plan.path.translation[0]) > 2

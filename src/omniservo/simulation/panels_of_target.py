@@ -17,7 +17,7 @@ from omniservo.tasks.target import MOST_FACES, Tag, Target, TexturedFace
 BLACK, WHITE = 0.03, 0.88
 """Linear grey of ink and paper."""
 
-ELEMENTS = 768
+ELEMENTS = 1024
 """Of a textured face's longer side."""
 
 _SHORTEST = 16  # elements

@@ -28,6 +28,7 @@ _PANEL_EDGE = 6  # rays per side of a pixel on the outline of a panel
 _OTHER_EDGE = 2  # rays per side of a pixel on any other edge
 _TILES = 3  # per side of a pixel that sees nothing but one panel
 _CONTRAST = 0.01  # neighbouring greys that differ by more lie on an edge
+_CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])  # [px] of a pixel's square
 _BLUR_REACH = 4.0  # standard deviations
 
 
@@ -82,7 +83,7 @@ class UnifiedRenderer:
         panels = np.full(self._lit.shape, -1)
         image[self._lit], is_dot[self._lit], panels[self._lit] = self._in_parallel(pose, self._bearings)
         fine = differs_from_neighbour(is_dot, _CONTRAST)
-        outline = differs_from_neighbour(panels, 0)
+        outline = self._outline(pose, panels)
         printed = (panels >= 0) & ~outline
         edge = (differs_from_neighbour(image, _CONTRAST) | self._rim) & ~printed
         self._refine(image, pose, fine, _DOT_EDGE)
@@ -125,6 +126,16 @@ class UnifiedRenderer:
         ahead, ahead_valid = self._camera.unproject(pixels + step)
         behind, behind_valid = self._camera.unproject(pixels - step)
         return np.where((ahead_valid & behind_valid)[..., None], ahead - behind, 0.0)
+
+    def _outline(self, pose: RigidTransform, panels: IntArray) -> BoolArray:
+        """Which pixels see a panel (height, width) in a part of their square only."""
+        outline = differs_from_neighbour(panels, 0)
+        rows, columns = np.nonzero(outline)
+        bearings, lit = self._sightlines(np.stack([columns, rows], axis=-1)[:, None, :] + _CORNERS)
+        seen = np.full(lit.shape, -1)
+        seen[lit] = self._in_parallel(pose, bearings[lit]).panels
+        outline[outline] = (seen != panels[outline][:, None]).any(axis=1)
+        return outline
 
     def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:
         """Give the chosen pixels of the image the mean over a grid of rays, in place."""
