@@ -67,10 +67,8 @@ def adjust_views(
         for i in range(size):
             reduced[i, i] += damping * normal[i, i]
             step[i] = -gradient[i]
-        solved = _reduce(own, pull, mixed, damping, reduced, step) and factor_cholesky(
-            reduced, size, LEAST_PIVOT
-        )
-        if solved:
+        _reduce(own, pull, mixed, damping, reduced, step)
+        if factor_cholesky(reduced, size, LEAST_PIVOT):
             solve_factored(reduced, size, step)
             promised = _apply(
                 poses, points, own, pull, mixed, gradient, damping, step, trial_poses, trial_points
@@ -224,7 +222,7 @@ def _reduce(
     damping: float,
     reduced: FloatArray,
     step: FloatArray,
-) -> bool:
+) -> None:
     """Take the points out of the system, in place: S = A − Σ W V⁻¹ Wᵀ, b = −g + Σ W V⁻¹ pull."""
     size = reduced.shape[0]
     factor, column = np.empty((3, 3)), np.empty(3)
@@ -245,10 +243,6 @@ def _reduce(
                 reduced[i, k] -= (
                     share[i, 0] * mixed[j, k, 0] + share[i, 1] * mixed[j, k, 1] + share[i, 2] * mixed[j, k, 2]
                 )
-    for i in range(size):
-        if not reduced[i, i] > 0.0:
-            return False
-    return True
 
 
 @kernel
