@@ -85,6 +85,6 @@ def test_tags_become_panels_whose_black_square_has_the_stated_edge():
 def test_faces_become_panels_with_square_picture_elements():
     face = {"kind": "poster", "seed": 1, "size": [0.2, 0.15], "center": [0.0, 0.0, 0.5]}
     (panel,) = panels_of_target(Target.model_validate({"textures": [face]}), WORLD_T_INITIAL)
-    assert panel.picture.shape == (576, 768)
-    np.testing.assert_array_equal(panel.picture, texture("poster", 1, 576, 768))
+    assert panel.picture.shape == (768, 1024)
+    np.testing.assert_array_equal(panel.picture, texture("poster", 1, 768, 1024))
     np.testing.assert_allclose(panel.world_T_panel.translation, WORLD_T_INITIAL.apply([0, 0, 0.5]))
