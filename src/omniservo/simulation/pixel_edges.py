@@ -1,8 +1,12 @@
-"""Where an image needs more than one ray per pixel, and where in the pixel they go."""
+"""Where an image needs no ray per pixel, where one, where many, and where in the pixel they go."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -22,6 +26,31 @@ def differs_from_neighbour(image: FloatArray | IntArray, contrast: float) -> Boo
         different[first] |= edge
         different[second] |= edge
     return different
+
+
+def fill_between_alike(images: Sequence[NDArray[Any]], legal: BoolArray) -> BoolArray:
+    """Fill, in place, what lies between four nodes that are alike; return the filled pixels (height, width).
+
+    Nodes are every second pixel of every second row; four in a square are alike where each image has one
+    value at all of them.
+
+    Args:
+        images: (height, width) each, known at the nodes.
+        legal: (height, width) the pixels that may be filled.
+    """
+    nodes = [image[::2, ::2] for image in images]
+    alike = legal[::2, ::2][:-1, :-1].copy()
+    rows, columns = alike.shape
+    for down, across in ((0, 1), (1, 0), (1, 1)):
+        for node in nodes:
+            alike &= node[down : rows + down, across : columns + across] == node[:-1, :-1]
+    inside = (slice(2 * rows), slice(2 * columns))
+    filled = np.zeros_like(legal)
+    filled[inside] = alike.repeat(2, axis=0).repeat(2, axis=1) & legal[inside]
+    for image, node in zip(images, nodes, strict=True):
+        blocks = node[:-1, :-1].repeat(2, axis=0).repeat(2, axis=1)
+        image[inside][filled[inside]] = blocks[filled[inside]]
+    return filled
 
 
 def sheared_grid(per_side: int) -> FloatArray:
