@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from omniservo.calibration import Calibration, calibrate_camera, load_camera, load_model, save_camera
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
-    from omniservo.estimation import TwoViewEstimate, estimate_two_view
+    from omniservo.estimation import PoseEstimate, TwoViewEstimate, estimate_pose, estimate_two_view
     from omniservo.planning import (
         CameraPath,
         Certificate,
@@ -41,7 +41,9 @@ _HOME = {
     "InputError": "errors",
     "OmniservoError": "errors",
     "ServoStop": "errors",
+    "PoseEstimate": "estimation",
     "TwoViewEstimate": "estimation",
+    "estimate_pose": "estimation",
     "estimate_two_view": "estimation",
     "CameraPath": "planning",
     "Certificate": "planning",
@@ -67,12 +69,14 @@ __all__ = [
     "PathTracker",
     "Plan",
     "PlanningProblem",
+    "PoseEstimate",
     "ServoStop",
     "Target",
     "TrackerOptions",
     "TwoViewEstimate",
     "UnifiedCamera",
     "calibrate_camera",
+    "estimate_pose",
     "estimate_two_view",
     "improving_plans",
     "load_camera",

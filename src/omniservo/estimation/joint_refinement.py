@@ -13,11 +13,11 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point
 from omniservo.estimation.normal_blocks import (
     NormalBlocks,
-    cauchy_loss,
     eliminate_point,
     invert_point_block,
     linearise,
 )
+from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import (
     QUATERNION,
     parameters_from_rotation,

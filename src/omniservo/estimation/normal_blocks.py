@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian
-from omniservo.estimation.pose_refinement import pose_rows
+from omniservo.estimation.pose_refinement import cauchy_loss, pose_rows
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
@@ -24,14 +24,6 @@ class NormalBlocks(NamedTuple):
     """(n, 18): each point's 6×3 block, row by row"""
     point_gradients: FloatArray
     """(n, 3)"""
-
-
-@kernel
-def cauchy_loss(error: float, scale: float) -> float:
-    """Return the Cauchy loss of a squared residual [px²]."""
-    if scale == math.inf:
-        return error
-    return scale * scale * math.log1p(error / (scale * scale))
 
 
 @kernel

@@ -18,9 +18,13 @@ from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 LEAST_POINTS = 4
 """Three points leave up to four poses and nothing to check them by."""
 
-MOST_STEPS = 20
+MOST_STEPS = 60
+"""Accepted and rejected; where a plane's two poses are about to become one, the valley is flat."""
+
+ROBUST_STEPS = 6
 LEAST_PIVOT = 1e-12
 SMALLEST_STEP = 1e-11
+FLAT_VALLEY = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,21 +100,54 @@ def refine_pose_kernel(
     ``parameters`` are the camera's; (``quaternion``, ``translation``) is reference_T_camera, scalar last.
     Where ok is False the guess comes back with rms_px infinite or that of the last pose.
     """
-    q = turn_quaternion(quaternion, 0.0, 0.0, 0.0)
-    t = translation.copy()
-    normal = np.empty((6, 6))
-    factor = np.empty((6, 6))
-    gradient = np.empty(6)
-    step = np.empty(6)
+    weights = np.empty(valid.shape[0])
+    count = _weigh(valid, weights)
+    if count < LEAST_POINTS:
+        return quaternion.copy(), translation.copy(), math.inf, False
+    q, t, cost, ok = minimise_pose(parameters, points, pixels, weights, math.inf, quaternion, translation)
+    if not ok:
+        return quaternion.copy(), translation.copy(), math.sqrt(cost / count), False
+    return q, t, math.sqrt(cost / count), True
+
+
+@kernel
+def _weigh(valid: BoolArray, weights: FloatArray) -> int:
+    """Write 1 for what is valid and 0 for the rest; return how many are valid."""
     count = 0
     for j in range(valid.shape[0]):
-        if valid[j]:
-            count += 1
-    cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
-    if count < LEAST_POINTS or not cost < math.inf:
-        return quaternion.copy(), t, math.inf, False
-    damping = 0.0
-    for _ in range(MOST_STEPS):
+        weights[j] = 1.0 if valid[j] else 0.0
+        count += 1 if valid[j] else 0
+    return count
+
+
+@kernel
+def minimise_pose(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    loss_scale: float,
+    quaternion: FloatArray,
+    translation: FloatArray,
+) -> tuple[FloatArray, FloatArray, float, bool]:
+    """Return (quaternion, translation, cost, ok) that minimise Σ ρ(‖wⱼ(π(Rᵀ(hⱼ − t)) − pⱼ)‖²).
+
+    ``weights`` (n,) are wⱼ, 0 leaves a point out (its pixel may be NaN); ρ is the Cauchy loss
+    c² log(1 + r²/c²) of scale c = ``loss_scale``, or r² where that is infinite. With the loss, which
+    serves to choose points, there are few steps. In a flat valley the search ends, ok, where a step would
+    gain less than 10⁻⁴ of the cost. Where ok is False the last pose comes back, with its cost: infinite where
+    the guess puts a point outside the camera's domain.
+    """
+    q = turn_quaternion(quaternion, 0.0, 0.0, 0.0)
+    t = translation.copy()
+    normal, factor = np.empty((6, 6)), np.empty((6, 6))
+    gradient, step = np.empty(6), np.empty(6)
+    cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, normal, gradient)
+    if not cost < math.inf:
+        return q, t, math.inf, False
+    damping, decrement = 0.0, math.inf
+    trial_t = np.empty(3)
+    for _ in range(MOST_STEPS if loss_scale == math.inf else ROBUST_STEPS):
         for i in range(6):
             for k in range(6):
                 factor[i, k] = normal[i, k]
@@ -123,43 +160,44 @@ def refine_pose_kernel(
             continue
         solve_factored(factor, 6, step)
         trial_q = turn_quaternion(q, step[3], step[4], step[5])
-        trial_t = np.empty(3)
         for i in range(3):
             trial_t[i] = t[i] + step[i]
-        trial = _cost(parameters, points, pixels, valid, trial_q, trial_t)
+        trial = pose_cost(parameters, points, pixels, weights, loss_scale, trial_q, trial_t)
         decrement = 0.0
         for i in range(6):
             decrement -= gradient[i] * step[i]
         # The cost cannot show a change below its rounding: such a step is taken and is the last.
-        last = decrement <= 1e-12 * cost + SMALLEST_STEP * SMALLEST_STEP * count
+        last = decrement <= 1e-12 * cost + SMALLEST_STEP * SMALLEST_STEP * points.shape[0]
         if trial <= cost or (last and trial < math.inf):
-            q, t = trial_q, trial_t
+            q = trial_q
+            for i in range(3):
+                t[i] = trial_t[i]
+            cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, normal, gradient)
             if last:
-                final = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
-                ok = factor_cholesky(normal, 6, LEAST_PIVOT)
-                return q, t, math.sqrt(final / count), ok
-            cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, gradient)
+                return q, t, cost, factor_cholesky(normal, 6, LEAST_PIVOT)
             damping = 0.1 * damping if damping > 1e-6 else 0.0
         else:
             damping = max(10.0 * damping, 1e-4)
-    return quaternion.copy(), translation.copy(), math.sqrt(cost / count), False
+    flat = decrement <= FLAT_VALLEY * cost and damping <= 1e-4
+    return q, t, cost, flat and factor_cholesky(normal, 6, LEAST_PIVOT)
 
 
 @kernel
-def _cost(
+def pose_cost(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
-    valid: BoolArray,
+    weights: FloatArray,
+    loss_scale: float,
     q: FloatArray,
     t: FloatArray,
 ) -> float:
-    """Return Σ ‖projection − pixel‖² [px²] over the valid points; infinity where one leaves the domain."""
+    """Return the cost that `minimise_pose` minimises; infinity where a point leaves the domain."""
     r = np.empty((3, 3))
     matrix_from_quaternion(q[0], q[1], q[2], q[3], r)
     cost = 0.0
     for j in range(points.shape[0]):
-        if not valid[j]:
+        if weights[j] == 0.0:
             continue
         x, y, z = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
         u, v, ok = project_point(
@@ -170,8 +208,17 @@ def _cost(
         )
         if not ok:
             return math.inf
-        cost += (u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2
+        square = weights[j] * weights[j] * ((u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2)
+        cost += cauchy_loss(square, loss_scale)
     return cost
+
+
+@kernel
+def cauchy_loss(square: float, scale: float) -> float:
+    """Return the Cauchy loss of a squared residual [px²]; the square itself for an infinite scale."""
+    if scale == math.inf:
+        return square
+    return scale * scale * math.log1p(square / (scale * scale))
 
 
 @kernel
@@ -179,7 +226,8 @@ def _normal_equations(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
-    valid: BoolArray,
+    weights: FloatArray,
+    loss_scale: float,
     q: FloatArray,
     t: FloatArray,
     normal: FloatArray,
@@ -196,7 +244,7 @@ def _normal_equations(
     row = np.empty((2, 6))
     cost = 0.0
     for j in range(points.shape[0]):
-        if not valid[j]:
+        if weights[j] == 0.0:
             continue
         hx, hy, hz = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
         x = r[0, 0] * hx + r[1, 0] * hy + r[2, 0] * hz
@@ -208,11 +256,16 @@ def _normal_equations(
         pose_rows(row, 0, r, x, y, z, j00, j01, j02)
         pose_rows(row, 1, r, x, y, z, j10, j11, j12)
         du, dv = u - pixels[j, 0], v - pixels[j, 1]
-        cost += du * du + dv * dv
+        weight = weights[j] * weights[j]
+        square = weight * (du * du + dv * dv)
+        cost += cauchy_loss(square, loss_scale)
+        if loss_scale < math.inf:
+            weight /= 1.0 + square / (loss_scale * loss_scale)
         for a in range(6):
-            gradient[a] += row[0, a] * du + row[1, a] * dv
+            x, y = weight * row[0, a], weight * row[1, a]
+            gradient[a] += x * du + y * dv
             for b in range(a + 1):
-                normal[a, b] += row[0, a] * row[0, b] + row[1, a] * row[1, b]
+                normal[a, b] += x * row[0, b] + y * row[1, b]
     for a in range(6):
         for b in range(a):
             normal[b, a] = normal[a, b]
@@ -246,20 +299,37 @@ def pose_covariance(
 
     σ² = Σr²/(2n − 6) over the valid points, at least ``least_variance`` [px²].
     """
-    normal = np.empty((6, 6))
-    column = np.empty(6)
-    cost = _normal_equations(parameters, points, pixels, valid, q, t, normal, column)
-    count = 0
-    for j in range(valid.shape[0]):
-        if valid[j]:
-            count += 1
-    if not factor_cholesky(normal, 6, LEAST_PIVOT):
+    weights = np.empty(valid.shape[0])
+    count = _weigh(valid, weights)
+    cost = inverse_information(parameters, points, pixels, weights, q, t, covariance)
+    if not cost < math.inf:
         return False
     variance = max(cost / (2 * count - 6), least_variance)
+    for i in range(6):
+        for k in range(6):
+            covariance[i, k] *= variance
+    return True
+
+
+@kernel
+def inverse_information(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    q: FloatArray,
+    t: FloatArray,
+    covariance: FloatArray,
+) -> float:
+    """Write (JᵀWJ)⁻¹ (6, 6) of (dt, δ), for residuals of variance 1; return the cost, or infinity."""
+    normal, column = np.empty((6, 6)), np.empty(6)
+    cost = _normal_equations(parameters, points, pixels, weights, math.inf, q, t, normal, column)
+    if not (cost < math.inf and factor_cholesky(normal, 6, LEAST_PIVOT)):
+        return math.inf
     for k in range(6):
         for i in range(6):
-            column[i] = variance if i == k else 0.0
+            column[i] = 1.0 if i == k else 0.0
         solve_factored(normal, 6, column)
         for i in range(6):
             covariance[i, k] = column[i]
-    return True
+    return cost

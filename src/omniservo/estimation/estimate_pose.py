@@ -1,0 +1,175 @@
+"""The camera's pose from one picture of known points (perspective-n-point on bearings)."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus
+from omniservo.estimation.pose_evidence import FAR_ROTATION, PoseVerdict, judge_pose, rotation_between
+from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.pose_refinement import inverse_information
+from omniservo.estimation.pose_search import write_pose_residuals
+from omniservo.estimation.rotation_parameters import matrix_from_quaternion
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+
+
+def estimate_pose(
+    camera: UnifiedCamera,
+    points: npt.ArrayLike,
+    pixels: npt.ArrayLike,
+    *,
+    robust: bool = True,
+    noise: float | npt.ArrayLike | None = None,
+) -> PoseEstimate:
+    """Return the camera's pose that minimises Σ ‖π(Rᵀ(h − t)) − p‖² over known points h and their pixels p.
+
+    Poses of three bearings (P3P), the best of random samples, refinement in the image; bearings of any
+    direction are members. The mirrored pose of a plane is always looked for. Three points leave up to four
+    poses, all of which are told.
+
+    Args:
+        camera: took the picture.
+        points: (n, 3) [m] in a frame of their own.
+        pixels: (n, 2) [px], row j shows point j.
+        robust: reject points that do not agree with the others (never of three).
+        noise: σ of a pixel coordinate [px], one number or (n,), one for each point. None: every pixel is as
+            good as any other, and σ comes from the residuals.
+
+    Raises:
+        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal noise.
+    """
+    started = time.perf_counter()
+    known = known_pixels(camera, points, pixels, noise)
+    n = len(known.points)
+    if n < LEAST_POINTS:
+        words = f"{n} points given; at least {LEAST_POINTS} are needed"
+        return _without_pose(n, "too_few_points", words, (), (), started)
+    fit = fit_pose(known, robust)
+    verdict = judge_pose(fit, known)
+    poses = tuple(_pose(minimum) for minimum in fit.minima[: len(verdict.odds)])
+    odds = tuple(float(x) for x in verdict.odds)
+    if verdict.status != "ok":
+        return _without_pose(n, verdict.status, verdict.message, poses, odds, started)
+    covariance = pose_spread(known, fit, verdict)
+    if covariance is None:
+        words = "the points do not determine the pose"
+        return _without_pose(n, "not_converged", words, poses, odds, started)
+    residuals = pose_residuals(known, fit.minima[0])
+    square = float((residuals[fit.members] ** 2).sum())
+    return PoseEstimate(
+        status="ok",
+        message="",
+        reference_T_camera=poses[0],
+        poses=poses,
+        odds=odds,
+        covariance=frozen(covariance),
+        inliers=fit.members,
+        rms_px=math.sqrt(square / int(fit.members.sum())),
+        noise_px=verdict.noise_px,
+        residuals_px=frozen(residuals),
+        seconds=time.perf_counter() - started,
+    )
+
+
+def known_pixels(
+    camera: UnifiedCamera, points: npt.ArrayLike, pixels: npt.ArrayLike, noise: Any, name: str = "pixels"
+) -> KnownPixels:
+    """Return checked points and pixels with their bearings and weights; ``name`` stands in messages.
+
+    Raises:
+        InputError: see `estimate_pose`.
+    """
+    model = finite_array("points", points, (None, 3)) if np.size(points) else np.empty((0, 3))
+    seen = finite_array(name, pixels, (None, 2)) if np.size(pixels) else np.empty((0, 2))
+    if len(model) != len(seen):
+        raise InputError(f"points, {name}: {len(model)} and {len(seen)} rows given; one pixel each is needed")
+    bearings, valid = camera.unproject(seen)
+    if not valid.all():
+        j = int(np.argmin(valid))
+        raise InputError(
+            f"{name}: ({seen[j, 0]:g}, {seen[j, 1]:g}) at index {j} is outside the camera's domain"
+            f" (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
+        )
+    sigmas = _checked_noise(noise, len(model))
+    if sigmas is None or not len(sigmas):
+        return KnownPixels(camera.parameters, model, seen, bearings, np.ones(len(model)), None)
+    usual = float(np.median(sigmas))
+    return KnownPixels(camera.parameters, model, seen, bearings, usual / sigmas, usual)
+
+
+def _checked_noise(noise: Any, n: int) -> FloatArray | None:
+    """Return σ of each point's pixel coordinates (n,) [px]."""
+    if noise is None:
+        return None
+    if np.ndim(noise) == 0:
+        return np.full(n, finite_number("noise", noise, above=0.0))
+    sigmas = finite_array("noise", noise, (None,))
+    if len(sigmas) != n:
+        raise InputError(f"noise: {len(sigmas)} numbers given; {n} are needed, one for each point")
+    if n and sigmas.min() <= 0.0:
+        raise InputError(f"noise: {sigmas.min():g} given; legal: > 0")
+    return sigmas
+
+
+def pose_spread(known: KnownPixels, fit: PoseFit, verdict: PoseVerdict) -> FloatArray | None:
+    """Return the covariance (6, 6) of the best minimum, other near minima included; None where singular."""
+    covariance = np.empty((6, 6))
+    best = fit.minima[0]
+    weights = np.where(fit.members, known.weights, 0.0)
+    cost = inverse_information(
+        known.parameters, known.points, known.pixels, weights, best[:4], best[4:7], covariance
+    )
+    if not cost < math.inf:
+        return None
+    covariance *= verdict.variance
+    for rival, odds in zip(fit.minima[1:], verdict.odds[1:], strict=False):
+        if rotation_between(best, rival) <= FAR_ROTATION:
+            turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
+            gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
+            covariance += odds / verdict.odds.sum() * np.outer(gap, gap)
+    return covariance
+
+
+def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:
+    """Return projection minus pixel (n, 2) [px]; NaN outside the domain."""
+    residuals = np.empty_like(known.pixels)
+    write_pose_residuals(known.parameters, known.points, known.pixels, minimum[:4], minimum[4:7], residuals)
+    return residuals
+
+
+def _pose(minimum: FloatArray) -> RigidTransform:
+    matrix = np.eye(4)
+    matrix_from_quaternion(minimum[0], minimum[1], minimum[2], minimum[3], matrix)
+    matrix[:3, 3] = minimum[4:7]
+    return RigidTransform(matrix, normalize=False)
+
+
+def _without_pose(
+    n: int,
+    status: PoseStatus,
+    message: str,
+    poses: tuple[RigidTransform, ...],
+    odds: tuple[float, ...],
+    started: float,
+) -> PoseEstimate:
+    return PoseEstimate(
+        status=status,
+        message=message,
+        reference_T_camera=None,
+        poses=poses,
+        odds=odds,
+        covariance=frozen(np.full((6, 6), math.nan)),
+        inliers=np.zeros(n, dtype=np.bool_),
+        rms_px=math.nan,
+        noise_px=math.nan,
+        residuals_px=frozen(np.full((n, 2), math.nan)),
+        seconds=time.perf_counter() - started,
+    )

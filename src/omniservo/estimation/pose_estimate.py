@@ -1,0 +1,56 @@
+"""What one picture of known points says about the camera's pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+PoseStatus = Literal["ok", "too_few_points", "collinear_points", "ambiguous", "not_converged"]
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEstimate:
+    """The camera's pose from n known points, or the reason why there is none.
+
+    Any status but "ok" is no pose: ``reference_T_camera`` is None and every number that belongs to a pose is
+    NaN, in arrays of unchanged shape.
+    """
+
+    status: PoseStatus
+    """"ok"; "too_few_points": fewer than three; "collinear_points": on one line, around which the camera
+    could stand anywhere; "ambiguous": a second pose is nearly as likely (see ``poses``); "not_converged": no
+    pose that the points, or enough of them, agree with."""
+    message: str
+    """One sentence with the evidence; empty for "ok"."""
+    reference_T_camera: RigidTransform | None
+    """{R, t}: coordinates in the camera to those in the points' frame, c = Rᵀ(h − t). None unless "ok"."""
+    poses: tuple[RigidTransform, ...]
+    """Every pose that the pixels do not rule out, the likeliest first: one, or two of a plane, up to four of
+    three points. Empty where there is none, or none was found."""
+    odds: tuple[float, ...]
+    """Likelihood of each of ``poses`` beside the first, at least 0.001."""
+    covariance: FloatArray
+    """(6, 6) of (translation in the points' frame [m], rotation vector applied on the right [rad]). With the
+    noise stated σ²(JᵀJ)⁻¹, σ being that or what the residuals say where that is more; else Student's t with
+    ν = 2n − 6 degrees of freedom, σ²ν/(ν − 2)(JᵀJ)⁻¹. Of four points or three, which say too little about
+    σ, it is blended with 0.5 px, worth four residuals."""
+    inliers: BoolArray
+    """(n,) the points that the pose rests on."""
+    rms_px: float
+    """Root mean square distance between pixel and projection of the inliers [px]."""
+    noise_px: float
+    """σ of one pixel coordinate, from the residuals: √(Σr²/(2n − 6)) [px], of the median point where each
+    one's noise is stated. Of three points, which leave no residual, what is stated, or 0.5."""
+    residuals_px: FloatArray
+    """(n, 2) projection minus pixel [px]; NaN where the point is outside the camera's domain."""
+    seconds: float
+    """Wall time of the estimation [s]."""
+
+    @property
+    def alternative(self) -> RigidTransform | None:
+        """The second likeliest pose, where its likelihood is not negligible: of a plane its mirrored one."""
+        return self.poses[1] if len(self.poses) > 1 else None
