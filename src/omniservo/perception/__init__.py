@@ -1,12 +1,19 @@
-"""Images to dots and tags, tracked and matched between views."""
+"""Images to dots, tags and natural features, tracked and matched between views."""
 
 from omniservo.perception.dot_kind import DotKind
 from omniservo.perception.dot_tracker import DotTracker
 from omniservo.perception.dots import DotOptions, Dots
 from omniservo.perception.feature_kind import FeatureKind, FeatureTracker, MatchedPoints
+from omniservo.perception.features import Features
 from omniservo.perception.find_dots import find_dots
+from omniservo.perception.find_features import find_features
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_dots import DotMatch, match_dots
+from omniservo.perception.match_features import FeatureMatch, match_features
+from omniservo.perception.match_images import match_images
+from omniservo.perception.natural_kind import NaturalKind
+from omniservo.perception.patch_tracker import PatchTracker
+from omniservo.perception.refine_matches import ImageMatch, refine_matches
 from omniservo.perception.tag_picture import tag_cells, tag_picture, tag_picture_corners
 
 __all__ = [
@@ -16,11 +23,20 @@ __all__ = [
     "DotTracker",
     "Dots",
     "FeatureKind",
+    "FeatureMatch",
     "FeatureTracker",
+    "Features",
+    "ImageMatch",
     "ImagePoints",
     "MatchedPoints",
+    "NaturalKind",
+    "PatchTracker",
     "find_dots",
+    "find_features",
     "match_dots",
+    "match_features",
+    "match_images",
+    "refine_matches",
     "tag_cells",
     "tag_picture",
     "tag_picture_corners",

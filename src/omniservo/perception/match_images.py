@@ -1,0 +1,27 @@
+"""Two pictures of one scene: the pixels that show the same points of it, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.geometry.arrays import ByteArray
+from omniservo.perception.find_features import find_features
+from omniservo.perception.match_features import match_features
+from omniservo.perception.refine_matches import ImageMatch, refine_matches
+
+
+def match_images(camera: UnifiedCamera, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
+    """Find natural features in both pictures, match them, and lay their patches on each other.
+
+    See `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong: about one of a
+    hundred, and `estimate_two_view` finds them.
+
+    Args:
+        camera: took both pictures.
+        image_initial: (height, width) grey values, uint8.
+        image_goal: likewise.
+
+    Raises:
+        InputError: not such images, or not of the camera's size.
+    """
+    initial, goal = (find_features(image, camera) for image in (image_initial, image_goal))
+    return refine_matches(camera, image_initial, image_goal, initial, goal, match_features(initial, goal))

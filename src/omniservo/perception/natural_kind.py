@@ -1,0 +1,45 @@
+"""Natural features as a kind of feature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import AnswerIsNo
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.perception.feature_kind import MatchedPoints, require_features
+from omniservo.perception.find_features import find_features
+from omniservo.perception.match_images import match_images
+from omniservo.perception.patch_tracker import PatchTracker
+
+
+class NaturalKind:
+    """What a surface itself shows: found, matched and followed by its texture."""
+
+    name = "natural features"
+
+    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+        """Return the features (n, 2) [px], strongest first."""
+        return find_features(image, camera).points.pixels
+
+    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+        """Return the points that both pictures show, each with its noise.
+
+        Raises:
+            InputError: a picture with fewer than eight features.
+            AnswerIsNo: the match is ambiguous, or fewer than eight features can be matched.
+        """
+        match = match_images(camera, initial, goal)
+        if match.status != "ok":
+            for image, where in ((initial, "the initial image"), (goal, "the goal image")):
+                require_features(len(self.find(camera, image)), self.name, where)
+            words = f"{match.status}: {match.reason}"
+            raise AnswerIsNo(f"the natural features of the two images cannot be matched: {words}")
+        variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
+        return MatchedPoints(match.initial.pixels, match.goal.pixels, np.sqrt(np.stack(variances, axis=1)))
+
+    def tracker(
+        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+    ) -> PatchTracker:
+        """Return a tracker that looks for each point's patch of either picture near its prediction."""
+        return PatchTracker(camera, initial, matched.initial, goal_image=goal, pixels_goal=matched.goal)

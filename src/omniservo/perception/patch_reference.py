@@ -1,0 +1,142 @@
+"""The patches of one reference picture, and where they are in another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.perception.align_patches import Templates, align, make_templates
+from omniservo.perception.find_dots import check_image
+from omniservo.perception.local_affinity import local_affinities, transported
+from omniservo.perception.patch_kernels import FloatImage
+from omniservo.perception.tangent_patches import TangentFrames
+
+HALF = 7
+"""[px] half the side of a patch in the picture it comes from"""
+PROMISING = 0.5
+"""correlation of a patch at the best whole sample, before it is laid on precisely"""
+RIVAL = 0.1
+"""a patch elsewhere in the gate that correlates not even this much worse may be the right one as well"""
+PEAK = 3
+"""[samples] a peak of the correlation is the highest so far round"""
+STEPS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where the patches of a reference are in a picture, or not."""
+
+    frames: TangentFrames
+    """planes at the patches' bearings"""
+    affinities: FloatArray
+    """(n, 2, 2) from the reference's planes to these"""
+    correlation: FloatArray
+    """(n,) -1 where the patch was not found"""
+
+
+class PatchReference:
+    """The patches round given pixels of one picture, ready to be found in others."""
+
+    def __init__(self, camera: UnifiedCamera, name: str, image: ByteArray, pixels: npt.ArrayLike) -> None:
+        """Cut the patches; ``name`` is what the caller calls the pixels (n, 2).
+
+        Raises:
+            InputError: not an image of the camera, or not such pixels.
+        """
+        check_image(image, camera)
+        given = np.asarray(pixels, dtype=np.float64)
+        if given.ndim != 2 or given.shape[1] != 2:
+            raise InputError(f"{name}: shape {given.shape} given; (n, 2) is needed")
+        bearings, seen = camera.unproject(given)
+        frames = TangentFrames.at(np.where(seen[:, None], bearings, [0.0, 0.0, 1.0]))
+        size = np.sqrt(np.abs(np.linalg.det(frames.jacobians(camera))))
+        seen &= np.isfinite(size) & (size > 0.0)
+        self._camera = camera
+        self._templates = make_templates(
+            camera, image.astype(np.float32), frames, 1.0 / np.where(seen, size, 1.0), HALF
+        )
+        self.whole: BoolArray = self._templates.whole & seen
+        """(n,) the picture shows the whole patch, and it is not flat"""
+        self._last: Sighting | None = None
+
+    def find(self, image: FloatImage, bearings: FloatArray, gate_px: float) -> Sighting:
+        """Look for the patches within about ``gate_px`` of predicted bearings (n, 3), NaN for none."""
+        asked = self.whole & np.isfinite(bearings).all(1)
+        frames, affinities = self._shapes(bearings, asked)
+        rows = np.flatnonzero(asked)
+        correlation = np.full(len(asked), -1.0)
+        if len(rows):
+            templates, planes = self._templates[rows], frames[rows]
+            start, promising = self._search(image, templates, planes, affinities[rows], gate_px)
+            found = align(
+                self._camera, image, templates[promising], planes[promising], start[promising],
+                affinities[rows[promising]], steps=STEPS,
+            )  # fmt: skip
+            rows = rows[promising]
+            there = planes[promising].directions(found.places[:, None])[:, 0]
+            moved = transported(planes[promising], there / np.linalg.norm(there, axis=1, keepdims=True))
+            frames.bearings[rows], frames.first[rows] = moved.bearings, moved.first
+            affinities[rows] = found.affinities
+            correlation[rows] = np.where(found.converged, found.correlation, -1.0)
+        self._last = Sighting(frames, affinities, correlation)
+        return self._last
+
+    def _shapes(self, bearings: FloatArray, asked: BoolArray) -> tuple[TangentFrames, FloatArray]:
+        """Planes at the predictions, and affinities to them: the last ones, or those of the neighbourhood."""
+        away = np.where(asked[:, None], bearings, self._templates.frames.bearings)
+        frames = transported(self._templates.frames, away)
+        affinities = local_affinities(self._templates.frames, frames, asked)
+        if self._last is not None:
+            kept = asked & (self._last.correlation > 0.0)
+            moved = transported(self._last.frames, away)
+            frames.first[kept] = moved.first[kept]
+            affinities[kept] = self._last.affinities[kept]
+        return frames, affinities
+
+    def _search(
+        self,
+        image: FloatImage,
+        templates: Templates,
+        frames: TangentFrames,
+        affinities: FloatArray,
+        gate_px: float,
+    ) -> tuple[FloatArray, BoolArray]:
+        """Places (n, 2) on the planes where patches correlate best, and whether that is clear (n,)."""
+        maps = templates.pitch[:, None, None] * affinities
+        # over the gate the lens is nearly affine: near enough for a whole sample
+        linear = frames.jacobians(self._camera) @ maps
+        pixels = self._camera.project(frames.bearings)[0]
+        size = np.sqrt(np.abs(np.linalg.det(linear)))
+        reach = int(np.clip(np.ceil(gate_px / np.nanmedian(size)), 2, 40))
+        side, patch = 2 * (reach + HALF) + 1, 2 * HALF + 1
+        offsets, clear = np.zeros((len(maps), 2)), np.zeros(len(maps), dtype=np.bool_)
+        patches = templates.grey.astype(np.float32).reshape(-1, patch, patch)
+        for i in range(len(maps)):
+            if not np.isfinite(linear[i]).all():
+                continue
+            to_image = np.column_stack([linear[i], pixels[i] - linear[i] @ (reach + HALF, reach + HALF)])
+            window = cv2.warpAffine(
+                image, to_image, (side, side), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            )  # fmt: skip
+            offsets[i], clear[i] = _best_place(window, patches[i])
+        return np.einsum("nij,nj->ni", maps, offsets), clear
+
+
+def _best_place(window: FloatImage, patch: FloatImage) -> tuple[tuple[float, float], bool]:
+    """Where a patch correlates best, from the window's middle, and whether nowhere else nearly as well."""
+    alike = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
+    row, column = divmod(int(np.argmax(alike)), alike.shape[1])
+    best = float(alike[row, column])
+    tops = (alike >= cv2.dilate(alike, np.ones((2 * PEAK + 1, 2 * PEAK + 1), np.uint8)))[1:-1, 1:-1]
+    rivals = np.sort(alike[1:-1, 1:-1][tops])
+    here = 0 < row < alike.shape[0] - 1 and 0 < column < alike.shape[1] - 1
+    rival = float(rivals[-1 - here]) if len(rivals) > here else -1.0
+    middle = alike.shape[0] // 2
+    return (column - middle, row - middle), best > PROMISING and rival < best - RIVAL

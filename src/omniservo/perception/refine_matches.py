@@ -1,0 +1,148 @@
+"""Matched features brought to common places of the surface, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, frozen
+from omniservo.perception.align_patches import Alignment, align, make_templates
+from omniservo.perception.features import Features
+from omniservo.perception.image_points import ImagePoints
+from omniservo.perception.match_features import LEAST_PAIRS, FeatureMatch, Status
+from omniservo.perception.tangent_patches import TangentFrames
+
+HALF = 8
+"""[samples] half the side of a patch"""
+LEAST_CORRELATION = 0.85
+FARTHEST = 1.5
+"""[scales] from where the feature was found to where its patch fits; 1.5 px are always allowed"""
+MOST_SHEAR = 2.0
+"""largest stretch of a patch over the smallest, and over what the features' scales say"""
+LEAST_ERROR = 0.02
+"""[px] standard deviation of the best pair: the pictures' own sampling"""
+CORRELATED = 1.5
+"""so many neighbouring samples err together: the factor of the variance"""
+MOST_ERROR = 0.3
+"""[px] standard deviation of the worst pair, in its worst direction"""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMatch:
+    """What `refine_matches` and `match_images` found; only ``status`` "ok" is a match.
+
+    Row k of both pictures is one point.
+    """
+
+    initial: ImagePoints
+    """(m) pixels of the initial picture; empty unless "ok" """
+    goal: ImagePoints
+    """(m) pixels of the goal picture. What is uncertain is where the two differ: each picture has half of
+    that variance"""
+    correlation: FloatArray
+    """(m,) of the two patches, at most 1"""
+    status: Status
+    """as of `match_features`, and "too_few" where fewer than eight patches fit"""
+    reason: str
+    """one sentence"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "correlation", frozen(self.correlation))
+
+    def __len__(self) -> int:
+        return len(self.initial)
+
+
+def refine_matches(
+    camera: UnifiedCamera,
+    image_initial: ByteArray,
+    image_goal: ByteArray,
+    initial: Features,
+    goal: Features,
+    match: FeatureMatch,
+) -> ImageMatch:
+    """Lay the goal's patch round each matched feature on the initial picture's, and keep the pairs that fit.
+
+    The pixel of the initial picture is where the feature was found; the pixel of the goal is where an affine
+    image of the patch round it, with gain and offset, fits best (`align_patches`). A pair is left out where
+    that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
+    is uncertain: that finds most wrong pairs. A place that stands in several pairs keeps the best one.
+
+    The covariance is that of the residual and the gradients, times `CORRELATED`, and not less than
+    `LEAST_ERROR`² in all.
+
+    Args:
+        camera: took both pictures.
+        image_initial: (height, width) grey values, uint8.
+        image_goal: likewise.
+        initial: features of the initial picture.
+        goal: features of the goal picture.
+        match: of these features; one that is not "ok" is returned as it is.
+    """
+    if match.status != "ok":
+        return _refused(match.status, match.reason)
+    one, other = _frames(initial, match.pairs[:, 0]), _frames(goal, match.pairs[:, 1])
+    size, size_goal = (
+        np.linalg.norm(f.axes[k], axis=1) for f, k in zip((initial, goal), match.pairs.T, strict=True)
+    )
+    ratio = size_goal / size
+    pixel, pixel_goal = size / initial.scale[match.pairs[:, 0]], size_goal / goal.scale[match.pairs[:, 1]]
+    pitch = np.maximum(np.maximum(pixel, pixel_goal / ratio), 0.5 * size)
+    templates = make_templates(camera, image_initial.astype(np.float32), one, pitch, HALF)
+    found = align(
+        camera, image_goal.astype(np.float32), templates, other, np.zeros((len(ratio), 2)),
+        ratio[:, None, None] * np.eye(2),
+    )  # fmt: skip
+    near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
+    good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
+    pixels, seen = camera.project(other.directions(found.places[:, None])[:, 0])
+    errors = _errors(camera, found, one, other)
+    good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
+    start = initial.points.pixels[match.pairs[:, 0]]
+    good[good] = _once(start[good], found.correlation[good])
+    count = int(good.sum())
+    if count < LEAST_PAIRS:
+        words = f"{count} of {len(good)} pairs look alike all round; {LEAST_PAIRS} are needed"
+        return _refused("too_few", words)
+    one_picture, the_other = (
+        ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
+    )
+    return ImageMatch(one_picture, the_other, found.correlation[good], "ok", f"{count} pairs")
+
+
+def _refused(status: Status, reason: str) -> ImageMatch:
+    none = ImagePoints(np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    return ImageMatch(none, none, np.zeros(0), status, reason)
+
+
+def _errors(camera: UnifiedCamera, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:
+    """Covariance (2, n, 2, 2) [px²] of the pixels in both pictures: half of the difference's in each."""
+    upright = np.linalg.det(found.affinities) > 0.0
+    back = np.linalg.inv(np.where(upright[:, None, None], found.affinities, np.eye(2)))
+    maps = np.stack([one.jacobians(camera) @ back, other.jacobians(camera)])
+    spread = 0.5 * CORRELATED * maps @ found.covariance @ np.swapaxes(maps, 2, 3)
+    return np.where(np.isfinite(spread), spread, 1e6) + 0.5 * LEAST_ERROR**2 * np.eye(2)
+
+
+def _frames(features: Features, rows: IntArray) -> TangentFrames:
+    """Planes at features, turned to their orientation."""
+    axes = features.axes[rows]
+    return TangentFrames(features.bearings[rows], axes / np.linalg.norm(axes, axis=1, keepdims=True))
+
+
+def _plausible(found: Alignment, ratio: FloatArray) -> BoolArray:
+    """Whether the stretch of a patch is about what the scales of the features say."""
+    stretch = np.linalg.svd(found.affinities / ratio[:, None, None], compute_uv=False)
+    upright = np.linalg.det(found.affinities) > 0.0
+    return np.asarray(upright & (stretch[:, 0] < MOST_SHEAR * np.minimum(1.0, stretch[:, 1]) * np.sqrt(2.0)))
+
+
+def _once(pixels: FloatArray, correlation: FloatArray) -> BoolArray:
+    """False where a better pair starts at the same place."""
+    once = np.ones(len(pixels), dtype=np.bool_)
+    for i, j in cKDTree(pixels).query_pairs(1.0, output_type="ndarray"):
+        once[i if correlation[i] < correlation[j] else j] = False
+    return once

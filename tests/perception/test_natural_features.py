@@ -1,0 +1,150 @@
+"""Natural features of rendered wide-angle pictures: found, matched, refined, or refused by name."""
+
+import cv2
+import numpy as np
+import pytest
+from textured_scenes import Plate, facing_plate, picture, pose, relief, rough_texture, seen_again, tiles
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.perception import find_features, match_features, match_images
+
+CAMERA = UnifiedCamera(220.0, 221.0, 239.0, 162.0, 1.29, 480, 330, max_angle=np.radians(100.0))
+HERE, THERE = pose([0.0, 0.0, 0.0]), pose([0.08, 0.03, 0.05], [3, -6, 8])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    rng = np.random.default_rng(5)
+    plates = relief(rng)
+    images = [picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, THERE)]
+    return plates, *images, match_images(CAMERA, *images)
+
+
+def offsets(plates, match, there=THERE):
+    truth = seen_again(CAMERA, plates, HERE, there, match.initial.pixels)
+    return match.goal.pixels - truth
+
+
+def test_matched_pixels_show_the_same_point_of_the_surface(scene):
+    plates, _, _, match = scene
+    assert match.status == "ok"
+    distance = np.linalg.norm(offsets(plates, match), axis=1)
+    right = distance < 1.0  # NaN: nothing, or something in front
+    assert len(match) > 300
+    assert right.mean() > 0.97
+    assert np.median(distance[right]) < 0.06
+    assert np.percentile(distance[right], 90) < 0.15
+
+
+def test_the_stated_covariance_is_about_the_true_one(scene):
+    plates, _, _, match = scene
+    error = offsets(plates, match)
+    right = np.linalg.norm(error, axis=1) < 0.5
+    # nearly the same shape in both pictures: what is uncertain is the difference
+    covariance = (match.initial.covariance + match.goal.covariance)[right]
+    squared = np.einsum("ni,nij,nj->n", error[right], np.linalg.inv(covariance), error[right])
+    assert 0.3 < np.median(squared) / 1.386 < 2.0
+
+
+def test_a_features_own_covariance_covers_where_it_is_found_again(scene):
+    plates, initial, goal, _ = scene
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    i, j = match_features(a, b).pairs.T
+    error = b.points.pixels[j] - seen_again(CAMERA, plates, HERE, THERE, a.points.pixels[i])
+    right = np.linalg.norm(error, axis=1) < 3.0
+    covariance = (a.points.covariance[i] + b.points.covariance[j])[right]
+    squared = np.einsum("ni,nij,nj->n", error[right], np.linalg.inv(covariance), error[right])
+    assert 0.3 < np.median(squared) / 1.386 < 2.0
+
+
+def test_pairs_are_one_to_one_and_values_are_read_only(scene):
+    _, initial, goal, _ = scene
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    pairs = match_features(a, b).pairs
+    assert len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == len(pairs)
+    np.testing.assert_allclose(np.linalg.norm(a.descriptors, axis=1), 1.0, atol=1e-5)
+    np.testing.assert_allclose((a.axes * a.bearings).sum(1), 0.0, atol=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        a.scale[0] = 1.0
+
+
+def test_no_feature_is_found_twice_where_views_meet():
+    rng = np.random.default_rng(3)
+    plates = [facing_plate(rough_texture(rng), 22.0)]  # views meet at 22.5°
+    found = find_features(picture(CAMERA, plates, HERE, rays=2), CAMERA)
+    gap = np.linalg.norm(found.points.pixels[:, None] - found.points.pixels, axis=2)
+    near = np.triu((gap < 0.3) & (found.axes @ found.axes.T > 0.0), 1)
+    length = np.linalg.norm(found.axes, axis=1)
+    alike = found.axes @ found.axes.T > 0.95 * np.minimum.outer(length, length) ** 2
+    i, j = np.nonzero(near & alike)
+    assert len(found) > 200
+    assert (found.descriptors[i] * found.descriptors[j]).sum(1).max(initial=0.0) < 0.97
+
+
+@pytest.mark.parametrize("angle", [60.0, 88.0])
+def test_features_are_matched_wherever_the_lens_looks(angle):
+    rng = np.random.default_rng(7)
+    plates, there = [facing_plate(rough_texture(rng), angle)], pose([0.05, 0.03, 0.02], [3, 8, 8])
+    match = match_images(CAMERA, *(picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, there)))
+    distance = np.linalg.norm(offsets(plates, match, there), axis=1)
+    bearings = CAMERA.unproject(match.initial.pixels)[0]
+    assert np.degrees(np.arccos(bearings[:, 2])).max() > angle
+    assert np.median(distance[distance < 1.0]) < 0.06
+    assert (distance < 1.0).mean() > 0.97
+    if angle > 80.0:
+        assert (bearings[:, 2] < 0.0).sum() > 10  # past 90° from the axis
+
+
+def test_a_pattern_that_repeats_is_ambiguous_however_well_its_shifted_copy_fits():
+    rng = np.random.default_rng(32)
+    plates = [Plate(pose([0.0, 0.0, 0.5]), (0.6, 0.6), tiles(rng, 32), 0.004)]
+    for moved in (pose([0.128, 0.0, 0.0]), THERE):  # by one period, and by something else
+        match = match_images(CAMERA, *(picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, moved)))
+        assert match.status == "ambiguous"
+        assert "repeats" in match.reason
+        assert len(match) == len(match.correlation) == 0
+
+
+def test_a_small_repeated_part_does_not_spoil_the_rest():
+    rng = np.random.default_rng(4)
+    plates = relief(rng)
+    plates[1] = Plate(plates[1].world_T_plate, (0.15, 0.15), tiles(rng, 32), 0.003)
+    match = match_images(CAMERA, *(picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, THERE)))
+    distance = np.linalg.norm(offsets(plates, match), axis=1)
+    assert match.status == "ok"
+    assert (distance < 1.0).mean() > 0.95
+
+
+def test_pictures_of_different_places_or_of_nothing_have_too_few_pairs(scene):
+    _, initial, _, _ = scene
+    other = picture(CAMERA, relief(np.random.default_rng(77)), THERE, rays=2)
+    assert match_images(CAMERA, initial, other).status == "too_few"
+    flat = np.full_like(initial, 90)
+    assert match_images(CAMERA, initial, flat).status == "too_few"
+    assert match_images(CAMERA, flat, flat).status == "too_few"
+    assert len(find_features(flat, CAMERA)) == 0
+
+
+def test_the_same_picture_twice_is_matched_to_itself_without_any_motion(scene):
+    _, initial, _, _ = scene
+    match = match_images(CAMERA, initial, initial)
+    assert match.status == "ok"
+    assert np.abs(match.goal.pixels - match.initial.pixels).max() < 0.01
+
+
+def test_motion_blur_costs_pairs_and_not_their_truth(scene):
+    plates, initial, goal, sharp = scene
+    blurred = cv2.blur(goal, (5, 1))
+    match = match_images(CAMERA, initial, blurred)
+    assert match.status in ("ok", "too_few")
+    if match.status == "ok":
+        distance = np.linalg.norm(offsets(plates, match), axis=1)
+        assert len(match) < len(sharp)
+        assert (distance < 1.5).mean() > 0.9
+
+
+@pytest.mark.parametrize("image", [np.zeros((330, 479), np.uint8), np.zeros((330, 480)), "picture"])
+def test_what_is_no_picture_of_the_camera_is_refused(image):
+    with pytest.raises(InputError, match="image"):
+        find_features(image, CAMERA)
