@@ -7,6 +7,7 @@ from omniservo.perception.feature_kind import FeatureKind, FeatureTracker, Match
 from omniservo.perception.features import Features
 from omniservo.perception.find_dots import find_dots
 from omniservo.perception.find_features import find_features
+from omniservo.perception.find_tags import Tags, find_tags
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_dots import DotMatch, match_dots
 from omniservo.perception.match_features import FeatureMatch, match_features
@@ -15,6 +16,7 @@ from omniservo.perception.natural_kind import NaturalKind
 from omniservo.perception.patch_tracker import PatchTracker
 from omniservo.perception.refine_matches import ImageMatch, refine_matches
 from omniservo.perception.tag_picture import tag_cells, tag_picture, tag_picture_corners
+from omniservo.perception.tag_tracker import TagTracker
 
 __all__ = [
     "DotKind",
@@ -31,8 +33,11 @@ __all__ = [
     "MatchedPoints",
     "NaturalKind",
     "PatchTracker",
+    "TagTracker",
+    "Tags",
     "find_dots",
     "find_features",
+    "find_tags",
     "match_dots",
     "match_features",
     "match_images",

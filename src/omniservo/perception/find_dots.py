@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_centres import circle_centres
@@ -110,12 +111,14 @@ def blob_moments(mask: ByteArray, corner: tuple[int, int], options: DotOptions) 
 def noise_of(image: ByteArray) -> float:
     """Standard deviation of the grey noise, from the median |second difference| along every fourth row."""
     rows = image[::4].astype(np.int16)
+    if rows.shape[1] < 3:
+        return 0.0
     bend = np.abs(rows[:, 2:] - 2 * rows[:, 1:-1] + rows[:, :-2])
     # the median of |normal| is 0.6745 σ, and a second difference has √6 σ
     return float(np.median(bend) / (0.6745 * np.sqrt(6.0)))
 
 
-def check_image(image: Any, camera: UnifiedCamera | None) -> None:
+def check_image(image: Any, camera: CentralModel | None) -> None:
     """Raise InputError unless ``image`` is a grey image (height, width) of uint8, of the camera's size."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 2 or image.size == 0:
         given = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
