@@ -10,7 +10,13 @@ if TYPE_CHECKING:
     from omniservo.calibration import Calibration, calibrate_camera, load_camera, load_model, save_camera
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
-    from omniservo.estimation import PoseEstimate, TwoViewEstimate, estimate_pose, estimate_two_view
+    from omniservo.estimation import (
+        PoseEstimate,
+        TwoViewEstimate,
+        estimate_known_target,
+        estimate_pose,
+        estimate_two_view,
+    )
     from omniservo.planning import (
         CameraPath,
         Certificate,
@@ -43,6 +49,7 @@ _HOME = {
     "ServoStop": "errors",
     "PoseEstimate": "estimation",
     "TwoViewEstimate": "estimation",
+    "estimate_known_target": "estimation",
     "estimate_pose": "estimation",
     "estimate_two_view": "estimation",
     "CameraPath": "planning",
@@ -76,6 +83,7 @@ __all__ = [
     "TwoViewEstimate",
     "UnifiedCamera",
     "calibrate_camera",
+    "estimate_known_target",
     "estimate_pose",
     "estimate_two_view",
     "improving_plans",

@@ -1,5 +1,6 @@
 """Motion and structure from two views; pose from known points."""
 
+from omniservo.estimation.estimate_known_target import estimate_known_target
 from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
 from omniservo.estimation.joint_uncertainty import EstimateSamples, JointUncertainty
@@ -13,6 +14,7 @@ __all__ = [
     "PoseEstimate",
     "PoseRefinement",
     "TwoViewEstimate",
+    "estimate_known_target",
     "estimate_pose",
     "estimate_two_view",
     "refine_pose",

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus
-from omniservo.estimation.pose_evidence import FAR_ROTATION, PoseVerdict, judge_pose, rotation_between
+from omniservo.estimation.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
 from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.pose_refinement import inverse_information
 from omniservo.estimation.pose_search import write_pose_residuals
@@ -54,11 +54,11 @@ def estimate_pose(
         return _without_pose(n, "too_few_points", words, (), (), started)
     fit = fit_pose(known, robust)
     verdict = judge_pose(fit, known)
-    poses = tuple(_pose(minimum) for minimum in fit.minima[: len(verdict.odds)])
+    poses = tuple(pose_of(minimum) for minimum in fit.minima[: len(verdict.odds)])
     odds = tuple(float(x) for x in verdict.odds)
     if verdict.status != "ok":
         return _without_pose(n, verdict.status, verdict.message, poses, odds, started)
-    covariance = pose_spread(known, fit, verdict)
+    covariance = pose_spread(known, fit, verdict.variance, verdict.odds)
     if covariance is None:
         words = "the points do not determine the pose"
         return _without_pose(n, "not_converged", words, poses, odds, started)
@@ -119,8 +119,11 @@ def _checked_noise(noise: Any, n: int) -> FloatArray | None:
     return sigmas
 
 
-def pose_spread(known: KnownPixels, fit: PoseFit, verdict: PoseVerdict) -> FloatArray | None:
-    """Return the covariance (6, 6) of the best minimum, other near minima included; None where singular."""
+def pose_spread(known: KnownPixels, fit: PoseFit, variance: float, odds: FloatArray) -> FloatArray | None:
+    """Return the covariance (6, 6) of the best minimum, other near minima included; None where singular.
+
+    ``variance`` is that of a pixel coordinate of weight 1 [px²], ``odds`` are those of the first minima.
+    """
     covariance = np.empty((6, 6))
     best = fit.minima[0]
     weights = np.where(fit.members, known.weights, 0.0)
@@ -129,12 +132,12 @@ def pose_spread(known: KnownPixels, fit: PoseFit, verdict: PoseVerdict) -> Float
     )
     if not cost < math.inf:
         return None
-    covariance *= verdict.variance
-    for rival, odds in zip(fit.minima[1:], verdict.odds[1:], strict=False):
+    covariance *= variance
+    for rival, likely in zip(fit.minima[1:], odds[1:], strict=False):
         if rotation_between(best, rival) <= FAR_ROTATION:
             turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
             gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
-            covariance += odds / verdict.odds.sum() * np.outer(gap, gap)
+            covariance += likely / odds.sum() * np.outer(gap, gap)
     return covariance
 
 
@@ -145,7 +148,8 @@ def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:
     return residuals
 
 
-def _pose(minimum: FloatArray) -> RigidTransform:
+def pose_of(minimum: FloatArray) -> RigidTransform:
+    """Return the pose of a row that begins with quaternion and translation."""
     matrix = np.eye(4)
     matrix_from_quaternion(minimum[0], minimum[1], minimum[2], minimum[3], matrix)
     matrix[:3, 3] = minimum[4:7]

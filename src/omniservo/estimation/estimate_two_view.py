@@ -18,7 +18,7 @@ from omniservo.estimation.evidence import judge
 from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION, quaternion_from_matrix
-from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_fit import LEAST_POINTS, MOTION_PARAMETERS, TwoViewFit, fit_two_views
 from omniservo.estimation.uncertainty import two_view_covariance
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
@@ -76,18 +76,18 @@ def estimate_two_view(
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
     if len(pixels) < LEAST_POINTS:
         words = f"{len(pixels)} matches given; at least {LEAST_POINTS} are needed"
-        return _without_pose(len(pixels), "too_few_points", words, started)
+        return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
     fit = fit_two_views(matches, ROTATIONS[rotation], robust)
     if fit is None:
         words = f"fewer than {LEAST_POINTS} of the {len(pixels)} matches agree"
-        return _without_pose(len(pixels), "too_few_points", words, started)
+        return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
     status, words = judge(fit, matches)
     if status != "ok":
-        return _without_pose(len(pixels), status, words, started)
+        return TwoViewEstimate.without_pose(len(pixels), status, words, started)
     if between is not None and not (fit.members[between[0]] and fit.members[between[1]]):
         lost = between[0] if not fit.members[between[0]] else between[1]
         words = f"point {lost}, which the scale refers to, was rejected as a wrong match"
-        return _without_pose(len(pixels), "not_converged", words, started)
+        return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
     return _with_pose(matches, plane, fit, ROTATIONS[rotation], between, length, started)
 
 
@@ -182,7 +182,7 @@ def _with_pose(
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
         if not _refined(chosen, kind, rotation, translation, structure):
             words = "the refinement on the virtual plane found no minimum"
-            return _without_pose(n, "not_converged", words, started)
+            return TwoViewEstimate.without_pose(n, "not_converged", words, started)
     spread = two_view_covariance(
         chosen.parameters,
         chosen.pixels,
@@ -194,7 +194,9 @@ def _with_pose(
         _places(between, fit),
     )
     if spread is None:
-        return _without_pose(n, "not_converged", "the matches do not determine the motion", started)
+        return TwoViewEstimate.without_pose(
+            n, "not_converged", "the matches do not determine the motion", started
+        )
     points = _all_points(matches, fit, rotation, translation, structure)
     metres = _metres(points, between, length)
     residuals = _residuals(matches, rotation, translation, points)
@@ -284,20 +286,3 @@ def _residuals(
     residuals = np.empty_like(matches.pixels)
     write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
     return residuals
-
-
-def _without_pose(n: int, status: Status, message: str, started: float) -> TwoViewEstimate:
-    return TwoViewEstimate(
-        status=status,
-        message=message,
-        initial_T_goal=None,
-        points=frozen(np.full((n, 3), math.nan)),
-        is_metric=False,
-        covariance=frozen(np.full((6, 6), math.nan)),
-        points_covariance=frozen(np.full((n, 3, 3), math.nan)),
-        inliers=np.zeros(n, dtype=np.bool_),
-        rms_px=math.nan,
-        noise_px=math.nan,
-        residuals_px=frozen(np.full((n, 4), math.nan)),
-        seconds=time.perf_counter() - started,
-    )

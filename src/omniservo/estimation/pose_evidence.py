@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
+from scipy.special import chdtri, gammaln
 
 from omniservo.estimation.evidence import LEAST_NOISE_PX, largest_noise
 from omniservo.estimation.pose_estimate import PoseStatus
@@ -36,6 +36,9 @@ FAR_ROTATION = math.radians(5.0)
 FALSE_ALARMS = 1e-5
 """Most poses that chance may be expected to offer with as many points; few, since a pose that is refined is
 more than one try."""
+
+SIGNIFICANCE = 1e-3
+"""Residuals overrule a stated σ where chance makes them so large less often than this."""
 
 RIVAL_PART = 0.6
 """A pose of the points left out rivals one that has at most this much more support."""
@@ -57,36 +60,55 @@ class PoseVerdict:
 
 def judge_pose(fit: PoseFit, known: KnownPixels) -> PoseVerdict:
     """Return what a fit is worth."""
+    refused = refusal(fit, known)
+    if refused is not None and not len(fit.minima):
+        return PoseVerdict(*refused, math.nan, math.nan, np.empty(0))
+    cost, freedom = float(fit.minima[0, 7]), 2 * int(fit.members.sum()) - 6
+    variance = variance_of(cost, freedom, known.noise_px)
+    noise = noise_of(cost, freedom, known.noise_px)
+    odds = odds_of(fit.minima[:, 7], freedom, known.noise_px)
+    odds = odds[odds >= NEGLIGIBLE]
+    if refused is not None:
+        return PoseVerdict(*refused, variance, noise, odds if refused[0] == "ambiguous" else odds[:0])
+    rival = far_rival(fit, odds)
+    if rival is not None:
+        return PoseVerdict("ambiguous", rival, variance, noise, odds)
+    return PoseVerdict("ok", "", variance, noise, odds)
+
+
+def refusal(fit: PoseFit, known: KnownPixels) -> tuple[PoseStatus, str] | None:
+    """Return status and evidence where a fit is no pose, whatever other minima there are; None: it may be."""
     n, k = len(fit.members), int(fit.members.sum())
     if fit.is_collinear:
-        return _no("collinear_points", f"the {k} points lie on one line: the camera could stand around it")
+        return "collinear_points", f"the {k} points lie on one line: the camera could stand around it"
     if n >= CHECKED_POINTS > k:
-        return _no("not_converged", f"no pose brings {CHECKED_POINTS} of the {n} points near their pixels")
+        return "not_converged", f"no pose brings {CHECKED_POINTS} of the {n} points near their pixels"
     if not len(fit.minima):
-        return _no("not_converged", "no pose brings the points to their pixels, or many do")
-    cost, freedom = float(fit.minima[0, 7]), 2 * k - 6
-    noise = noise_of(cost, freedom, known.noise_px)
+        return "not_converged", "no pose brings the points to their pixels, or many do"
+    noise = noise_of(float(fit.minima[0, 7]), 2 * k - 6, known.noise_px)
     if noise > largest_noise(known.noise_px):
-        return _no("not_converged", f"the best pose leaves {noise:.2g} px of noise: the points do not agree")
+        return "not_converged", f"the best pose leaves {noise:.2g} px of noise: the points do not agree"
     if k < n and chance_poses(known, k) > FALSE_ALARMS:
-        return _no("not_converged", f"only {k} of the {n} points agree, which chance could bring about")
-    odds = np.array([_odds(cost, float(c), freedom, known.noise_px) for c in fit.minima[:, 7]])
-    odds = odds[odds >= NEGLIGIBLE]
-    variance = variance_of(cost, freedom, known.noise_px)
-    verdict = PoseVerdict("ok", "", variance, noise, odds)
-    for rival in range(1, len(odds)):
-        turn = rotation_between(fit.minima[0], fit.minima[rival])
-        if odds[rival] > NEARLY_AS_LIKELY and turn > FAR_ROTATION:
-            words = f"a pose {math.degrees(turn):.1f}° away is {odds[rival]:.2g} times as likely as the best"
-            return PoseVerdict("ambiguous", words, variance, noise, odds)
+        return "not_converged", f"only {k} of the {n} points agree, which chance could bring about"
     if n - k >= max(CHECKED_POINTS, RIVAL_PART * k):
         others = known.where(~fit.members)
-        rival_fit = fit_pose(others, True)
-        support = int(rival_fit.members.sum()) if len(rival_fit.minima) else 0
+        rival = fit_pose(others, True)
+        support = int(rival.members.sum()) if len(rival.minima) else 0
         if support >= RIVAL_PART * k and chance_poses(others, support) <= FALSE_ALARMS:
-            words = f"{k} of the {n} points agree with one pose, {support} others with another one"
-            return PoseVerdict("ambiguous", words, variance, noise, odds)
-    return verdict
+            return (
+                "ambiguous",
+                f"{k} of the {n} points agree with one pose, {support} others with another one",
+            )
+    return None
+
+
+def far_rival(fit: PoseFit, odds: FloatArray) -> str | None:
+    """Return the evidence that a minimum far from the best is nearly as likely; None where none is."""
+    for minimum, likely in zip(fit.minima[1:], odds[1:], strict=False):
+        turn = rotation_between(fit.minima[0], minimum)
+        if likely > NEARLY_AS_LIKELY and turn > FAR_ROTATION:
+            return f"a pose {math.degrees(turn):.1f}° away is {likely:.2g} times as likely as the best"
+    return None
 
 
 def noise_of(cost: float, freedom: int, stated: float | None) -> float:
@@ -97,12 +119,24 @@ def noise_of(cost: float, freedom: int, stated: float | None) -> float:
 
 
 def variance_of(cost: float, freedom: int, stated: float | None) -> float:
-    """Return σ² [px²] for covariances: stated, or more where the residuals say so; else Student's t."""
+    """Return σ² [px²] for covariances: stated, or more where the residuals prove it; else Student's t."""
     if stated is not None:
-        return max(stated**2, cost / freedom if freedom > 0 else 0.0)
+        more = freedom > 0 and cost > stated**2 * float(chdtri(freedom, SIGNIFICANCE))
+        return cost / freedom if more else stated**2
     if freedom > 2:
         return cost / (freedom - 2)
     return (PRIOR_WEIGHT * PRIOR_NOISE_PX**2 + cost) / (PRIOR_WEIGHT + freedom - 2)
+
+
+def odds_of(costs: FloatArray, freedom: int, stated: float | None) -> FloatArray:
+    """Return how likely each minimum is beside the first, the best one, by their costs (m,) [px²]."""
+    if stated is not None:
+        return np.asarray(np.exp(0.5 * (costs[0] - costs) / variance_of(float(costs[0]), freedom, stated)))
+    if freedom > 2:
+        floored = np.maximum(costs, LEAST_NOISE_PX**2 * freedom)
+        return np.asarray((floored[0] / floored) ** (0.5 * freedom))
+    prior = PRIOR_WEIGHT * PRIOR_NOISE_PX**2
+    return np.asarray(((prior + costs[0]) / (prior + costs)) ** (0.5 * (PRIOR_WEIGHT + freedom)))
 
 
 def rotation_between(one: FloatArray, other: FloatArray) -> float:
@@ -122,18 +156,3 @@ def chance_poses(known: KnownPixels, agreeing: int) -> float:
 
 def _log_choose(n: int, k: int) -> float:
     return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
-
-
-def _odds(cost: float, rival: float, freedom: int, stated: float | None) -> float:
-    """Return how likely a minimum is beside the best one."""
-    if stated is not None:
-        return math.exp(0.5 * (cost - rival) / variance_of(cost, freedom, stated))
-    if freedom > 2:
-        floor = LEAST_NOISE_PX**2 * freedom
-        return math.pow(max(cost, floor) / max(rival, floor), 0.5 * freedom)
-    prior = PRIOR_WEIGHT * PRIOR_NOISE_PX**2
-    return math.pow((prior + cost) / (prior + rival), 0.5 * (PRIOR_WEIGHT + freedom))
-
-
-def _no(status: PoseStatus, message: str) -> PoseVerdict:
-    return PoseVerdict(status, message, math.nan, math.nan, np.empty(0))

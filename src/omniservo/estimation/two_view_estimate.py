@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
@@ -77,6 +78,24 @@ class TwoViewEstimate:
     uncertainty: JointUncertainty | None = None
     """Joint law of motion and structure, the scale aside; None where there is no pose, and in files written
     before there was one."""
+
+    @classmethod
+    def without_pose(cls, n: int, status: Status, message: str, started: float) -> TwoViewEstimate:
+        """Return the answer to n matches that hold no pose; ``started`` is a `time.perf_counter`."""
+        return cls(
+            status=status,
+            message=message,
+            initial_T_goal=None,
+            points=frozen(np.full((n, 3), math.nan)),
+            is_metric=False,
+            covariance=frozen(np.full((6, 6), math.nan)),
+            points_covariance=frozen(np.full((n, 3, 3), math.nan)),
+            inliers=np.zeros(n, dtype=np.bool_),
+            rms_px=math.nan,
+            noise_px=math.nan,
+            residuals_px=frozen(np.full((n, 4), math.nan)),
+            seconds=time.perf_counter() - started,
+        )
 
     def sample(
         self, rng: np.random.Generator, count: int, sources: tuple[Source, ...] = SOURCES

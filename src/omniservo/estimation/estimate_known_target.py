@@ -1,0 +1,225 @@
+"""Motion from two views of a target whose structure is known."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.estimation.estimate_pose import known_pixels, pose_of, pose_residuals, pose_spread
+from omniservo.estimation.joint_uncertainty import JointUncertainty
+from omniservo.estimation.pose_evidence import NEGLIGIBLE, far_rival, noise_of, odds_of, refusal, variance_of
+from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+
+PICTURES = ("initial", "goal")
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One picture: its points, the fit, and where they stand among all points."""
+
+    known: KnownPixels
+    fit: PoseFit
+    rows: BoolArray
+
+    @property
+    def cost(self) -> float:
+        return float(self.fit.minima[0, 7])
+
+    @property
+    def freedom(self) -> int:
+        return 2 * int(self.fit.members.sum()) - 6
+
+
+def estimate_known_target(
+    camera: UnifiedCamera,
+    points: npt.ArrayLike,
+    pixels_initial: npt.ArrayLike,
+    pixels_goal: npt.ArrayLike,
+    *,
+    visible: npt.ArrayLike | None = None,
+    robust: bool = True,
+    noise: float | npt.ArrayLike | None = None,
+    scale_sigma: float = 0.0,
+) -> TwoViewEstimate:
+    """Return the pose of the goal camera and the points, metric, from two pictures of a known target.
+
+    The camera's pose by the target's points in either picture, as `estimate_pose`, and initial_T_goal from
+    both. The two poses are independent given the structure, so the mirrored pose of a plane in one picture
+    is judged by that picture's cost; but σ, where it is not stated, is one number of both.
+
+    Args:
+        camera: took both pictures.
+        points: (n, 3) [m] in the target's frame.
+        pixels_initial: (n, 2) [px], row j shows point j.
+        pixels_goal: (n, 2) [px].
+        visible: (2, n) bool: points seen in the initial and the goal picture; the pixels of others are not
+            read. None: all.
+        robust: reject points that do not agree with the others.
+        noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in either picture.
+        scale_sigma: relative standard deviation of the target's size: how well it was printed or measured.
+
+    Raises:
+        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal noise.
+    """
+    started = time.perf_counter()
+    target = finite_array("points", points, (None, 3))
+    n = len(target)
+    seen = _checked_visible(visible, n)
+    sigmas = _checked_noise(noise, n)
+    relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
+    views: list[_View] = []
+    for place, pixels in enumerate((pixels_initial, pixels_goal)):
+        name = f"pixels_{PICTURES[place]}"
+        rows = np.asarray(pixels)
+        if rows.shape != (n, 2):
+            raise InputError(f"{name}: shape {rows.shape} given; {(n, 2)} is needed")
+        use = seen[place]
+        known = known_pixels(
+            camera, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
+        )
+        if use.sum() < LEAST_POINTS:
+            words = f"{PICTURES[place]} picture: {use.sum()} points; at least {LEAST_POINTS} are needed"
+            return TwoViewEstimate.without_pose(n, "too_few_points", words, started)
+        views.append(_View(known, fit_pose(known, robust), use))
+    refused = _refused(views)
+    if refused is not None:
+        return TwoViewEstimate.without_pose(n, *refused, started)
+    return _with_pose(target, views, seen, relative, started)
+
+
+def _checked_visible(visible: Any, n: int) -> BoolArray:
+    if visible is None:
+        return np.ones((2, n), dtype=np.bool_)
+    seen = np.asarray(visible)
+    if seen.dtype != np.bool_ or seen.shape != (2, n):
+        raise InputError(f"visible: {seen.dtype} {seen.shape} given; bool {(2, n)} is needed")
+    return seen
+
+
+def _checked_noise(noise: Any, n: int) -> FloatArray | None:
+    if noise is None:
+        return None
+    if np.ndim(noise) == 0:
+        return np.full((n, 2), finite_number("noise", noise, above=0.0))
+    sigmas = finite_array("noise", noise, (None, 2))
+    if len(sigmas) != n:
+        raise InputError(f"noise: {len(sigmas)} rows given; {n} are needed, one for each point")
+    return sigmas
+
+
+def _refused(views: list[_View]) -> tuple[Status, str] | None:
+    """Return status and evidence where the two fits are no motion."""
+    for view, picture in zip(views, PICTURES, strict=True):
+        refused = refusal(view.fit, view.known)
+        if refused is not None:
+            status: Status = "ambiguous" if refused[0] == "ambiguous" else "not_converged"
+            return status, f"{picture} picture: {refused[1]}"
+    for view, picture in zip(views, PICTURES, strict=True):
+        rival = far_rival(view.fit, _odds(view, views))
+        if rival is not None:
+            return "ambiguous", f"{picture} picture: {rival}"
+    return None
+
+
+def _odds(view: _View, views: list[_View]) -> FloatArray:
+    """Return the odds of a view's minima that are not negligible, σ from both views where not stated."""
+    rest = sum(other.cost for other in views if other is not view)
+    odds = odds_of(view.fit.minima[:, 7] + rest, sum(v.freedom for v in views), view.known.noise_px)
+    if view.known.noise_px is not None:
+        odds = odds_of(view.fit.minima[:, 7], view.freedom, view.known.noise_px)
+    return odds[odds >= NEGLIGIBLE]
+
+
+def _with_pose(
+    target: FloatArray, views: list[_View], seen: BoolArray, scale_sigma: float, started: float
+) -> TwoViewEstimate:
+    n, freedom = len(target), sum(view.freedom for view in views)
+    cost, stated = sum(view.cost for view in views), views[0].known.noise_px
+    spreads = []
+    for view in views:
+        variance = variance_of(view.cost, view.freedom, stated)
+        if stated is None:  # Student's t of both views together; its factor comes with the law below
+            variance = cost / freedom if freedom > 2 else variance_of(cost, freedom, None)
+        spread = pose_spread(view.known, view.fit, variance, _odds(view, views))
+        if spread is None:
+            words = "the points do not determine the pose"
+            return TwoViewEstimate.without_pose(n, "not_converged", words, started)
+        spreads.append(spread)
+    initial, goal = (pose_of(view.fit.minima[0]) for view in views)
+    motion = initial.inv() * goal
+    points = initial.inv().apply(target)
+    inliers, residuals = seen[0] | seen[1], np.full((n, 4), math.nan)
+    for place, view in enumerate(views):
+        inliers[view.rows] &= view.fit.members
+        residuals[view.rows, 2 * place : 2 * place + 2] = pose_residuals(view.known, view.fit.minima[0])
+    law = JointUncertainty(
+        noise=_responses(initial, motion, points[inliers], spreads),
+        own=np.zeros((int(inliers.sum()), 3, 3)),
+        freedom=float(freedom) if stated is None and freedom > 2 else math.inf,
+        calibration=np.empty((0, 6 + 3 * int(inliers.sum()))),
+        camera=np.empty((0, 0)),
+    )
+    covariance, spread_of_points = law.covariances()
+    gauge = np.concatenate((motion.translation, np.zeros(3)))
+    covariance += scale_sigma**2 * np.outer(gauge, gauge)
+    points_covariance = np.full((n, 3, 3), math.nan)
+    h = points[inliers]
+    points_covariance[inliers] = spread_of_points + scale_sigma**2 * h[:, :, None] * h[:, None, :]
+    used = residuals[inliers].reshape(-1, 2)
+    square = (used[~np.isnan(used[:, 0])] ** 2).sum(axis=1)
+    return TwoViewEstimate(
+        status="ok",
+        message="",
+        initial_T_goal=motion,
+        points=frozen(points),
+        is_metric=True,
+        covariance=frozen(covariance),
+        points_covariance=frozen(points_covariance),
+        inliers=inliers,
+        rms_px=math.sqrt(float(square.mean())),
+        noise_px=noise_of(cost, freedom, stated),
+        residuals_px=frozen(residuals),
+        seconds=time.perf_counter() - started,
+        scale_sigma=scale_sigma,
+        uncertainty=law,
+    )
+
+
+def _responses(
+    initial: RigidTransform, motion: RigidTransform, points: FloatArray, spreads: list[FloatArray]
+) -> FloatArray:
+    """Return (12, 6 + 3m): what each independent error of the two poses does to (t, δ, h₁ … hₘ).
+
+    With poses {R₁, t₁}, {R₂, t₂} in the target's frame, t = R₁ᵀ(t₂ − t₁), R = R₁ᵀR₂ and h = R₁ᵀ(X − t₁):
+    dt = R₁ᵀ(dt₂ − dt₁) + [t]× δ₁,  δ = δ₂ − Rᵀδ₁,  dh = −R₁ᵀdt₁ + [h]× δ₁.
+    """
+    back, turn = initial.rotation.as_matrix().T, motion.rotation.as_matrix()
+    response = np.zeros((6 + 3 * len(points), 12))
+    response[:3, :3], response[:3, 6:9] = -back, back
+    response[:3, 3:6] = _cross(np.asarray(motion.translation)[None])[0]
+    response[3:6, 3:6], response[3:6, 9:12] = -turn.T, np.eye(3)
+    response[6:, :3] = np.tile(-back, (len(points), 1))
+    response[6:, 3:6] = _cross(points).reshape(-1, 3)
+    halves = np.zeros((12, 12))
+    for place, spread in enumerate(spreads):
+        values, vectors = np.linalg.eigh(spread)
+        at = slice(6 * place, 6 * place + 6)
+        halves[at, at] = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray((response @ halves).T)
+
+
+def _cross(vectors: FloatArray) -> FloatArray:
+    """Return [v]× (k, 3, 3) of (k, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(-1, 3, 3)
