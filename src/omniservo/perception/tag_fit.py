@@ -9,6 +9,7 @@ the corners, and the edges inside the tag count as well.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,15 +33,9 @@ _LEAST_VOLUME = 1e-9
 """of three corner bearings: less is a line"""
 _FIRST_BLUR = 1.0
 _BLUR = (0.25, 4.0)
-_MOST_PIXELS = 2000
 _LARGEST_BOX = 40_000
-"""pixels that are looked at, before `_MOST_PIXELS` of them are chosen"""
+"""pixels that are looked at, before some of them are chosen"""
 _LARGEST_SIDE_PX = 1500.0
-_STEPS = 12
-_DONE_PX = 0.01
-"""the steps shrink at least tenfold near the end"""
-_RIM_DONE_PX = 0.1
-"""enough to read the code, which is fitted next"""
 _UNEXPLAINED = 0.08
 """part of the grey values' variance that is shadow, glare and the like"""
 _VARIANCE_OF_CODES = 0.2
@@ -52,6 +47,20 @@ _UNCERTAIN = 0.2
 _MOST_BLUR_CELLS = 0.75
 _MODEL_ERROR = 0.005
 """[px] what remains without noise: the blur is not quite Gaussian, the camera not quite itself"""
+
+
+class _Effort(NamedTuple):
+    """What a fit may cost."""
+
+    done_px: float
+    """a step that moves no corner farther is the last; steps shrink at least tenfold near the end"""
+    steps: int
+    pixels: int
+
+
+_RIM_EFFORT = _Effort(0.1, 6, 800)
+"""enough to read the code, which is fitted next; most squares are no tags"""
+_CODE_EFFORT = _Effort(0.01, 12, 2000)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +141,12 @@ def outer_window(cells: int) -> float:
 def fit_border(image: ByteArray, camera: CentralModel, plane: FloatArray, cells: int) -> TagFit | None:
     """Fit the black square's rim alone, whatever the code; None where there is no such square."""
     dark = np.ones((cells, cells), dtype=np.bool_)
-    return _fit(image, camera, plane, dark, 1.0 - 2.0 * WHITE_CELLS / cells, _RIM_DONE_PX)
+    return _fit(image, camera, plane, dark, 1.0 - 2.0 * WHITE_CELLS / cells, _RIM_EFFORT)
 
 
 def fit_code(image: ByteArray, camera: CentralModel, plane: FloatArray, dark: BoolArray) -> TagFit | None:
     """Fit the whole tag with this code (cells, cells); None where the image shows no such square."""
-    return _fit(image, camera, plane, dark, 0.0, _DONE_PX)
+    return _fit(image, camera, plane, dark, 0.0, _CODE_EFFORT)
 
 
 def corner_pixels(camera: CentralModel, fit: TagFit) -> tuple[FloatArray, FloatArray] | None:
@@ -172,10 +181,10 @@ def _fit(
     plane: FloatArray,
     dark: BoolArray,
     inner: float,
-    done_px: float,
+    effort: _Effort,
 ) -> TagFit | None:
     outer = outer_window(len(dark))
-    collected = _pixels_around(image, camera, plane, inner, outer)
+    collected = _pixels_around(image, camera, plane, (inner, outer), effort.pixels)
     if collected is None:
         return None
     greys, rays, side_px = collected
@@ -188,7 +197,7 @@ def _fit(
     matrix, vector = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
     trial_matrix, trial_vector = matrix.copy(), vector.copy()
     count, cost = normal_equations(greys, rays, dark, window, (plane, others), rms, matrix, vector)
-    for _ in range(_STEPS):
+    for _ in range(effort.steps):
         if count < 3 * PARAMETERS:
             return None
         rms = max(float(np.sqrt(cost)), 0.5)
@@ -206,7 +215,7 @@ def _fit(
             damping = max(0.1 * damping, 1e-7)
         else:
             damping *= 10.0
-        if shift < done_px:
+        if shift < effort.done_px:
             break
     if not others[4] - abs(others[5]) - abs(others[6]) > LEAST_CONTRAST:
         return None
@@ -229,12 +238,13 @@ def _turned(plane: FloatArray, step: FloatArray) -> FloatArray:
 
 
 def _pixels_around(
-    image: ByteArray, camera: CentralModel, plane: FloatArray, inner: float, outer: float
+    image: ByteArray, camera: CentralModel, plane: FloatArray, window: tuple[float, float], most: int
 ) -> tuple[FloatArray, FloatArray, float] | None:
-    """Grey values and rays of the pixels between two squares on the tag, and the tag's mean side [px].
+    """Grey values and rays of at most ``most`` pixels between two squares on the tag, and its mean side [px].
 
     None where the tag is cut by the image's border, the lens's rim, a dead zone or a mask.
     """
+    inner, outer = window
     outline, valid = camera.project(bearings_of(plane, _OUTLINE))
     if not (valid.all() and camera.in_image(outline).all()):
         return None
@@ -251,7 +261,7 @@ def _pixels_around(
     ahead = seen & (q[:, 2] > 1e-12)
     out = np.abs(q[:, :2]).max(axis=1) / np.where(ahead, q[:, 2], 1.0)
     near = np.flatnonzero(ahead & (out <= outer + 0.1) & (out >= inner - 0.1))
-    near = near[:_MOST_PIXELS]
+    near = near[:most]
     around, known = camera.unproject(pixels[near, None] + _STEPS_ROUND)
     good = known.all(axis=1) & camera.in_image(pixels[near])
     pixels, bearings, around = pixels[near][good], bearings[near][good], around[good]
