@@ -74,7 +74,9 @@ def raw(detector: Any, norm: int) -> Callable[[Image, Image], Pixels]:
 METHODS: dict[str, Callable[[Image, Image], Pixels]] = {
     "ours, refined": refined,
     "ours, as found": unrefined,
-    "SIFT, raw picture": raw(cv2.SIFT_create(contrastThreshold=0.02), cv2.NORM_L2),
+    "SIFT, raw picture": raw(
+        cv2.SIFT_create(contrastThreshold=0.02, enable_precise_upscale=True), cv2.NORM_L2
+    ),
     "AKAZE, raw picture": raw(cv2.AKAZE_create(threshold=0.0005), cv2.NORM_HAMMING),
 }
 
