@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
-from omniservo.perception.align_patches import Templates, align, make_templates
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.perception.align_patches import align, make_templates
 from omniservo.perception.find_dots import check_image
 from omniservo.perception.local_affinity import local_affinities, transported
 from omniservo.perception.patch_kernels import FloatImage
@@ -28,20 +26,8 @@ PEAK = 3
 STEPS = 10
 
 
-@dataclass(frozen=True, eq=False)
-class Sighting:
-    """Where the patches of a reference are in a picture, or not."""
-
-    frames: TangentFrames
-    """planes at the patches' bearings"""
-    affinities: FloatArray
-    """(n, 2, 2) from the reference's planes to these"""
-    correlation: FloatArray
-    """(n,) -1 where the patch was not found"""
-
-
 class PatchReference:
-    """The patches round given pixels of one picture, ready to be found in others."""
+    """The patches round given pixels of one picture, ready to be found in others: `seek`, then `lay_on`."""
 
     def __init__(self, camera: UnifiedCamera, name: str, image: ByteArray, pixels: npt.ArrayLike) -> None:
         """Cut the patches; ``name`` is what the caller calls the pixels (n, 2).
@@ -63,60 +49,67 @@ class PatchReference:
         )
         self.whole: BoolArray = self._templates.whole & seen
         """(n,) the picture shows the whole patch, and it is not flat"""
-        self._last: Sighting | None = None
+        # where and in what shape the patches were seen last, and of which that is known
+        self._frames, self._affinities = frames, np.tile(np.eye(2), (len(given), 1, 1))
+        self._places, self._known = np.zeros((len(given), 2)), np.zeros(len(given), dtype=np.bool_)
 
-    def find(self, image: FloatImage, bearings: FloatArray, gate_px: float) -> Sighting:
-        """Look for the patches within about ``gate_px`` of predicted bearings (n, 3), NaN for none."""
+    def seek(self, image: FloatImage, bearings: FloatArray, gate_px: float) -> FloatArray:
+        """Look for the patches within about ``gate_px`` of predicted bearings (n, 3), NaN for none.
+
+        Returns:
+            (n,) the correlation at the best whole sample; -1 where there is none, or a second one as good.
+        """
         asked = self.whole & np.isfinite(bearings).all(1)
-        frames, affinities = self._shapes(bearings, asked)
+        self._frames, self._affinities = self._shapes(bearings, asked)
+        self._places, peaks = np.zeros((len(asked), 2)), np.full(len(asked), -1.0)
         rows = np.flatnonzero(asked)
-        correlation = np.full(len(asked), -1.0)
         if len(rows):
-            templates, planes = self._templates[rows], frames[rows]
-            start, promising = self._search(image, templates, planes, affinities[rows], gate_px)
+            self._places[rows], peaks[rows] = self._search(image, rows, gate_px)
+        return peaks
+
+    def lay_on(self, image: FloatImage, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Lay the ``chosen`` (n,) patches precisely on where `seek` saw them.
+
+        Returns:
+            bearings (n, 3) and the correlation there (n,); -1 where not chosen or not converged.
+        """
+        correlation, rows = np.full(len(chosen), -1.0), np.flatnonzero(chosen)
+        if len(rows):
+            planes = self._frames[rows]
             found = align(
-                self._camera, image, templates[promising], planes[promising], start[promising],
-                affinities[rows[promising]], steps=STEPS,
+                self._camera, image, self._templates[rows], planes, self._places[rows],
+                self._affinities[rows], steps=STEPS,
             )  # fmt: skip
-            rows = rows[promising]
-            there = planes[promising].directions(found.places[:, None])[:, 0]
-            moved = transported(planes[promising], there / np.linalg.norm(there, axis=1, keepdims=True))
-            frames.bearings[rows], frames.first[rows] = moved.bearings, moved.first
-            affinities[rows] = found.affinities
+            there = planes.directions(found.places[:, None])[:, 0]
+            moved = transported(planes, there / np.linalg.norm(there, axis=1, keepdims=True))
+            self._frames.bearings[rows], self._frames.first[rows] = moved.bearings, moved.first
+            self._affinities[rows] = found.affinities
             correlation[rows] = np.where(found.converged, found.correlation, -1.0)
-        self._last = Sighting(frames, affinities, correlation)
-        return self._last
+        self._known = correlation > 0.0
+        return self._frames.bearings, correlation
 
     def _shapes(self, bearings: FloatArray, asked: BoolArray) -> tuple[TangentFrames, FloatArray]:
         """Planes at the predictions, and affinities to them: the last ones, or those of the neighbourhood."""
         away = np.where(asked[:, None], bearings, self._templates.frames.bearings)
         frames = transported(self._templates.frames, away)
         affinities = local_affinities(self._templates.frames, frames, asked)
-        if self._last is not None:
-            kept = asked & (self._last.correlation > 0.0)
-            moved = transported(self._last.frames, away)
-            frames.first[kept] = moved.first[kept]
-            affinities[kept] = self._last.affinities[kept]
+        kept = asked & self._known
+        frames.first[kept] = transported(self._frames[kept], away[kept]).first
+        affinities[kept] = self._affinities[kept]
         return frames, affinities
 
-    def _search(
-        self,
-        image: FloatImage,
-        templates: Templates,
-        frames: TangentFrames,
-        affinities: FloatArray,
-        gate_px: float,
-    ) -> tuple[FloatArray, BoolArray]:
-        """Places (n, 2) on the planes where patches correlate best, and whether that is clear (n,)."""
-        maps = templates.pitch[:, None, None] * affinities
+    def _search(self, image: FloatImage, rows: IntArray, gate_px: float) -> tuple[FloatArray, FloatArray]:
+        """Places (m, 2) on the planes of some rows where the patches correlate best, and how well (m,)."""
+        frames = self._frames[rows]
+        maps = self._templates.pitch[rows, None, None] * self._affinities[rows]
         # over the gate the lens is nearly affine: near enough for a whole sample
         linear = frames.jacobians(self._camera) @ maps
         pixels = self._camera.project(frames.bearings)[0]
         size = np.sqrt(np.abs(np.linalg.det(linear)))
         reach = int(np.clip(np.ceil(gate_px / np.nanmedian(size)), 2, 40))
         side, patch = 2 * (reach + HALF) + 1, 2 * HALF + 1
-        offsets, clear = np.zeros((len(maps), 2)), np.zeros(len(maps), dtype=np.bool_)
-        patches = templates.grey.astype(np.float32).reshape(-1, patch, patch)
+        offsets, peaks = np.zeros((len(maps), 2)), np.full(len(maps), -1.0)
+        patches = self._templates.grey[rows].astype(np.float32).reshape(-1, patch, patch)
         for i in range(len(maps)):
             if not np.isfinite(linear[i]).all():
                 continue
@@ -125,12 +118,12 @@ class PatchReference:
                 image, to_image, (side, side), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
-            offsets[i], clear[i] = _best_place(window, patches[i])
-        return np.einsum("nij,nj->ni", maps, offsets), clear
+            offsets[i], peaks[i] = _best_place(window, patches[i])
+        return np.einsum("nij,nj->ni", maps, offsets), peaks
 
 
-def _best_place(window: FloatImage, patch: FloatImage) -> tuple[tuple[float, float], bool]:
-    """Where a patch correlates best, from the window's middle, and whether nowhere else nearly as well."""
+def _best_place(window: FloatImage, patch: FloatImage) -> tuple[tuple[float, float], float]:
+    """Where a patch correlates best, from the window's middle, and how; -1: elsewhere nearly as well."""
     alike = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     row, column = divmod(int(np.argmax(alike)), alike.shape[1])
     best = float(alike[row, column])
@@ -139,4 +132,5 @@ def _best_place(window: FloatImage, patch: FloatImage) -> tuple[tuple[float, flo
     here = 0 < row < alike.shape[0] - 1 and 0 < column < alike.shape[1] - 1
     rival = float(rivals[-1 - here]) if len(rivals) > here else -1.0
     middle = alike.shape[0] // 2
-    return (column - middle, row - middle), best > PROMISING and rival < best - RIVAL
+    clear = best > PROMISING and rival < best - RIVAL
+    return (column - middle, row - middle), best if clear else -1.0

@@ -89,14 +89,16 @@ class PatchTracker:
             raise InputError(f"predicted_pixels: shape {predicted.shape} given; {wanted} is needed")
         bearings = self.camera.unproject(predicted)[0]
         source = image.astype(np.float32)
-        seen = [r.find(source, bearings, self.gate_px) for r in self._references]
-        score = np.stack([s.correlation for s in seen])
-        best, rows = score.argmax(0), np.arange(len(predicted))
-        found = np.stack([s.frames.bearings for s in seen])[best, rows]
-        pixels, there = self.camera.project(found)
-        valid = there & (score[best, rows] > LEAST_CORRELATION)
+        peaks = np.stack([r.seek(source, bearings, self.gate_px) for r in self._references])
+        best = np.where(peaks.max(axis=0) > 0.0, peaks.argmax(axis=0), -1)
+        found, score = np.full((len(predicted), 3), np.nan), np.full(len(predicted), -1.0)
+        for k, reference in enumerate(self._references):
+            there, alike = reference.lay_on(source, best == k)
+            found[best == k], score[best == k] = there[best == k], alike[best == k]
+        pixels, seen = self.camera.project(found)
+        valid = seen & (score > LEAST_CORRELATION)
         valid[valid] = np.linalg.norm(pixels[valid] - predicted[valid], axis=1) <= self.gate_px
-        valid[valid] = _best_of_place(pixels[valid], score[best, rows][valid])
+        valid[valid] = _best_of_place(pixels[valid], score[valid])
         return np.where(valid[:, None], pixels, np.nan), valid
 
 
