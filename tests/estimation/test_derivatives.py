@@ -50,17 +50,17 @@ def test_sampson_gradient_agrees_with_finite_differences(view):
     scene, matches = view
     r, t = scene.rotation.as_matrix(), scene.translation / np.linalg.norm(scene.translation)
     tangents, e = np.empty((2, 3)), np.empty((3, 3))
-    epipolar_refinement._tangent_plane(t, tangents)
+    epipolar_refinement.tangent_plane(t, tangents)
     essential_matrix(r, t, e)
     for loss_scale in (math.inf, 1.5):
         normal, gradient = np.empty((5, 5)), np.empty(5)
-        epipolar_refinement._accumulate(
+        epipolar_refinement.accumulate_distances(
             matches.bearings, matches.jacobians, loss_scale, r, e, tangents, normal, gradient
         )
 
         def cost(step, loss_scale=loss_scale):
             trial_r, trial_t, trial_e = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-            epipolar_refinement._move(r, t, tangents, step, trial_r, trial_t)
+            epipolar_refinement.move_motion(r, t, tangents, step, trial_r, trial_t)
             essential_matrix(trial_r, trial_t, trial_e)
             return sampson_cost(matches.bearings, matches.jacobians, loss_scale, trial_e)
 

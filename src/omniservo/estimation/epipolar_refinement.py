@@ -48,9 +48,11 @@ def refine_epipolar(
     normal, gradient, factor, step = np.empty((5, 5)), np.empty(5), np.empty((5, 5)), np.empty(5)
     tangents, essential = np.empty((2, 3)), np.empty((3, 3))
     trial_r, trial_t = np.empty((3, 3)), np.empty(3)
-    _tangent_plane(translation, tangents)
+    tangent_plane(translation, tangents)
     essential_matrix(rotation, translation, essential)
-    cost = _accumulate(bearings, jacobians, loss_scale, rotation, essential, tangents, normal, gradient)
+    cost = accumulate_distances(
+        bearings, jacobians, loss_scale, rotation, essential, tangents, normal, gradient
+    )
     damping = FIRST_DAMPING
     for _ in range(most_steps):
         if damping > LARGEST_DAMPING:
@@ -67,7 +69,7 @@ def refine_epipolar(
         decrement = 0.0
         for i in range(5):
             decrement -= gradient[i] * step[i]
-        _move(rotation, translation, tangents, step, trial_r, trial_t)
+        move_motion(rotation, translation, tangents, step, trial_r, trial_t)
         essential_matrix(trial_r, trial_t, essential)
         trial = sampson_cost(bearings, jacobians, loss_scale, essential)
         last = decrement <= SMALL_GAIN * cost + 1e-20 * bearings.shape[0] and damping <= TRUSTED_DAMPING
@@ -79,8 +81,8 @@ def refine_epipolar(
             if last:
                 return trial, True
             damping = max(0.1 * damping, 1e-12)
-            _tangent_plane(translation, tangents)
-            cost = _accumulate(
+            tangent_plane(translation, tangents)
+            cost = accumulate_distances(
                 bearings, jacobians, loss_scale, rotation, essential, tangents, normal, gradient
             )
         else:
@@ -139,7 +141,7 @@ def sampson_distances(
 
 
 @kernel
-def _tangent_plane(translation: FloatArray, tangents: FloatArray) -> None:
+def tangent_plane(translation: FloatArray, tangents: FloatArray) -> None:
     """Write two orthonormal rows (2, 3) across the unit ``translation``."""
     smallest = 0
     for i in range(1, 3):
@@ -156,7 +158,7 @@ def _tangent_plane(translation: FloatArray, tangents: FloatArray) -> None:
 
 
 @kernel
-def _move(
+def move_motion(
     rotation: FloatArray,
     translation: FloatArray,
     tangents: FloatArray,
@@ -181,7 +183,7 @@ def _move(
 
 
 @kernel
-def _accumulate(
+def accumulate_distances(
     bearings: FloatArray,
     jacobians: FloatArray,
     loss_scale: float,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,15 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION, quaternion_from_matrix
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_fit import LEAST_POINTS, MOTION_PARAMETERS, TwoViewFit, fit_two_views
-from omniservo.estimation.uncertainty import two_view_covariance
+from omniservo.estimation.two_view_uncertainty import (
+    Length,
+    Lens,
+    Noise,
+    Solution,
+    total_covariances,
+    two_view_uncertainty,
+)
+from omniservo.estimation.uncertainty import linear_response
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 Scale = float | tuple[tuple[int, int], float]
@@ -40,6 +48,8 @@ def estimate_two_view(
     rotation: Literal["quaternion", "cayley"] = "quaternion",
     robust: bool = True,
     noise: float | npt.ArrayLike | None = None,
+    scale_sigma: float = 0.0,
+    calibration_covariance: npt.ArrayLike | None = None,
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, from the same points' pixels in two images.
 
@@ -60,18 +70,20 @@ def estimate_two_view(
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
             pixel is as good as any other, and σ comes from the residuals.
+        scale_sigma: standard deviation of the stated scale over the scale.
+        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: the camera is exact.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
-            virtual-plane image), an illegal scale, noise or option.
+            virtual-plane image), an illegal scale, noise, covariance or option.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
     between, length = _checked_scale(scale, len(pixels))
-    if method not in METHODS:
-        raise InputError(f"method: {method!r} given; legal: {', '.join(METHODS)}")
-    if rotation not in ROTATIONS:
-        raise InputError(f"rotation: {rotation!r} given; legal: {', '.join(ROTATIONS)}")
+    finite_number("scale_sigma", scale_sigma, minimum=0.0, maximum=0.0 if scale is None else 1.0)
+    for name, given, legal in (("method", method, METHODS), ("rotation", rotation, tuple(ROTATIONS))):
+        if given not in legal:
+            raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
     matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
     if len(pixels) < LEAST_POINTS:
@@ -84,11 +96,18 @@ def estimate_two_view(
     status, words = judge(fit, matches)
     if status != "ok":
         return TwoViewEstimate.without_pose(len(pixels), status, words, started)
-    if between is not None and not (fit.members[between[0]] and fit.members[between[1]]):
-        lost = between[0] if not fit.members[between[0]] else between[1]
-        words = f"point {lost}, which the scale refers to, was rejected as a wrong match"
-        return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
-    return _with_pose(matches, plane, fit, ROTATIONS[rotation], between, length, started)
+    lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
+    return _with_pose(matches, plane, fit, _Asked(kind, between, length, scale_sigma, lens), started)
+
+
+class _Asked(NamedTuple):
+    """What a pose is finished with."""
+
+    kind: int
+    between: tuple[int, int] | None
+    length: float | None
+    scale_sigma: float
+    lens: Lens
 
 
 def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
@@ -166,62 +185,57 @@ def _with_pose(
     matches: Matches,
     plane: tuple[Matches, FloatArray] | None,
     fit: TwoViewFit,
-    kind: int,
-    between: tuple[int, int] | None,
-    length: float | None,
+    asked: _Asked,
     started: float,
 ) -> TwoViewEstimate:
-    """Finish a fit that is a pose: the chosen cost, the scale, residuals, covariance."""
-    members = matches.where(fit.members)
-    best = fit.minima[0]
-    rotation, translation = best.rotation.copy(), best.translation.copy()
+    """Finish a fit that is a pose: the chosen cost, the scale, residuals, uncertainty."""
+    lost = [i for i in asked.between or () if not fit.members[i]]
+    if lost:
+        words = f"point {lost[0]}, which the scale refers to, was rejected as a wrong match"
+        return TwoViewEstimate.without_pose(len(matches.pixels), "not_converged", words, started)
+    members, best, n = matches.where(fit.members), fit.minima[0], len(matches.pixels)
+    rotation, translation, structure = best.rotation.copy(), best.translation.copy(), best.points.copy()
     noise = np.tile(np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]), (len(members.pixels), 1))
-    chosen, structure = members, best.points.copy()
-    n = len(matches.pixels)
+    chosen = members
     if plane is not None:
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
-        if not _refined(chosen, kind, rotation, translation, structure):
+        if not _refined(chosen, asked.kind, rotation, translation, structure):
             words = "the refinement on the virtual plane found no minimum"
             return TwoViewEstimate.without_pose(n, "not_converged", words, started)
-    spread = two_view_covariance(
-        chosen.parameters,
-        chosen.pixels,
-        chosen.weights,
-        noise,
-        rotation,
-        translation,
-        structure,
-        _places(between, fit),
-    )
-    if spread is None:
+    solution, places = Solution(rotation, translation, structure), _places(asked.between, fit)
+    response = linear_response(chosen.parameters, chosen.pixels, chosen.weights, noise, *solution, places)
+    if response is None:
         return TwoViewEstimate.without_pose(
             n, "not_converged", "the matches do not determine the motion", started
         )
-    points = _all_points(matches, fit, rotation, translation, structure)
-    metres = _metres(points, between, length)
+    points = _all_points(matches, fit, *solution)
     residuals = _residuals(matches, rotation, translation, points)
     square = (residuals[fit.members].reshape(-1, 2, 2) ** 2).sum(axis=2)
     weighted = float((members.weights**2 * square).sum())
     freedom = len(members.pixels) - MOTION_PARAMETERS
-    variance = _variance(weighted, freedom, matches.noise_px)
-    scales = np.array([metres, metres, metres, 1.0, 1.0, 1.0])
-    points_covariance = np.full((n, 3, 3), math.nan)
-    points_covariance[fit.members] = variance * metres**2 * spread[1]
+    known, length = Noise.of(weighted, freedom, matches.noise_px), Length(places, asked.length or 1.0)
+    rivals = fit.minima[1:] if plane is None else None
+    law = two_view_uncertainty(members, rivals, response, solution, known, length, asked.lens)
+    metres = length.of_translation(structure)
+    translation, points = metres * translation, metres * points
+    covariances = total_covariances(law, asked.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
         message="",
         initial_T_goal=RigidTransform.from_components(
-            metres * translation, Rotation.from_quat(quaternion_from_matrix(rotation))
+            translation, Rotation.from_quat(quaternion_from_matrix(rotation))
         ),
-        points=frozen(metres * points),
-        is_metric=length is not None,
-        covariance=frozen(variance * np.outer(scales, scales) * spread[0]),
-        points_covariance=frozen(points_covariance),
+        points=frozen(points),
+        is_metric=asked.length is not None,
+        covariance=frozen(covariances[0]),
+        points_covariance=frozen(covariances[1]),
         inliers=fit.members,
         rms_px=math.sqrt(float(square.sum()) / (2 * len(members.pixels))),
         noise_px=math.sqrt(weighted / freedom),
         residuals_px=frozen(residuals),
         seconds=time.perf_counter() - started,
+        scale_sigma=asked.scale_sigma,
+        uncertainty=law,
     )
 
 
@@ -243,25 +257,11 @@ def _refined(
     return bool(converged)
 
 
-def _variance(weighted: float, freedom: int, stated: float | None) -> float:
-    """Return the σ² of the covariance: what is stated, or more where the residuals say so; Student's t."""
-    return weighted / (freedom - 2) if stated is None else max(stated**2, weighted / freedom)
-
-
 def _places(between: tuple[int, int] | None, fit: TwoViewFit) -> tuple[int, int] | None:
     """Return where two points stand among the members."""
     if between is None:
         return None
     return int(fit.members[: between[0]].sum()), int(fit.members[: between[1]].sum())
-
-
-def _metres(points: FloatArray, between: tuple[int, int] | None, length: float | None) -> float:
-    """Return the factor for t and every point: (22) with the structure's scale put right."""
-    if length is None:
-        return 1.0
-    if between is None:
-        return length
-    return length / float(np.linalg.norm(points[between[0]] - points[between[1]]))
 
 
 def _all_points(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 
 Source = Literal["noise", "scale", "calibration"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -31,38 +31,26 @@ class JointUncertainty:
     own: FloatArray
     """(m, 3, 3) covariance of what pixel noise does to each point alone [m²]"""
     freedom: float
-    """ν, degrees of freedom of σ; infinite where σ was given"""
+    """ν > 2, degrees of freedom of σ; infinite where σ was given"""
     calibration: FloatArray
     """(q, 6 + 3m) what each independent direction of the camera's parameters does to x [m], [rad]"""
     camera: FloatArray
     """(q, p) that direction, one σ of it: of fx, fy, cx, cy, ξ and, where p = 9, k1, k2, p1, p2"""
 
     def __post_init__(self) -> None:
-        m = len(self.own)
-        finite_array("uncertainty.own", self.own, (m, 3, 3))
-        for name in ("noise", "calibration"):
-            finite_array(f"uncertainty.{name}", getattr(self, name), (None, 6 + 3 * m))
-        camera = finite_array("uncertainty.camera", self.camera, (len(self.calibration), None))
-        if camera.shape[1] not in (0, 5, 9):
-            raise InputError(f"uncertainty.camera: {camera.shape[1]} columns given; legal: 0, 5, 9")
-        if not self.freedom > 0.0:
-            raise InputError(f"uncertainty.freedom: {self.freedom:g} given; more than 0 is needed")
         for name in ("noise", "own", "calibration", "camera"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            getattr(self, name).setflags(write=False)
 
     @property
     def inflation(self) -> float:
-        """ν/(ν − 2), covariance of Student's t over σ²; 1 where σ was given, infinite for ν ≤ 2."""
-        if math.isinf(self.freedom):
-            return 1.0
-        return self.freedom / (self.freedom - 2.0) if self.freedom > 2.0 else math.inf
+        """ν/(ν − 2), covariance of Student's t over σ²; 1 where σ was given, ν > 2."""
+        return 1.0 if math.isinf(self.freedom) else self.freedom / (self.freedom - 2.0)
 
     def covariances(self) -> tuple[FloatArray, FloatArray]:
         """Return the covariance (6, 6) of (t, δ) and (m, 3, 3) of each point."""
-        m = len(self.own)
         rows = np.concatenate((math.sqrt(self.inflation) * self.noise, self.calibration))
-        points = rows[:, 6:].reshape(len(rows), m, 3)
-        each = self.inflation * self.own + np.einsum("kmi,kmj->mij", points, points)
+        points = np.ascontiguousarray(rows[:, 6:].T).reshape(-1, 3, len(rows))
+        each = self.inflation * self.own + points @ np.swapaxes(points, 1, 2)
         return rows[:, :6].T @ rows[:, :6], each
 
     def draw(
@@ -112,17 +100,27 @@ class JointUncertainty:
         if not isinstance(fields, dict) or sorted(fields) != sorted(names):
             raise InputError(f"{source}: exactly the fields {', '.join(names)} are needed")
         freedom, width = fields["freedom"], 6 + 3 * inliers
-        directions = len(fields["calibration"]) if isinstance(fields["calibration"], list) else 0
-        camera = finite_array(f"{source}: camera", fields["camera"] or np.empty((0, 0)), (None, None))
-        return cls(
-            noise=finite_array(f"{source}: noise", fields["noise"] or np.empty((0, width)), (None, width)),
-            own=finite_array(f"{source}: own", fields["own"] or np.empty((0, 3, 3)), (inliers, 3, 3)),
-            freedom=math.inf if freedom is None else finite_number(f"{source}: freedom", freedom, above=0.0),
-            calibration=finite_array(
-                f"{source}: calibration", fields["calibration"] or np.empty((0, width)), (directions, width)
-            ),
-            camera=camera,
+        law = cls(
+            noise=_rows(f"{source}: noise", fields["noise"], width),
+            own=_rows(f"{source}: own", fields["own"], 3, 3),
+            freedom=math.inf if freedom is None else finite_number(f"{source}: freedom", freedom, above=2.0),
+            calibration=_rows(f"{source}: calibration", fields["calibration"], width),
+            camera=_rows(f"{source}: camera", fields["camera"], None),
         )
+        if len(law.own) != inliers:
+            raise InputError(f"{source}: own: {len(law.own)} points given; {inliers} inliers")
+        if len(law.camera) != len(law.calibration) or law.camera.shape[1] not in (0, 5, 9):
+            raise InputError(
+                f"{source}: camera: {law.camera.shape} given; ({len(law.calibration)}, 5 or 9) is needed"
+            )
+        return law
+
+
+def _rows(name: str, value: Any, *shape: int | None) -> FloatArray:
+    """Return a list of rows of this shape, which may be empty."""
+    if value == []:
+        return np.empty((0, *(size or 0 for size in shape)))
+    return finite_array(name, value, (None, *shape))
 
 
 @dataclass(frozen=True, eq=False)

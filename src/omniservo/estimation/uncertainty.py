@@ -1,6 +1,9 @@
 """First-order uncertainty of motion and structure, in the gauge that the scale fixes."""
 
+from __future__ import annotations
+
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,8 +21,108 @@ from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 FAR_POINT_DAMPING = 1e-10
 """Relative weight that keeps the block of a point without parallax regular; its variance stays huge."""
 
+LEAST_VARIANCE = 1e-10
+"""A part of the motion whose variance is this part of all is one that the scale holds still."""
 
-def two_view_covariance(
+
+@dataclass(frozen=True, eq=False)
+class LinearResponse:
+    """How motion and structure answer pixel noise ε: dm = Σ Mⱼεⱼ, m = (t, δ), and dhⱼ = Pⱼεⱼ − Kⱼ Σ Wᵢεᵢ.
+
+    ε is in σ, the noise of a pixel coordinate of weight 1. Where ‖t‖ is given W is M; where ‖hᵢ − hₖ‖ is
+    given W has a seventh row, the relative error ρ of the scale, M follows it by −ρt and K has the column h.
+    """
+
+    motion: FloatArray
+    """M (n, 6, 4)"""
+    whole: FloatArray
+    """W (n, 6, 4) or (n, 7, 4)"""
+    own: FloatArray
+    """P (n, 3, 4)"""
+    follow: FloatArray
+    """K (n, 3, 6) or (n, 3, 7)"""
+    unscaled: FloatArray
+    """(6, 6) covariance of (t, δ) with ‖t‖ = 1, for noise of 1 px over the weight"""
+
+    def answer(self, pixels: FloatArray) -> FloatArray:
+        """Return dx (6 + 3n) to displaced pixels (n, 4), times their weights [px]."""
+        whole = np.einsum("jac,jc->a", self.whole, pixels)
+        points = np.einsum("jic,jc->ji", self.own, pixels) - self.follow @ whole
+        return np.concatenate((np.einsum("jac,jc->a", self.motion, pixels), points.ravel()))
+
+    def law(self) -> tuple[FloatArray, FloatArray]:
+        """Return (rows (k, 6 + 3n), own (n, 3, 3)): dx is Σ zₖ rowₖ and each point's own part, for σ = 1.
+
+        The rows are the columns of the Cholesky factor of the covariance of x that belong to the motion; what
+        they leave of a point's covariance is its own. (Points share nothing else where the cost is that of
+        the real pixels; on the virtual plane what they share besides, of order 1/n, is left out.)
+        """
+        n = len(self.own)
+        rows, own = np.empty((6, 6 + 3 * n)), np.empty((n, 3, 3))
+        count = _joint_law(self.motion, self.whole, self.own, self.follow, rows, own)
+        return rows[:count], own
+
+
+@kernel
+def _add_product(a: FloatArray, b: FloatArray, total: FloatArray) -> None:
+    """Add a bᵀ to ``total``."""
+    for i in range(a.shape[0]):
+        for k in range(b.shape[0]):
+            for c in range(a.shape[1]):
+                total[i, k] += a[i, c] * b[k, c]
+
+
+@kernel
+def _joint_law(
+    motion: FloatArray,
+    whole: FloatArray,
+    own: FloatArray,
+    follow: FloatArray,
+    rows: FloatArray,
+    alone: FloatArray,
+) -> int:
+    """Write the Cholesky columns (k, 6 + 3n) of the motion and what they leave of each point; return k."""
+    n, size = motion.shape[0], whole.shape[1]
+    product, spread = np.zeros((size, 6)), np.zeros((size, size))
+    left, towards = np.zeros((6, 6 + 3 * n)), np.empty((3, size))
+    for j in range(n):
+        _add_product(whole[j], whole[j], spread)
+        _add_product(whole[j], motion[j], product)
+        _add_product(motion[j], motion[j], left[:, :6])
+    for j in range(n):
+        at = 6 + 3 * j
+        towards[:, :] = 0.0
+        _add_product(own[j], whole[j], towards)
+        alone[j] = 0.0
+        _add_product(own[j], own[j], alone[j])
+        for a in range(3):
+            for c in range(6):
+                for i in range(4):
+                    left[c, at + a] += own[j, a, i] * motion[j, c, i]
+                for k in range(size):
+                    left[c, at + a] -= follow[j, a, k] * product[k, c]
+            for b in range(3):
+                for k in range(size):
+                    alone[j, a, b] -= towards[a, k] * follow[j, b, k] + follow[j, a, k] * towards[b, k]
+                    for m in range(size):
+                        alone[j, a, b] += follow[j, a, k] * spread[k, m] * follow[j, b, m]
+    count = 0
+    floors = (left[0, 0] + left[1, 1] + left[2, 2], left[3, 3] + left[4, 4] + left[5, 5])
+    for i in range(6):
+        if not left[i, i] > LEAST_VARIANCE * floors[i // 3]:
+            continue
+        rows[count] = left[i] / math.sqrt(left[i, i])
+        for k in range(i, 6):
+            left[k] -= rows[count, k] * rows[count]
+        for j in range(n):
+            for a in range(3):
+                for b in range(3):
+                    alone[j, a, b] -= rows[count, 6 + 3 * j + a] * rows[count, 6 + 3 * j + b]
+        count += 1
+    return count
+
+
+def linear_response(
     parameters: FloatArray,
     pixels: FloatArray,
     weights: FloatArray,
@@ -28,12 +131,8 @@ def two_view_covariance(
     translation: FloatArray,
     points: FloatArray,
     between: tuple[int, int] | None,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return the covariances of (t, δ) (6, 6) and of each point (n, 3, 3) for noise of 1 px over the weight.
-
-    The estimate answers pixel noise ε linearly: dm = Σ Mⱼεⱼ for the motion m = (t, δ), dhⱼ = Pⱼεⱼ − Kⱼdm. The
-    scale is fixed by ‖t‖ or, where ``between`` = (i, k) is given, by ‖hᵢ − hₖ‖: its relative error then
-    joins dm as a seventh entry ρ, dt becomes dt − ρt and dh becomes dh − ρh.
+) -> LinearResponse | None:
+    """Return how the estimate answers pixel noise at its optimum.
 
     Args:
         parameters: of the camera whose pixels the cost is measured in.
@@ -44,7 +143,7 @@ def two_view_covariance(
         rotation: (3, 3) the optimum.
         translation: (3,) the optimum, length 1.
         points: (n, 3) the optimum.
-        between: indices of the points whose distance is known.
+        between: indices of the points whose distance is known; None: ‖t‖ is.
 
     Returns:
         None where the normal equations are singular: the data do not determine the motion.
@@ -53,25 +152,20 @@ def two_view_covariance(
     motion, own, follow = np.empty((n, 6, 4)), np.empty((n, 3, 4)), np.empty((n, 3, 6))
     if not _responses(parameters, pixels, weights, noise, rotation, translation, points, motion, own, follow):
         return None
-    if between is not None:
-        i, k = between
-        link = points[i] - points[k]
-        link = link / (link @ link)
-        ratio = -(link @ (follow[i] - follow[k])) @ motion
-        ratio[i] += link @ own[i]
-        ratio[k] -= link @ own[k]
-        gauge = np.concatenate((translation, np.zeros(3)))
-        whole = np.concatenate((motion, ratio[:, None, :]), axis=1)
-        motion = motion - gauge[:, None] * ratio[:, None, :]
-        follow = np.concatenate((follow, points[:, :, None]), axis=2)
-    else:
-        whole = motion
     flat = np.ascontiguousarray(np.swapaxes(motion, 0, 1)).reshape(6, -1)
-    flat_whole = np.ascontiguousarray(np.swapaxes(whole, 0, 1)).reshape(whole.shape[1], -1)
-    mixed = own @ np.swapaxes(whole, 1, 2) @ np.swapaxes(follow, 1, 2)
-    spread = follow @ (flat_whole @ flat_whole.T) @ np.swapaxes(follow, 1, 2)
-    points_covariance = own @ np.swapaxes(own, 1, 2) - mixed - np.swapaxes(mixed, 1, 2) + spread
-    return flat @ flat.T, points_covariance
+    unscaled = flat @ flat.T
+    if between is None:
+        return LinearResponse(motion, motion, own, follow, unscaled)
+    i, k = between
+    link = points[i] - points[k]
+    link = link / (link @ link)
+    ratio = -(link @ (follow[i] - follow[k])) @ motion
+    ratio[i] += link @ own[i]
+    ratio[k] -= link @ own[k]
+    gauge = np.concatenate((translation, np.zeros(3)))
+    whole = np.concatenate((motion, ratio[:, None, :]), axis=1)
+    scaled = motion - gauge[:, None] * ratio[:, None, :]
+    return LinearResponse(scaled, whole, own, np.concatenate((follow, points[:, :, None]), axis=2), unscaled)
 
 
 @kernel
