@@ -114,6 +114,48 @@ def test_pixels_round_the_border_of_the_domain_come_back(model):
         assert np.isnan(bearings[~valid]).all()
 
 
+def test_a_pixel_and_a_point_give_the_same_alone_and_among_others(model):
+    """Blocks are worked on four numbers at a time, what is left over one by one."""
+    pixels = np.vstack([image_pixels(model)[:1500], [[np.nan, 0.0], [1e300, 1e300], [-1e4, 2e4]]])
+    bearings, valid = model.unproject(pixels)
+    again, seen = model.project(bearings)
+    for i in [0, 1, 5, 510, 511, 512, 513, *range(1490, len(pixels))]:
+        bearing, ok = model.unproject(pixels[i])
+        assert ok == valid[i]
+        assert np.array_equal(bearing, bearings[i], equal_nan=True)
+        pixel, ok = model.project(bearings[i])
+        assert ok == seen[i]
+        assert np.array_equal(pixel, again[i], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        UnifiedCamera(300.0, 300.0, 320.0, 240.0, 0.6, 640, 480, distortion=(-0.3, 0.05, 0.06, -0.08)),
+        Pinhole(420.0, 421.0, 320.0, 240.0, 640, 480, distortion=(-0.28, 0.07, 0.1, -0.1, 0.01)),
+    ],
+)
+def test_distortion_too_strong_for_the_fixed_steps_is_inverted_all_the_same(lens):
+    rng = np.random.default_rng(3)
+    rays = at_angle(lens.usable_angle * np.sqrt(rng.random(5000)), rng.uniform(0, 2 * np.pi, 5000))
+    pixels, valid = lens.project(rays)
+    assert valid.all()
+    bearings, seen = lens.unproject(pixels)
+    assert seen.all()
+    assert np.abs(lens.project(bearings)[0] - pixels).max() <= 1e-9
+
+
+def test_the_ocam_inverse_holds_up_to_the_fold_where_its_slope_is_almost_infinite():
+    lens = MODELS["ocam folding"]
+    angle = lens.usable_angle * (1.0 - np.logspace(-1, -13, 2000))
+    rays = at_angle(angle, np.linspace(0, 40, len(angle)))
+    pixels, valid = lens.project(rays)
+    assert valid.all()
+    bearings, seen = lens.unproject(pixels)
+    assert seen.all()
+    assert np.linalg.norm(bearings - rays, axis=1).max() < 1e-12
+
+
 def test_rays_come_back_over_the_whole_domain(model):
     rng = np.random.default_rng(2)
     limit = model.usable_angle

@@ -14,8 +14,10 @@ Where ``ok`` is False the numbers are NaN.
 
 import math
 
+import numpy as np
+
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel
 
 _NAN = math.nan
 _LEAST_SQUARE = 1e-280
@@ -24,11 +26,10 @@ _ITERATIONS = 100
 _SHORTEST_STEP = 1e-7
 _ROUNDING = 4e-16
 _RADIAL = 2
-_FAST = 3
 _SHORT = 1e-11
 
 
-@kernel
+@inlined
 def distort(parameters: FloatArray, x: float, y: float) -> tuple[float, float]:
     """Return D(m) = (1 + k1 r² + k2 r⁴) m + 2(q·m) m + r² q with q = (p2, p1) and r = ‖m‖."""
     k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
@@ -37,7 +38,7 @@ def distort(parameters: FloatArray, x: float, y: float) -> tuple[float, float]:
     return x * factor + p2 * r2, y * factor + p1 * r2
 
 
-@kernel
+@inlined
 def distort_jacobian(parameters: FloatArray, x: float, y: float) -> tuple[float, float, float]:
     """Return ∂D/∂m as (xx, xy, yy). It is symmetric: D is the gradient of a potential."""
     k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
@@ -52,39 +53,58 @@ def distort_jacobian(parameters: FloatArray, x: float, y: float) -> tuple[float,
 
 
 @inlined
-def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
-    """Return the one m with D(m) = (px, py) and ‖m‖² ≤ r².
+def _step(
+    parameters: FloatArray, px: float, py: float, x: float, y: float, jacobian: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Return Newton's step from m = (x, y) towards D(m) = (px, py)."""
+    dx, dy = distort(parameters, x, y)
+    jxx, jxy, jyy = jacobian
+    inverse = 1.0 / (jxx * jyy - jxy * jxy)
+    ex, ey = inverse * (px - dx), inverse * (py - dy)
+    return jyy * ex - jxy * ey, jxx * ey - jxy * ex
 
-    Newton's method, first on the radial part, then on both, every third step with the Jacobian before it:
-    where that one is short it ends at the last digit. Where it is not soon, or outside the disc,
-    `_undistort_slowly` decides. ``ok`` is False where the disc holds no such m.
+
+@inlined
+def _fixed_steps(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
+    """Return m with D(m) = (px, py), and whether it is that, in the disc: Newton's method without branches.
+
+    Two steps on the radial part, two on both, two more with the Jacobian before them: where the last is short
+    it ends at the last digit.
     """
-    k1, k2 = parameters[6], parameters[7]
     square = px * px + py * py
-    if k1 == 0.0 and k2 == 0.0 and parameters[8] == 0.0 and parameters[9] == 0.0:
-        return px, py, square <= parameters[11]
-    if not square <= parameters[12]:
-        return _NAN, _NAN, False
-    k1, k2, scale = k1 * square, k2 * square * square, 1.0
+    k1, k2, scale = parameters[6] * square, parameters[7] * square * square, 1.0
     for _ in range(_RADIAL):
         t = scale * scale
         scale -= (scale * (1.0 + t * (k1 + t * k2)) - 1.0) / (1.0 + t * (3.0 * k1 + t * 5.0 * k2))
     x, y = scale * px, scale * py
-    for _ in range(_FAST):
-        jxx, jxy, jyy, inverse = 1.0, 0.0, 1.0, 1.0
-        sx, sy = 0.0, 0.0
-        for step in range(3):
-            dx, dy = distort(parameters, x, y)
-            if step < 2:
-                jxx, jxy, jyy = distort_jacobian(parameters, x, y)
-                inverse = 1.0 / (jxx * jyy - jxy * jxy)
-            sx = (jyy * (px - dx) - jxy * (py - dy)) * inverse
-            sy = (jxx * (py - dy) - jxy * (px - dx)) * inverse
-            x, y = x + sx, y + sy
-        if abs(sx) + abs(sy) <= _SHORT * (abs(x) + abs(y)):
-            if x * x + y * y <= parameters[11]:
-                return x, y, True
-            break
+    sx, sy = _step(parameters, px, py, x, y, distort_jacobian(parameters, x, y))
+    x, y = x + sx, y + sy
+    jacobian = distort_jacobian(parameters, x, y)
+    sx, sy = _step(parameters, px, py, x, y, jacobian)
+    x, y = x + sx, y + sy
+    sx, sy = _step(parameters, px, py, x, y, jacobian)
+    x, y = x + sx, y + sy
+    sx, sy = _step(parameters, px, py, x, y, jacobian)
+    x, y = x + sx, y + sy
+    short = abs(sx) + abs(sy) <= _SHORT * (abs(x) + abs(y))
+    return x, y, short & (x * x + y * y <= parameters[11])
+
+
+@inlined
+def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
+    """Return the one m with D(m) = (px, py) and ‖m‖² ≤ r².
+
+    Where `_fixed_steps` do not lead there, `_undistort_slowly` decides. ``ok`` is False where the disc holds
+    no such m.
+    """
+    square = px * px + py * py
+    if parameters[6] == 0.0 and parameters[7] == 0.0 and parameters[8] == 0.0 and parameters[9] == 0.0:
+        return px, py, square <= parameters[11]
+    if not square <= parameters[12]:
+        return _NAN, _NAN, False
+    x, y, ok = _fixed_steps(parameters, px, py)
+    if ok:
+        return x, y, True
     return _undistort_slowly(parameters, px, py)
 
 
@@ -258,14 +278,47 @@ def project_points_jacobian(
 
 
 @kernel
+def _undistort_block(
+    parameters: FloatArray, px: FloatArray, py: FloatArray, x: FloatArray, y: FloatArray
+) -> None:
+    """`undistort` for a block of distorted points; x is NaN where it is not ok."""
+    for i in range(px.shape[0]):
+        mx, my, ok = _fixed_steps(parameters, px[i], py[i])
+        x[i], y[i] = mx if ok else _NAN, my
+    for i in range(px.shape[0]):
+        if x[i] != x[i] and px[i] * px[i] + py[i] * py[i] <= parameters[12]:
+            mx, y[i], ok = _undistort_slowly(parameters, px[i], py[i])
+            x[i] = mx if ok else _NAN
+
+
+@kernel
 def unproject_pixels(
     parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
     """`unproject_pixel` for each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        bearings[i, 0], bearings[i, 1], bearings[i, 2], valid[i] = _bearing_of_pixel(
-            parameters, pixels[i, 0], pixels[i, 1]
-        )
+    fx, fy, cx, cy, skew = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
+    straight = not parameters[6:10].any()
+    most = min(parameters[11], _LARGEST_SQUARE) if straight else _LARGEST_SQUARE
+    block_u, block_v, block_x, block_y = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, pixels.shape[0], BLOCK):
+        rows = pixels[start : start + BLOCK]
+        n = rows.shape[0]
+        u, v, x, y = block_u[:n], block_v[:n], block_x[:n], block_y[:n]
+        for i in range(n):
+            y[i] = (rows[i, 1] - cy) / fy
+            x[i] = (rows[i, 0] - cx - skew * y[i]) / fx
+        if not straight:
+            u[:], v[:] = x, y
+            _undistort_block(parameters, u, v, x, y)
+        for i in range(n):
+            mx = x[i] if x[i] * x[i] + y[i] * y[i] <= most else _NAN
+            x[i], y[i], u[i] = unproject_plane(parameters, mx, y[i])
+        for i in range(n):
+            ok = x[i] == x[i]
+            valid[start + i] = ok
+            bearings[start + i, 0] = x[i]
+            bearings[start + i, 1] = y[i] if ok else _NAN
+            bearings[start + i, 2] = u[i] if ok else _NAN
 
 
 @kernel

@@ -2,12 +2,20 @@
 
 A kernel is optimised, together with all that it calls, and then again inside every kernel that calls it. What
 has one caller and mostly calls others is therefore `inlined`, and large named tuples are `held`.
+
+A loop becomes vector instructions, four numbers at a time, if it goes over arrays of one number each, `BLOCK`
+long, without branches: conditions are joined by ``&`` and choose between values that are computed either way
+(what is read from an array only on one side is a branch). An iteration takes a fixed number of steps for the
+whole block; the few points for which it was too short are done one by one behind it.
 """
 
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+
+BLOCK = 512
+"""numbers: all arrays of such a loop stay in the nearest cache"""
 
 F = TypeVar("F", bound=Callable[..., Any])
 

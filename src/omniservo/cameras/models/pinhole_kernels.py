@@ -1,4 +1,4 @@
-"""OpenCV's distortion, one point at a time: rational, tangential, thin prism, tilt.
+"""OpenCV's distortion, block by block: rational, tangential, thin prism, tilt.
 
 Every function takes a lens's ``parameters``; `lens_model` says what stands in the first 13, and its own are
 
@@ -14,15 +14,17 @@ Every function takes a lens's ``parameters``; `lens_model` says what stands in t
 
 import math
 
-from omniservo.cameras.models.plane_kernels import (
-    distance_in_domain,
-    plane_point,
-    write_bearing,
-    write_pixel,
+import numpy as np
+
+from omniservo.cameras.models.block_kernels import (
+    read_pixels,
+    read_points,
+    write_bearings,
+    write_pixels,
 )
 from omniservo.cameras.models.radial_kernels import TABLE, table_value
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel
 
 OWN = 17
 """where the coefficients start"""
@@ -35,16 +37,16 @@ START = 49
 
 _STEPS = 60
 _SHORTEST_STEP = 1e-6
-_FAST = 3
 _SHORT = 1e-11
 _ROUNDING = 4e-16
+_RIM = 1.0 + 1e-12
+"""on ‖m‖²: rounding beyond the largest; such a point is moved back to the rim"""
 
 
 @inlined
 def _inverse_below(p: FloatArray, r2: float) -> float:
     """Return 1/(1 + k4r² + k5r⁴ + k6r⁶)."""
-    below = r2 * (p[22] + r2 * (p[23] + r2 * p[24]))
-    return 1.0 / (1.0 + below) if below != 0.0 else 1.0
+    return float(1.0 / (1.0 + r2 * (p[22] + r2 * (p[23] + r2 * p[24]))))
 
 
 @inlined
@@ -81,45 +83,67 @@ def distort_jacobian(p: FloatArray, x: float, y: float) -> tuple[float, float, f
 
 
 @inlined
-def undistort(p: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
-    """Return the one m with D(m) = (px, py) in the disc: Newton's method from the radial part's inverse.
+def _newton(
+    p: FloatArray, px: float, py: float, x: float, y: float, inverse: tuple[float, float, float, float]
+) -> tuple[float, float]:
+    """Return the step from m = (x, y) towards D(m) = (px, py), by an inverse Jacobian (xx, xy, yx, yy)."""
+    dx, dy = distort(p, x, y)
+    ex, ey = px - dx, py - dy
+    return inverse[0] * ex + inverse[1] * ey, inverse[2] * ex + inverse[3] * ey
 
-    Every third step takes the Jacobian before it: where that one is short it ends at the last digit. Where it
-    is not soon, or outside the disc, `_undistort_slowly` decides.
-    """
-    square = px * px + py * py
-    if not square <= p[15]:
-        return math.nan, math.nan, False
-    if square == 0.0:
-        return px, py, True
-    r = math.sqrt(square)
-    radius, _, _ = table_value(p, START, min(r * p[14], TABLE - 1e-9))
-    x, y = radius / r * px, radius / r * py
-    for _ in range(_FAST):
-        xx, xy, yx, yy, inverse = 1.0, 0.0, 0.0, 1.0, 1.0
-        sx, sy = 0.0, 0.0
-        for step in range(3):
-            dx, dy = distort(p, x, y)
-            if step < 2:
-                xx, xy, yx, yy = distort_jacobian(p, x, y)
-                inverse = 1.0 / (xx * yy - xy * yx)
-            sx = (yy * (px - dx) - xy * (py - dy)) * inverse
-            sy = (xx * (py - dy) - yx * (px - dx)) * inverse
-            x, y = x + sx, y + sy
-        if abs(sx) + abs(sy) <= _SHORT * (abs(x) + abs(y)):
-            if x * x + y * y <= p[13] * (1.0 + 1e-12):
-                return x, y, True
-            break
-    return _undistort_slowly(p, px, py, radius / r)
+
+@inlined
+def _inverse_jacobian(p: FloatArray, x: float, y: float) -> tuple[float, float, float, float]:
+    """Return (∂D/∂m)⁻¹ as (xx, xy, yx, yy)."""
+    xx, xy, yx, yy = distort_jacobian(p, x, y)
+    scale = 1.0 / (xx * yy - xy * yx)
+    return scale * yy, -scale * xy, -scale * yx, scale * xx
 
 
 @kernel
-def _undistort_slowly(p: FloatArray, px: float, py: float, scale: float) -> tuple[float, float, bool]:
-    """Return the one m with D(m) = (px, py) in the disc, by Newton's method with halved steps inside it."""
-    x, y = scale * px, scale * py
+def _undistort(p: FloatArray, px: FloatArray, py: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Write the m with D(m) = (px, py) in the disc; x is NaN where there is none.
+
+    Newton's method from the radial part's inverse, two steps and two more with the Jacobian before them:
+    where the last is short it ends at the last digit. Where it is not, or at the rim, `_undistort_slowly`
+    decides.
+    """
+    per_step, reach = p[14], p[15]
+    for i in range(px.shape[0]):
+        square = px[i] * px[i] + py[i] * py[i]
+        place = min(math.sqrt(square) * per_step, TABLE - 1e-9)
+        x[i] = place if square <= reach else 0.0
+    for i in range(px.shape[0]):
+        x[i], _, _ = table_value(p, START, x[i])
+    for i in range(px.shape[0]):
+        r = math.sqrt(px[i] * px[i] + py[i] * py[i])
+        scale = x[i] / (r if r > 0.0 else 1.0)
+        mx, my = scale * px[i], scale * py[i]
+        sx, sy = _newton(p, px[i], py[i], mx, my, _inverse_jacobian(p, mx, my))
+        mx, my = mx + sx, my + sy
+        inverse = _inverse_jacobian(p, mx, my)
+        sx, sy = _newton(p, px[i], py[i], mx, my, inverse)
+        mx, my = mx + sx, my + sy
+        sx, sy = _newton(p, px[i], py[i], mx, my, inverse)
+        mx, my = mx + sx, my + sy
+        sx, sy = _newton(p, px[i], py[i], mx, my, inverse)
+        mx, my = mx + sx, my + sy
+        short = abs(sx) + abs(sy) <= _SHORT * (abs(mx) + abs(my))
+        x[i], y[i] = mx if short & (mx * mx + my * my <= p[13]) else math.nan, my
+    for i in range(px.shape[0]):
+        if x[i] != x[i] and px[i] * px[i] + py[i] * py[i] <= reach:
+            x[i], y[i] = _undistort_slowly(p, px[i], py[i])
+
+
+@kernel
+def _undistort_slowly(p: FloatArray, px: float, py: float) -> tuple[float, float]:
+    """Return the one m with D(m) = (px, py) in the disc or NaN, by Newton's method with halved steps."""
+    r = math.sqrt(px * px + py * py)
+    radius, _, _ = table_value(p, START, min(r * p[14], TABLE - 1e-9))
+    x, y = radius / r * px, radius / r * py
     dx, dy = distort(p, x, y)
     ex, ey = px - dx, py - dy
-    largest = p[13] * (1.0 + 1e-12)
+    largest = p[13] * _RIM
     enough = _ROUNDING * (abs(px) + abs(py))
     for _ in range(_STEPS):
         error = ex * ex + ey * ey
@@ -140,63 +164,79 @@ def _undistort_slowly(p: FloatArray, px: float, py: float, scale: float) -> tupl
             break
         x, y, ex, ey = nx, ny, px - dx, py - dy
     ok = abs(ex) + abs(ey) <= 1e-13 * (abs(px) + abs(py))
-    return x, y, ok
+    square = x * x + y * y
+    shrink = math.sqrt(p[13] / square) if square > p[13] else 1.0
+    return shrink * x if ok & (square <= p[13] * _RIM) else math.nan, shrink * y
 
 
-@inlined
-def pinhole_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
-    """Return T D(X/Z, Y/Z) where Z > 0 and (X/Z, Y/Z) is in the disc."""
-    if not z > 0.0:
-        return math.nan, math.nan, False
-    mx, my = x / z, y / z
-    if not mx * mx + my * my <= p[13] * (1.0 + 1e-13):
-        return math.nan, math.nan, False
-    if p[16] > 0.0:
+@kernel
+def _untilt(p: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Replace points of the tilted sensor by those before it, T⁻¹ m."""
+    for i in range(x.shape[0]):
+        w = p[46] * x[i] + p[47] * y[i] + p[48]
+        mx, my = p[40] * x[i] + p[41] * y[i] + p[42], p[43] * x[i] + p[44] * y[i] + p[45]
+        x[i], y[i] = mx / w if w > 0.0 else math.nan, my / w
+
+
+@kernel
+def _distort(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
+    """Replace points by T D(X/Z, Y/Z); x is NaN where Z ≤ 0 or (X/Z, Y/Z) is not in the disc."""
+    for i in range(x.shape[0]):
+        mx, my = x[i] / z[i], y[i] / z[i]
+        ok = (z[i] > 0.0) & (mx * mx + my * my <= p[13] * (1.0 + 1e-13))
         mx, my = distort(p, mx, my)
-        if p[16] > 1.0:
-            w = p[37] * mx + p[38] * my + p[39]
-            mx, my = (p[31] * mx + p[32] * my + p[33]) / w, (p[34] * mx + p[35] * my + p[36]) / w
-    return mx, my, True
-
-
-@inlined
-def pinhole_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
-    """Return the unit vector along (D⁻¹(T⁻¹ m), 1)."""
-    ok = True
-    if p[16] > 0.0:
-        if p[16] > 1.0:
-            w = p[46] * mx + p[47] * my + p[48]
-            if not w > 0.0:
-                return math.nan, math.nan, math.nan, False
-            mx, my = (p[40] * mx + p[41] * my + p[42]) / w, (p[43] * mx + p[44] * my + p[45]) / w
-        mx, my, ok = undistort(p, mx, my)
-    square = mx * mx + my * my
-    if square > p[13]:
-        ok = ok and square <= p[13] * (1.0 + 1e-12)
-        shrink = math.sqrt(p[13] / square)
-        mx, my, square = shrink * mx, shrink * my, p[13]
-    scale = 1.0 / math.sqrt(square + 1.0)
-    return scale * mx, scale * my, scale, ok
+        x[i], y[i] = mx if ok else math.nan, my
+    if p[16] > 1.0:
+        for i in range(x.shape[0]):
+            w = p[37] * x[i] + p[38] * y[i] + p[39]
+            mx, my = p[31] * x[i] + p[32] * y[i] + p[33], p[34] * x[i] + p[35] * y[i] + p[36]
+            x[i], y[i] = mx / w, my / w
 
 
 @kernel
 def project_pinhole(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        _, ok = distance_in_domain(p, x, y, z)
-        mx, my = math.nan, math.nan
-        if ok:
-            mx, my, ok = pinhole_plane(p, x, y, z)
-        write_pixel(p, mx, my, ok, i, pixels, valid)
+    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, points.shape[0], BLOCK):
+        stop = min(start + BLOCK, points.shape[0])
+        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
+        read_points(p, points[start:stop], x, y, z)
+        _distort(p, x, y, z)
+        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
+
+
+@kernel
+def _unproject_straight(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
+    """`unproject_pinhole` without distortion: as the memory is the limit, all in one loop."""
+    cx, cy, xx, xy, yx, yy = p[4], p[5], p[6], p[7], p[8], p[9]
+    most, least = p[13], p[10] + 1e-15
+    for i in range(pixels.shape[0]):
+        u, v = pixels[i, 0] - cx, pixels[i, 1] - cy
+        x, y = xx * u + xy * v, yx * u + yy * v
+        square = x * x + y * y
+        shrink = math.sqrt(most / square) if square > most else 1.0
+        z = 1.0 / math.sqrt(min(square, most) + 1.0)
+        z = z if square <= most * _RIM else math.nan
+        valid[i] = z == z
+        bearings[i, 0], bearings[i, 1], bearings[i, 2] = z * shrink * x, z * shrink * y, max(z, least)
 
 
 @kernel
 def unproject_pinhole(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = pinhole_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    if p[16] == 0.0:
+        _unproject_straight(p, pixels, bearings, valid)
+        return
+    block_u, block_v, block_x, block_y = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, pixels.shape[0], BLOCK):
+        stop = min(start + BLOCK, pixels.shape[0])
+        u, v = block_u[: stop - start], block_v[: stop - start]
+        x, y = block_x[: stop - start], block_y[: stop - start]
+        read_pixels(p, pixels[start:stop], u, v)
+        if p[16] > 1.0:
+            _untilt(p, u, v)
+        _undistort(p, u, v, x, y)
+        for i in range(x.shape[0]):
+            u[i] = 1.0 / math.sqrt(x[i] * x[i] + y[i] * y[i] + 1.0)
+            x[i], y[i] = u[i] * x[i], u[i] * y[i]
+        write_bearings(p, x, y, u, bearings[start:stop], valid[start:stop])

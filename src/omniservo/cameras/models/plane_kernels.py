@@ -1,4 +1,7 @@
-"""What all models' loops share: the domain's tests, and the affine map between the plane and pixels."""
+"""What all models' loops share: the domain's tests, and the affine map between the plane and pixels.
+
+Conditions are joined by ``&``, which is no branch: a branch in these loops makes them three times slower.
+"""
 
 import math
 
@@ -16,7 +19,7 @@ def distance_in_domain(p: FloatArray, x: float, y: float, z: float) -> tuple[flo
     """Return ρ = ‖(x, y, z)‖, and whether the point's angle from the axis is in the domain."""
     square = x * x + y * y + z * z
     rho = math.sqrt(square)
-    return rho, _LEAST_SQUARE < square < _LARGEST_SQUARE and z > p[10] * rho
+    return rho, (square > _LEAST_SQUARE) & (square < _LARGEST_SQUARE) & (z > p[10] * rho)
 
 
 @inlined
@@ -24,7 +27,7 @@ def write_pixel(
     p: FloatArray, mx: float, my: float, ok: bool, i: int, pixels: FloatArray, valid: BoolArray
 ) -> None:
     """Write the pixel of a point of the plane, or NaN."""
-    ok = ok and mx * mx + my * my <= p[11]
+    ok = ok & (mx * mx + my * my <= p[11])
     valid[i] = ok
     pixels[i, 0] = p[0] * mx + p[1] * my + p[4] if ok else math.nan
     pixels[i, 1] = p[2] * mx + p[3] * my + p[5] if ok else math.nan
@@ -37,10 +40,8 @@ def plane_point(p: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
     mx, my = p[6] * u + p[7] * v, p[8] * u + p[9] * v
     square = mx * mx + my * my
     inner = p[11] * (1.0 - _INWARDS)
-    if square > inner and square <= p[12]:  # rounding beyond the rim: back to it
-        shrink = math.sqrt(inner / square)
-        return shrink * mx, shrink * my, True
-    return mx, my, square <= p[12]
+    shrink = math.sqrt(inner / square) if square > inner else 1.0  # rounding beyond the rim: back to it
+    return shrink * mx, shrink * my, square <= p[12]
 
 
 @inlined

@@ -16,14 +16,13 @@ Every function takes a lens's ``parameters``; `lens_model` says what stands in t
 
 import math
 
-from omniservo.cameras.models.plane_kernels import (
-    distance_in_domain,
-    plane_point,
-    write_bearing,
-    write_pixel,
-)
+import numpy as np
+
+from omniservo.cameras.models.arc_tangent import arc_tangent
+from omniservo.cameras.models.block_kernels import read_points, write_pixels
+from omniservo.cameras.models.plane_kernels import plane_point, write_bearing
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel
 
 TABLE = 256
 """intervals"""
@@ -38,18 +37,6 @@ _STEPS = 60
 _ROUNDING = 4e-16
 _CLOSE = 1e-9
 _NEAR = 0.02
-
-
-@inlined
-def kannala_brandt_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
-    """Return m = r(θ) (X, Y)/‖(X, Y)‖ with r = θ(1 + k1θ² + k2θ⁴ + k3θ⁶ + k4θ⁸)."""
-    side = math.sqrt(x * x + y * y)
-    if side == 0.0:
-        return 0.0, 0.0, z > 0.0
-    theta = math.atan2(side, z)
-    t = theta * theta
-    scale = theta * (1.0 + t * (p[15] + t * (p[16] + t * (p[17] + t * p[18])))) / side
-    return scale * x, scale * y, True
 
 
 @inlined
@@ -105,9 +92,9 @@ def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, 
     return scale * mx, scale * my, cosine, True
 
 
-@inlined
-def _radius_of_angle(p: FloatArray, sine: float, cosine: float, radius: float) -> float:
-    """Return ρ with ρ cos θ + f(ρ) sin θ = 0, from a start: Newton's method, else halving."""
+@kernel
+def _radius_of_angle(p: FloatArray, side: float, z: float, radius: float) -> float:
+    """Return ρ with z ρ + f(ρ) ‖(X, Y)‖ = 0, from a start: Newton's method, else halving."""
     count = int(p[13])
     low, high = 0.0, p[OWN + count + TABLE] * (1.0 + _ROUNDING)
     for _ in range(_STEPS):
@@ -115,8 +102,8 @@ def _radius_of_angle(p: FloatArray, sine: float, cosine: float, radius: float) -
         for k in range(count - 2, -1, -1):
             slope = slope * radius + value
             value = value * radius + p[OWN + k]
-        error = -(radius * cosine + value * sine)
-        step = error / (cosine + slope * sine)
+        error = -(radius * z + value * side)
+        step = error / (z + slope * side)
         if abs(step) <= _CLOSE * radius:
             return float(min(radius + step, high))
         if error > 0.0:
@@ -129,19 +116,54 @@ def _radius_of_angle(p: FloatArray, sine: float, cosine: float, radius: float) -
     return radius
 
 
-@inlined
-def ocam_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
-    """Return (x, y) [px] of the sensor with (x, y, −f(‖(x, y)‖)) along the point: zρ + f(ρ)‖(X, Y)‖ = 0."""
-    side = math.sqrt(x * x + y * y)
-    if side == 0.0:
-        return 0.0, 0.0, z > 0.0
-    inverse = 1.0 / rho
-    sine, cosine = side * inverse, z * inverse
-    half = math.sqrt(max(0.0, 0.5 * (1.0 - cosine)))  # exact enough for a start, at the axis too
-    radius, _, _ = table_value(p, OWN + int(p[13]), half * p[14])
-    radius = _radius_of_angle(p, sine, cosine, radius)
-    scale = radius / side
-    return scale * x, scale * y, True
+@kernel
+def _start(p: FloatArray, side: float, z: float) -> float:
+    """Return ρ of a point from the table."""
+    half = math.sqrt(
+        max(0.0, 0.5 * (1.0 - z / math.sqrt(side * side + z * z)))
+    )  # exact enough, at the axis too
+    return table_value(p, OWN + int(p[13]), half * p[14])[0]
+
+
+@kernel
+def _newton_steps(
+    p: FloatArray, side: FloatArray, z: FloatArray, radius: FloatArray, value: FloatArray, slope: FloatArray
+) -> None:
+    """Take two Newton steps from the ``radius`` of each point; leave the last step in ``value``."""
+    count = int(p[13])
+    for _ in range(2):
+        value[:], slope[:] = p[OWN + count - 1], 0.0
+        for k in range(count - 2, -1, -1):
+            a = p[OWN + k]
+            for i in range(radius.shape[0]):
+                slope[i] = slope[i] * radius[i] + value[i]
+                value[i] = value[i] * radius[i] + a
+        for i in range(radius.shape[0]):
+            value[i] = -(radius[i] * z[i] + value[i] * side[i]) / (z[i] + slope[i] * side[i])
+            radius[i] += value[i]
+
+
+@kernel
+def _ocam_plane(
+    p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray, work: tuple[FloatArray, ...]
+) -> None:
+    """Replace points by (x, y) [px] of the sensor with (x, y, −f(‖(x, y)‖)) along them.
+
+    That is z ρ + f(ρ) ‖(X, Y)‖ = 0. x is NaN straight behind.
+    """
+    side, radius, value, slope = work
+    high = p[OWN + int(p[13]) + TABLE]
+    for i in range(x.shape[0]):
+        side[i] = math.sqrt(x[i] * x[i] + y[i] * y[i])
+        radius[i] = _start(p, side[i], z[i]) if side[i] > 0.0 else 0.0
+    _newton_steps(p, side, z, radius, value, slope)
+    for i in range(x.shape[0]):
+        sure = (abs(value[i]) <= _CLOSE * radius[i]) & (radius[i] >= 0.0) & (radius[i] <= high)
+        if not sure and side[i] > 0.0:
+            radius[i] = _radius_of_angle(p, side[i], z[i], _start(p, side[i], z[i]))
+    for i in range(x.shape[0]):
+        scale = radius[i] / side[i] if side[i] > 0.0 else 1.0
+        x[i], y[i] = scale * x[i] if (side[i] > 0.0) | (z[i] > 0.0) else math.nan, scale * y[i]
 
 
 @inlined
@@ -156,15 +178,30 @@ def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, flo
 
 
 @kernel
+def _kannala_brandt_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
+    """Replace points by m = r(θ) (X, Y)/‖(X, Y)‖ with r = θ(1 + k1θ² + k2θ⁴ + k3θ⁶ + k4θ⁸).
+
+    x is NaN straight behind.
+    """
+    for i in range(x.shape[0]):
+        side = math.sqrt(x[i] * x[i] + y[i] * y[i])
+        theta = arc_tangent(side, z[i])
+        t = theta * theta
+        scale = theta * (1.0 + t * (p[15] + t * (p[16] + t * (p[17] + t * p[18]))))
+        scale = scale / (side if side > 0.0 else 1.0)
+        x[i], y[i] = scale * x[i] if (side > 0.0) | (z[i] > 0.0) else math.nan, scale * y[i]
+
+
+@kernel
 def project_kannala_brandt(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        _, ok = distance_in_domain(p, x, y, z)
-        mx, my = math.nan, math.nan
-        if ok:
-            mx, my, ok = kannala_brandt_plane(p, x, y, z)
-        write_pixel(p, mx, my, ok, i, pixels, valid)
+    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, points.shape[0], BLOCK):
+        stop = min(start + BLOCK, points.shape[0])
+        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
+        read_points(p, points[start:stop], x, y, z)
+        _kannala_brandt_plane(p, x, y, z)
+        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
 @kernel
@@ -183,13 +220,15 @@ def unproject_kannala_brandt(
 @kernel
 def project_ocam(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        rho, ok = distance_in_domain(p, x, y, z)
-        mx, my = math.nan, math.nan
-        if ok:
-            mx, my, ok = ocam_plane(p, x, y, z, rho)
-        write_pixel(p, mx, my, ok, i, pixels, valid)
+    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    side, radius, value, slope = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, points.shape[0], BLOCK):
+        stop = min(start + BLOCK, points.shape[0])
+        n = stop - start
+        x, y, z = block_x[:n], block_y[:n], block_z[:n]
+        read_points(p, points[start:stop], x, y, z)
+        _ocam_plane(p, x, y, z, (side[:n], radius[:n], value[:n], slope[:n]))
+        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
 @kernel

@@ -11,6 +11,10 @@ Every function takes a lens's ``parameters``; `lens_model` says what stands in t
 
 import math
 
+import numpy as np
+
+from omniservo.cameras.models.arc_tangent import arc_tangent
+from omniservo.cameras.models.block_kernels import read_points, write_pixels
 from omniservo.cameras.models.plane_kernels import (
     distance_in_domain,
     plane_point,
@@ -18,7 +22,7 @@ from omniservo.cameras.models.plane_kernels import (
     write_pixel,
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import BLOCK, kernel
 
 _RIM = 1e-12
 """how much of the image is left out at the seam and the poles, where a direction has several pixels"""
@@ -69,14 +73,20 @@ def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, f
 
 
 @kernel
-def equirectangular_pixel(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
-    """Return u = W(λ/2π + ½) − ½, v = H(φ/π + ½) − ½ with λ = atan2(X, Z), φ = atan2(Y, ‖(X, Z)‖)."""
-    level = math.sqrt(x * x + z * z)
-    across = math.atan2(x, z) / (2.0 * math.pi) + 0.5
-    if across >= 1.0 - _RIM:
-        across = 0.0  # the seam, straight behind, belongs to the left border
-    down = math.atan2(y, level) / math.pi + 0.5
-    return across * p[13] - 0.5, down * p[14] - 0.5, _RIM <= down <= 1.0 - _RIM
+def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
+    """Replace points by u = W(λ/2π + ½) − ½, v = H(φ/π + ½) − ½; x is NaN at the poles.
+
+    λ = atan2(X, Z), φ = atan2(Y, ‖(X, Z)‖).
+    """
+    width, height = p[13], p[14]
+    for i in range(x.shape[0]):
+        down = arc_tangent(y[i], math.sqrt(x[i] * x[i] + z[i] * z[i])) / math.pi + 0.5
+        across = arc_tangent(x[i], z[i]) / (2.0 * math.pi) + 0.5
+        across = (
+            0.0 if across >= 1.0 - _RIM else across
+        )  # the seam, straight behind, belongs to the left border
+        u, y[i] = across * width - 0.5, down * height - 0.5
+        x[i] = u if (down >= _RIM) & (down <= 1.0 - _RIM) else math.nan
 
 
 @kernel
@@ -142,13 +152,13 @@ def unproject_double_sphere(
 @kernel
 def project_equirectangular(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        _, ok = distance_in_domain(p, x, y, z)
-        mx, my = math.nan, math.nan
-        if ok:
-            mx, my, ok = equirectangular_pixel(p, x, y, z)
-        write_pixel(p, mx, my, ok, i, pixels, valid)
+    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
+    for start in range(0, points.shape[0], BLOCK):
+        stop = min(start + BLOCK, points.shape[0])
+        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
+        read_points(p, points[start:stop], x, y, z)
+        _equirectangular_plane(p, x, y, z)
+        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
 @kernel

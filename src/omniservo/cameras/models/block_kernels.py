@@ -1,0 +1,45 @@
+"""What loops over blocks share: reading points into arrays of one number each, and writing them.
+
+In between, NaN in ``x`` stands for a point that is not valid. `omniservo.geometry.kernel` says what
+blocks are for.
+"""
+
+import math
+
+from omniservo.cameras.models.plane_kernels import distance_in_domain, plane_point, write_bearing, write_pixel
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import kernel
+
+
+@kernel
+def read_points(p: FloatArray, points: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
+    """Read points (n, 3); x is NaN where the angle from the axis is not in the domain."""
+    for i in range(points.shape[0]):
+        x[i], y[i], z[i] = points[i, 0], points[i, 1], points[i, 2]
+    for i in range(points.shape[0]):
+        _, ok = distance_in_domain(p, x[i], y[i], z[i])
+        x[i] = x[i] if ok else math.nan
+
+
+@kernel
+def read_pixels(p: FloatArray, pixels: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Read pixels (n, 2) as points of the plane; x is NaN outside the domain's disc."""
+    for i in range(pixels.shape[0]):
+        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
+        x[i], y[i] = mx if ok else math.nan, my
+
+
+@kernel
+def write_pixels(p: FloatArray, x: FloatArray, y: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
+    """Write the pixels (n, 2) and ``valid`` (n,) of points of the plane."""
+    for i in range(pixels.shape[0]):
+        write_pixel(p, x[i], y[i], x[i] == x[i], i, pixels, valid)
+
+
+@kernel
+def write_bearings(
+    p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray, bearings: FloatArray, valid: BoolArray
+) -> None:
+    """Write bearings (n, 3) and ``valid`` (n,)."""
+    for i in range(bearings.shape[0]):
+        write_bearing(p, x[i], y[i], z[i], x[i] == x[i], i, bearings, valid)
