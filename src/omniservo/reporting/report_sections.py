@@ -144,32 +144,10 @@ def certificate(result: RunResult) -> Markup | None:
     return joined([lead, table(["constraint", "margin", "at w"], rows)])
 
 
-def estimate(result: RunResult) -> Markup:
-    """Return what the two pictures said about motion and structure, with 1σ."""
-    found = result.estimate
-    sigma = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    rows = [["status", found.status], ["residual, rms over both images", spell(found.rms_px, "px")]]
-    rows.append(["dots used", f"{int(found.inliers.sum())} of {len(found.inliers)}"])
-    rows.append(["metric", "yes" if found.is_metric else "no: the translation has length 1"])
-    if found.initial_T_goal is not None:
-        length, factor = ("mm", 1e3) if found.is_metric else ("lengths of t", 1.0)
-        shift = found.initial_T_goal.translation
-        turn = found.initial_T_goal.rotation.as_rotvec()
-        rows.append([f"goal, translation [{length}]", _vector(factor * shift, 3)])
-        rows.append(["… 1σ", _vector(factor * sigma[:3], 3)])
-        rows.append(["goal, rotation vector [°]", _vector(np.rad2deg(turn), 4)])
-        rows.append(["… 1σ, about the goal camera's axes", _vector(np.rad2deg(sigma[3:]), 4)])
-    return table(["motion and structure from two images", "along x, y, z of the initial camera"], rows)
-
-
-def _vector(values: FloatArray, digits: int) -> str:
-    return ", ".join(f"{value:.{digits}f}" for value in values).replace("-", "−")
-
-
 def timings(result: RunResult) -> Markup:
     """Return how long each stage took."""
     names = {
-        "perception": "finding and matching the dots of two images",
+        "perception": "finding and matching the points of two images",
         "estimation": "motion and structure",
         "planning": "planning, certificate included",
         "control": "one control step, median",

@@ -1,0 +1,36 @@
+"""Motion and structure from two images as a table, with 1σ."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.estimation import TwoViewEstimate
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.html import Markup, table
+from omniservo.reporting.spelling import spell
+
+
+def estimate_table(found: TwoViewEstimate) -> Markup:
+    """Return what two pictures said about motion and structure."""
+    sigma = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    rows = [["status", found.status], ["points used", f"{int(found.inliers.sum())} of {len(found.inliers)}"]]
+    if found.message:
+        rows.append(["because", found.message])
+    if found.initial_T_goal is not None:
+        length, factor = ("mm", 1e3) if found.is_metric else ("lengths of t", 1.0)
+        shift = found.initial_T_goal.translation
+        turn = found.initial_T_goal.rotation.as_rotvec()
+        rows += [
+            ["residual, rms over both images", spell(found.rms_px, "px")],
+            ["σ of a pixel coordinate, from the residuals", spell(found.noise_px, "px")],
+            ["metric", "yes" if found.is_metric else "no: the translation has length 1"],
+            [f"goal, translation [{length}]", _vector(factor * shift, 3)],
+            ["… 1σ", _vector(factor * sigma[:3], 3)],
+            ["goal, rotation vector [°]", _vector(np.rad2deg(turn), 4)],
+            ["… 1σ, about the goal camera's axes", _vector(np.rad2deg(sigma[3:]), 4)],
+        ]
+    return table(["motion and structure from two images", "along x, y, z of the initial camera"], rows)
+
+
+def _vector(values: FloatArray, digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values).replace("-", "−")
