@@ -19,7 +19,7 @@ ROOM = 0.005
 @pytest.fixture(scope="module", params=NAMES)
 def prepared(request):
     task = load_task(request.param)
-    estimate = estimate_simulated(request.param)
+    estimate = estimate_simulated(request.param).estimate
     return task, estimate, plan_task(task, estimate, np.flatnonzero(estimate.inliers), "certified", 0)
 
 

@@ -52,6 +52,6 @@ def test_classical_servoing_touches_the_box():
 
 def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared_data):
     camera = shared_data / "calibrations" / "mei_yaml" / "KITTI-360__image_02.yaml"
-    estimate = estimate_simulated("paper-example-1", camera=str(camera))
+    estimate = estimate_simulated("paper-example-1", camera=str(camera)).estimate
     assert estimate.status == "ok"
     assert estimate.initial_T_goal.translation == pytest.approx(TRUE_TRANSLATION, abs=0.5e-3)

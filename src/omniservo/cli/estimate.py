@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import typer
@@ -28,9 +28,20 @@ def estimate(
     camera_name: CameraNameOption = None,
     initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
     goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
+    features: Annotated[
+        Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
+    ] = "dots",
+    dictionary: Annotated[
+        str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
+    ] = None,
+    target: Annotated[
+        Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
+    ] = None,
     displacement: Annotated[
         float | None, typer.Option("--displacement", help="Between the two camera centres [m].")
     ] = None,
+    planar: Annotated[bool, typer.Option("--planar", help="All points lie on one plane.")] = False,
+    report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
@@ -39,25 +50,34 @@ def estimate(
 ) -> None:
     """Estimate the camera's motion and the target's structure from two images."""
     from omniservo.files import writable
+    from omniservo.reporting import write_estimate_report
     from omniservo.runs import estimate_images, estimate_simulated
 
     output = Output(as_json, quiet)
-    if out is not None:
-        writable(out, force=force)
+    for path in (out, report):
+        if path is not None:
+            writable(path, force=force)
+    images = initial is not None or goal is not None
+    of_images = features != "dots" or planar or any(x is not None for x in (dictionary, target, displacement))
     with output.working("estimating"):
-        if task is not None and initial is None and goal is None and displacement is None:
-            result = estimate_simulated(task, camera=camera, camera_name=camera_name, seed=seed)
+        if task is not None and not images and not of_images:
+            found = estimate_simulated(task, camera=camera, camera_name=camera_name, seed=seed)
         elif task is None and camera is not None and initial is not None and goal is not None:
-            result = estimate_images(
-                camera, initial, goal, camera_name=camera_name, displacement=displacement
-            )
+            found = estimate_images(
+                camera, initial, goal, camera_name=camera_name, features=features, dictionary=dictionary,
+                target=target, displacement=displacement, method="homography" if planar else "pixel",
+            )  # fmt: skip
         else:
-            raise InputError("estimate: give a TASK, or --camera, --initial and --goal")
+            raise InputError("estimate: give a TASK alone, or --camera, --initial and --goal")
+    result = found.estimate
+    if report is not None:
+        write_estimate_report(found.seen, result, report, force=force)
+        output.line(f"report: {report}")
     if out is not None:
         result.save(out, force=force)
     output.result(result.to_dict())
     if result.initial_T_goal is None:
-        raise answer_is_no(f"motion and structure cannot be estimated: {result.status}")
+        raise answer_is_no(f"motion and structure cannot be estimated: {result.status}: {result.message}")
     unit = "m" if result.is_metric else "(length 1: no scale was given)"
     turn = result.initial_T_goal.rotation.as_rotvec(degrees=True)
     output.line(f"translation {np.array2string(result.initial_T_goal.translation, precision=5)} {unit}")

@@ -2,6 +2,7 @@
 
 from omniservo.reporting.animation import write_animation
 from omniservo.reporting.calibration_report import write_calibration_report
+from omniservo.reporting.estimate_report import write_estimate_report
 from omniservo.reporting.image_distance import image_distance
 from omniservo.reporting.paper_table import ComparisonRow, comparison_table, paper_table_markdown
 from omniservo.reporting.write_figures import write_figures
@@ -14,6 +15,7 @@ __all__ = [
     "paper_table_markdown",
     "write_animation",
     "write_calibration_report",
+    "write_estimate_report",
     "write_figures",
     "write_report",
 ]

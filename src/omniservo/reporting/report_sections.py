@@ -6,9 +6,7 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag, tiles
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric

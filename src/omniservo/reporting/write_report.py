@@ -8,6 +8,7 @@ from pathlib import Path
 from omniservo.errors import InputError
 from omniservo.files import write_whole
 from omniservo.reporting import report_sections as section
+from omniservo.reporting.estimate_table import estimate_table
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.html import Markup, inlined, joined, page, part, tag
@@ -123,7 +124,7 @@ def _details(result: RunResult, several: bool) -> Markup:
     parts = [
         tag("details", tag("summary", "All metrics"), section.metrics(result)),
         *([tag("details", tag("summary", "Certificate"), proof)] if proof is not None else []),
-        tag("details", tag("summary", "Motion and structure"), section.estimate(result)),
+        tag("details", tag("summary", "Motion and structure"), estimate_table(result.estimate)),
         tag("details", tag("summary", "Computing times"), section.timings(result)),
     ]
     return part(f"In detail: {_method(result)}" if several else "In detail", *parts)

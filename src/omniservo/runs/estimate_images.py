@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
@@ -11,16 +13,25 @@ from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import ByteArray
 from omniservo.image_files import read_grey_image
-from omniservo.perception import DotKind
-from omniservo.runs.estimate_task import estimate_task
-from omniservo.runs.feature_kind_of import feature_kind_of
+from omniservo.runs.estimate_task import estimate_on_target, estimate_task
+from omniservo.runs.feature_kind_of import KindName, feature_kind, feature_kind_of
 from omniservo.runs.in_view import require_in_view
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.simulation import SimulatedRobot
+from omniservo.simulation.run_result import Seen
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
+from omniservo.targets import Target
 from omniservo.tasks import load_task, named_camera
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedImages:
+    """Two pictures with what was seen in both and what follows from it."""
+
+    seen: Seen
+    estimate: TwoViewEstimate
 
 
 def estimate_images(
@@ -29,30 +40,48 @@ def estimate_images(
     goal: Path,
     *,
     camera_name: str | None = None,
+    features: KindName = "dots",
+    dictionary: str | None = None,
+    target: Path | None = None,
     displacement: float | None = None,
-) -> TwoViewEstimate:
-    """Return the estimate from two image files.
+    method: Literal["pixel", "homography"] = "pixel",
+) -> EstimatedImages:
+    """Return what two image files say.
 
     Args:
         camera: a calibration file or a preset's name.
-        camera_name: which camera of a file with several.
         initial: the initial image.
         goal: the goal image.
-        displacement: distance between the two camera centres [m]; None: the translation has length 1.
+        camera_name: which camera of a file with several.
+        features: what is looked for.
+        dictionary: of the tags.
+        target: a target file: tags whose sizes and places are known make the estimate metric.
+        displacement: distance between the two camera centres [m].
+        method: "homography" where all points lie on one plane.
 
     Raises:
-        InputError: a file that is not what it should be, or too few dots.
-        AnswerIsNo: the dots cannot be matched.
+        InputError: a file that is not what it should be, or too few features.
+        AnswerIsNo: the features cannot be matched.
     """
     model = named_camera(camera, camera_name)
-    matched = DotKind().match(model, read_image(initial, model), read_image(goal, model))
-    return estimate_two_view(model, matched.initial, matched.goal, scale=displacement)
+    known = None if target is None else Target.load(target)
+    if known is not None and displacement is not None:
+        raise InputError("displacement, target: both given; one of them gives the scale")
+    kind = feature_kind(features, dictionary, known)
+    seen = see(kind, model, read_image(initial, model), read_image(goal, model))
+    if known is not None:
+        return EstimatedImages(seen, estimate_on_target(model, seen.matched, known, dictionary))
+    matched = seen.matched
+    found = estimate_two_view(
+        model, matched.initial, matched.goal, scale=displacement, method=method, noise=matched.noise
+    )
+    return EstimatedImages(seen, found)
 
 
 def estimate_simulated(
     task: str, *, camera: str | None = None, camera_name: str | None = None, seed: int = 0
-) -> TwoViewEstimate:
-    """Return the estimate from a task's own two pictures, taken in the simulator.
+) -> EstimatedImages:
+    """Return what a task's own two pictures say, taken in the simulator.
 
     Raises:
         InputError, AnswerIsNo: as `run_task`.
@@ -64,7 +93,7 @@ def estimate_simulated(
     robot = SimulatedRobot(scene, seed=seed)
     image, joints = take_picture(robot), robot.read().joint_positions
     seen = see(feature_kind_of(loaded), loaded.camera, image.pixels, goal.image)
-    return estimate_task(loaded, scene, seen, goal, joints)
+    return EstimatedImages(seen, estimate_task(loaded, scene, seen, goal, joints))
 
 
 def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo, InputError
-from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
+from omniservo.perception import MatchedPoints
 from omniservo.simulation.run_result import Seen
 from omniservo.simulation.scene import Scene
+from omniservo.targets import Target
 from omniservo.tasks import Task, TaughtGoal
 
 TwoViewScale = float | tuple[tuple[int, int], float]
@@ -31,6 +34,8 @@ def estimate_task(
         InputError: the scale names dots that are not there, or needs joints that the goal does not hold.
         AnswerIsNo: the pictures do not determine the motion.
     """
+    if task.scale.tags:
+        return _with_pose(estimate_on_target(task.camera, seen.matched, task.target.known))
     scale = _scale(task, scene, goal, joints)
     matched = seen.matched
     if isinstance(scale, tuple) and max(scale[0]) >= len(matched):
@@ -38,9 +43,34 @@ def estimate_task(
             f"scale.known_length.dots: {scale[0]} given; {len(matched)} dots are matched, "
             "numbered from 0, top to bottom, then left to right in the initial picture"
         )
-    estimate = estimate_two_view(task.camera, matched.initial, matched.goal, scale=scale)
+    return _with_pose(
+        estimate_two_view(task.camera, matched.initial, matched.goal, scale=scale, noise=matched.noise)
+    )
+
+
+def estimate_on_target(
+    camera: UnifiedCamera, matched: MatchedPoints, target: Target | None, dictionary: str | None = None
+) -> TwoViewEstimate:
+    """Return the metric estimate from the corners of a target's tags.
+
+    Raises:
+        InputError: no target, or none with tags of the dictionary.
+        AnswerIsNo: a tag that the target does not have.
+    """
+    if target is None or matched.ids is None:
+        raise InputError("target: tags of known size and place are needed")
+    points, known = target.corners_of(matched.ids, dictionary)
+    if not known.all():
+        stranger = int(matched.ids[int(np.argmin(known))]) // 4
+        raise AnswerIsNo(f"tag {stranger} is in both images, but the target has no such tag")
+    return estimate_known_target(camera, points, matched.initial, matched.goal, noise=matched.noise)
+
+
+def _with_pose(estimate: TwoViewEstimate) -> TwoViewEstimate:
     if estimate.status != "ok":
-        raise AnswerIsNo(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
+        raise AnswerIsNo(
+            f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}"
+        )
     return estimate
 
 

@@ -1,0 +1,70 @@
+"""Corners of tags as a kind of feature: their numbers say which is which."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import AnswerIsNo
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
+from omniservo.perception.find_tags import find_tags
+from omniservo.perception.image_points import ImagePoints
+from omniservo.perception.tag_tracker import TagTracker
+
+
+class TagKind:
+    """Tags of one dictionary.
+
+    Args:
+        dictionary: its name, as of `find_tags`.
+        least: how many corners both pictures must show: eight where nothing is known of the target, four (one
+            tag) where it is known.
+    """
+
+    name = "tag corners"
+
+    def __init__(self, dictionary: str, least: int = LEAST_FEATURES) -> None:
+        self.dictionary = dictionary
+        self.least = least
+
+    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+        """Return the corners (n, 2) [px] of all tags, by number."""
+        return self._points(camera, image).pixels
+
+    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+        """Return the corners of the tags that both pictures show, by number.
+
+        Raises:
+            InputError: a picture with fewer corners than ``least``.
+            AnswerIsNo: both pictures share fewer.
+        """
+        first, second = self._points(camera, initial), self._points(camera, goal)
+        require_features(len(first), self.name, "the initial image", self.least)
+        require_features(len(second), self.name, "the goal image", self.least)
+        ids, rows, others = np.intersect1d(_ids(first), _ids(second), return_indices=True)
+        if len(ids) < self.least:
+            raise AnswerIsNo(f"{len(ids)} tag corners in both images; at least {self.least} are needed")
+        noise = np.column_stack((_sigma(first)[rows], _sigma(second)[others]))
+        return MatchedPoints(first.pixels[rows], second.pixels[others], noise, ids)
+
+    def tracker(
+        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+    ) -> TagTracker:
+        """Return a tracker of these corners."""
+        del initial, goal
+        if matched.ids is None:
+            raise AssertionError("tag corners have numbers")
+        return TagTracker(camera, self.dictionary, matched.ids)
+
+    def _points(self, camera: UnifiedCamera, image: ByteArray) -> ImagePoints:
+        return find_tags(image, camera, self.dictionary).points
+
+
+def _ids(points: ImagePoints) -> FloatArray:
+    return np.empty(0) if points.ids is None else np.asarray(points.ids)
+
+
+def _sigma(points: ImagePoints) -> FloatArray:
+    """σ of a coordinate (n,) [px], the mean over directions."""
+    return np.sqrt(0.5 * np.trace(points.covariance, axis1=1, axis2=2))
