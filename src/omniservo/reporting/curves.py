@@ -74,7 +74,7 @@ def planned_curve(result: RunResult) -> Curve | None:
 
 
 def executed_curve(result: RunResult) -> Curve:
-    """Return what the arm did: dots as detected, poses and visibility from the simulator's truth."""
+    """Return what the arm did: points as detected, poses and visibility from the simulator's truth."""
     log, count = result.log, len(result.followed)
     positions = _column(log, "true_position", (3,))
     pixels = _column(log, "pixels", (count, 2))

@@ -97,7 +97,7 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
         axes.quiver(*at.T, *(scale * residual).T, angles="xy", scale_units="xy", scale=1.0, width=0.003,
                     color=EXECUTED)  # fmt: skip
     caption = (
-        f"Projection minus pixel, {scale:.0f} times as long; rms {estimate.rms_px:.3f} px, σ of one coordinate "
+        f"Projection minus pixel, {scale:.0f} times as long; rms {estimate.rms_px:.3f} px, σ of a coordinate "
         f"{estimate.noise_px:.3f} px. Arrows that agree in a place show an error of the camera's calibration."
     )
     return Drawing("estimate-residuals", "What is left in the images", caption, figure)

@@ -85,7 +85,7 @@ def visibility(result: RunResult) -> Drawing:
     legend_below(figure, axes, 2)
     return Drawing(
         "visibility",
-        "Dots in view",
+        "Points in view",
         "Distance of the worst dot to the nearest limit: image border, lens's circle, dead zone. Above zero "
         "every dot is in view. A gap is a dot that the camera cannot see at all.",
         figure,

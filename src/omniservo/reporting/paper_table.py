@@ -68,8 +68,8 @@ def comparison_table(result: RunResult) -> tuple[ComparisonRow, ...]:
         ComparisonRow("… certified for every w", NOTHING, _bare(certified_clearance(result), 1e3), "mm"),
         ComparisonRow("… executed", NOTHING, _bare(metrics.get("clearance_executed_m"), 1e3), "mm"),
         ComparisonRow("arm to the obstacle's body, executed", NOTHING, _gap(result), "mm"),
-        ComparisonRow("dots in view, certified", "kept", _bare(certified_visibility(result)), "px"),
-        ComparisonRow("dots in view, executed", "kept", _bare(metrics.get("visibility_executed_px")), "px"),
+        ComparisonRow("points in view, certified", "kept", _bare(certified_visibility(result)), "px"),
+        ComparisonRow("points in view, executed", "kept", _bare(metrics.get("visibility_executed_px")), "px"),
         ComparisonRow("at the goal", "converges", _at_goal(result), ""),
         ComparisonRow(
             "motion and structure, computing time",

@@ -90,7 +90,7 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
     axes.plot(*space.executed[:, flat].T, color=EXECUTED, lw=3.2, label="executed")
     if space.planned is not None:
         axes.plot(*space.planned[:, flat].T, color=PLANNED, lw=1.4, label="planned")
-    axes.plot(*space.points[:, flat].T, "o", ms=4.5, color="black", label="estimated dots")
+    axes.plot(*space.points[:, flat].T, "o", ms=4.5, color="black", label="estimated points")
     low, high = _with_margin(space.extent)
     axes.set_xlim(low[columns[0]], high[columns[0]])
     axes.set_ylim(low[columns[1]], high[columns[1]])

@@ -6,7 +6,6 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-
 from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag, tiles
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
@@ -50,7 +49,7 @@ def key_numbers(result: RunResult) -> Markup:
             f"certified {spell(certified_clearance(result), 'm')}, asked {spell(planning.clearance, 'm')}",
         ),
         (
-            "Dots in view by",
+            "Points in view by",
             spell_metric("visibility_executed_px", metrics.get("visibility_executed_px")),
             f"certified {spell(certified_visibility(result), 'px')}, more than 0 needed",
         ),
@@ -174,7 +173,7 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
 def animation(data: bytes, result: RunResult) -> Markup:
     """Return the animation as a figure."""
     words = (
-        "Left: the camera in the hand, with the ways of the dots and blue rings where the goal image has "
+        "Left: the camera in the hand, with the ways of the points and blue rings where the goal image has "
         "them. Right: the arm from outside."
     )
     return tag(

@@ -27,7 +27,7 @@ _LEAST_PX = 1e-3
 
 
 def image_error(result: RunResult) -> Drawing | None:
-    """Draw the dots' distance to the reference and to the goal image over time; None without a step."""
+    """Draw the points' distance to the reference and to the goal image over time; None without a step."""
     log = result.log
     if not log.rows:
         return None
@@ -44,7 +44,7 @@ def image_error(result: RunResult) -> Drawing | None:
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("rms distance of the dots [px]")
+    axes.set_ylabel("rms distance of the points [px]")
     legend_below(figure, axes, 3)
     return Drawing(
         "image-error",

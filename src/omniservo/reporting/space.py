@@ -47,7 +47,7 @@ class Space:
     executed: FloatArray
     """(k, 3), possibly none"""
     points: FloatArray
-    """(n, 3) estimated dots"""
+    """(n, 3) estimated points"""
     bodies: tuple[FloatArray, ...]
     """(8, 3) corners of each real block, counted up in (±, ±, ±)"""
     keep_out: tuple[KeepOut, ...]

@@ -1,4 +1,4 @@
-"""The dots' ways on the virtual plane and in the image (figures 3b, 3c and 6b, 6c)."""
+"""The points' ways on the virtual plane and in the image (figures 3b, 3c and 6b, 6c)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from omniservo.simulation.run_result import RunResult
 
 
 def plane_trajectories(result: RunResult) -> Drawing:
-    """Draw the dots' ways on the virtual plane Z = 1."""
+    """Draw the points' ways on the virtual plane Z = 1."""
     figure = new_figure(5.8, 4.6)
     axes = figure.subplots()
     planned, executed = planned_curve(result), executed_curve(result)
@@ -38,15 +38,15 @@ def plane_trajectories(result: RunResult) -> Drawing:
     legend_below(figure, axes, 4)
     return Drawing(
         "virtual-plane",
-        "Ways of the dots on the virtual plane",
-        "Red circles: where the dots start; blue stars: where the goal image has them. "
+        "Ways of the points on the virtual plane",
+        "Red circles: where the points start; blue stars: where the goal image has them. "
         + _left_out(executed),
         figure,
     )
 
 
 def image_trajectories(result: RunResult) -> Drawing:
-    """Draw the dots' ways in the image, over its border, the lens's circle and the dead zone."""
+    """Draw the points' ways in the image, over its border, the lens's circle and the dead zone."""
     camera = result.task.camera
     figure = new_figure(5.8, 0.9 + 5.2 * camera.height / camera.width)
     axes = figure.subplots()
@@ -63,8 +63,8 @@ def image_trajectories(result: RunResult) -> Drawing:
     legend_below(figure, axes, 4)
     return Drawing(
         "image",
-        "Ways of the dots in the image",
-        "Red circles: where the dots start; blue stars: where the goal image has them. No way may touch the "
+        "Ways of the points in the image",
+        "Red circles: where the points start; blue stars: where the goal image has them. No way may touch the "
         "tinted ground: outside the image, beyond the lens's circle, or in a dead zone.",
         figure,
     )

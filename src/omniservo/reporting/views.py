@@ -1,4 +1,4 @@
-"""What was seen: the pictures from the hand with their dots, and the robot from outside (figures 2 and 5)."""
+"""What was seen: the pictures from the hand with their points, and the robot from outside (figures 2 and 5)."""
 
 from __future__ import annotations
 
@@ -13,26 +13,25 @@ from omniservo.simulation.run_result import RunResult
 
 
 def views(result: RunResult) -> Drawing:
-    """Draw the initial, goal and final image from the hand; below each its dots, near and numbered."""
+    """Draw the initial, goal and final image from the hand; below each its points, near and numbered."""
     camera = result.task.camera
     figure = new_figure(11.0, 0.5 + 7.4 * camera.height / camera.width)
     panels = figure.subplots(2, 3)
     pictures = (
         ("Initial image", result.seen.initial_image, result.initial_pixels, START),
         ("Goal image, as taught", result.goal.image, result.goal_pixels, GOAL),
-        ("Final image", result.final_image, _last_dots(result), GOAL),
+        ("Final image", result.final_image, _last_points(result), GOAL),
     )
-    for (whole, near), (title, image, dots, colour) in zip(panels.T, pictures, strict=True):
+    for (whole, near), (title, image, points, colour) in zip(panels.T, pictures, strict=True):
         _picture(whole, image, title)
         _picture(near, image, "")
-        _frame_dots(whole, near, dots)
-        _numbered(near, dots, colour)
+        _frame_points(whole, near, points)
+        _numbered(near, points, colour)
     return Drawing(
         "views",
         "What the camera in the hand saw",
-        "Below each image its dots, enlarged. They were found in each picture and matched between the first "
-        "two without being told which is which; equal numbers are the same dot. The final image should look "
-        "like the goal image.",
+        "Below each image its points, enlarged; equal numbers are the same point. They were found in each picture "
+        "and matched between the first two. The final image should look like the goal image.",
         figure,
     )
 
@@ -60,9 +59,9 @@ def _picture(axes: Axes, image: ByteArray, title: str) -> None:
     axes.set_axis_off()
 
 
-def _frame_dots(whole: Axes, near: Axes, dots: FloatArray) -> None:
-    """Enlarge the part with the dots in ``near`` and frame it in ``whole``."""
-    seen = dots[np.isfinite(dots).all(axis=1)]
+def _frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
+    """Enlarge the part with the points in ``near`` and frame it in ``whole``."""
+    seen = points[np.isfinite(points).all(axis=1)]
     if not len(seen):
         return
     right, low = (abs(a - b) for a, b in (whole.get_xlim(), whole.get_ylim()))
@@ -76,10 +75,10 @@ def _frame_dots(whole: Axes, near: Axes, dots: FloatArray) -> None:
     whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
 
 
-def _numbered(axes: Axes, dots: FloatArray, colour: str) -> None:
+def _numbered(axes: Axes, points: FloatArray, colour: str) -> None:
     """Mark every dot with a ring and its number, on any ground legible."""
     halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-    for number, (u, v) in enumerate(dots):
+    for number, (u, v) in enumerate(points):
         if not np.isfinite((u, v)).all():
             continue
         axes.plot(u, v, "o", ms=8, mfc="none", mec=colour, mew=1.2)
@@ -89,7 +88,7 @@ def _numbered(axes: Axes, dots: FloatArray, colour: str) -> None:
         )  # fmt: skip
 
 
-def _last_dots(result: RunResult) -> FloatArray:
-    """Return the dots (n, 2) of the last step; none where the arm was stopped: it moved on a little."""
+def _last_points(result: RunResult) -> FloatArray:
+    """Return the points (n, 2) of the last step; none where the arm was stopped: it moved on a little."""
     ended = result.log.rows and not result.log.stop_reason
     return result.log.rows[-1].pixels if ended else np.empty((0, 2))

@@ -8,8 +8,8 @@ from pathlib import Path
 from omniservo.errors import InputError
 from omniservo.files import write_whole
 from omniservo.reporting import report_sections as section
-from omniservo.reporting.estimate_table import estimate_table
 from omniservo.reporting.animation import animation_bytes
+from omniservo.reporting.estimate_table import estimate_table
 from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.html import Markup, inlined, joined, page, part, tag
 from omniservo.reporting.style import Drawing

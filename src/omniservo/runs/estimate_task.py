@@ -68,9 +68,7 @@ def estimate_on_target(
 
 def _with_pose(estimate: TwoViewEstimate) -> TwoViewEstimate:
     if estimate.status != "ok":
-        raise AnswerIsNo(
-            f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}"
-        )
+        raise AnswerIsNo(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
     return estimate
 
 

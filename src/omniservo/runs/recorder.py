@@ -14,7 +14,7 @@ class Recorder:
     """Collects one row per control step."""
 
     def __init__(self, task: Task, robot: SimulatedRobot, controller: Controller, points: FloatArray) -> None:
-        """Prepare an empty log; ``points`` (n, 3) are the true dots in the order of the loop's pixels."""
+        """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels."""
         self._camera = task.camera
         self._world_T_initial = task.start.world_T_camera.transform
         self._robot = robot

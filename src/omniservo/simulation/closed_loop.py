@@ -41,17 +41,17 @@ class ControllerReport(Protocol):
 
     @property
     def reference_pixels(self) -> FloatArray:
-        """(n, 2) where the dots should have been [px]."""
+        """(n, 2) where the points should have been [px]."""
         ...
 
     @property
     def error_px(self) -> float:
-        """Rms distance of the dots to their reference [px]."""
+        """Rms distance of the points to their reference [px]."""
         ...
 
     @property
     def goal_error_px(self) -> float:
-        """Rms distance of the dots to the goal image [px]."""
+        """Rms distance of the points to the goal image [px]."""
         ...
 
     @property
@@ -74,11 +74,11 @@ class Controller(Protocol):
         ...
 
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
-        """Return where the dots are expected at ``time`` [s]: (n, 2) [px], and which of them are."""
+        """Return where the points are expected at ``time`` [s]: (n, 2) [px], and which of them are."""
         ...
 
     def step(self, time: float, pixels: FloatArray, valid: BoolArray) -> FloatArray:
-        """Return the camera twist (6,) for the dots seen at ``time`` [s].
+        """Return the camera twist (6,) for the points seen at ``time`` [s].
 
         Raises:
             ServoStop: there is no twist to stand for.

@@ -26,11 +26,11 @@ class LogRow:
     twist: FloatArray
     """(6,) commanded camera twist (linear, angular), camera frame [m/s, rad/s]"""
     pixels: FloatArray
-    """(n, 2) dots as detected [px]; NaN where lost"""
+    """(n, 2) points as detected [px]; NaN where lost"""
     valid: BoolArray
-    """(n,) dots found in this frame"""
+    """(n,) points found in this frame"""
     reference_pixels: FloatArray
-    """(n, 2) where the dots should be at this time [px]"""
+    """(n, 2) where the points should be at this time [px]"""
     error_px: float
     """rms of detected minus reference [px]"""
     goal_error_px: float
@@ -42,11 +42,11 @@ class LogRow:
     true_rotation: FloatArray
     """truth: (3,) rotation vector of initial_R_camera [rad]"""
     true_pixels: FloatArray
-    """truth: (n, 2) projections of the dots' centres [px]"""
+    """truth: (n, 2) projections of the points' centres [px]"""
     arm_clearance: float
     """truth: smallest distance between arm or camera body and any obstacle [m]; negative: penetration"""
     control_seconds: float
-    """time from the dots' pixels to the joint velocities [s]"""
+    """time from the points' pixels to the joint velocities [s]"""
 
 
 @dataclass

@@ -26,9 +26,9 @@ class GoalServoReport:
     """What the last step saw. There is no path, so the goal image is the reference."""
 
     reference_pixels: FloatArray
-    """(n, 2) the goal image's dots [px]"""
+    """(n, 2) the goal image's points [px]"""
     goal_error_px: float
-    """rms distance of the dots to the goal image [px]"""
+    """rms distance of the points to the goal image [px]"""
     initial_T_camera: RigidTransform
     """the camera's pose, from the image"""
     w: float = math.nan
@@ -81,25 +81,25 @@ class GoalServo:
         return self._settled >= SETTLED_FRAMES
 
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
-        """Return where the dots are expected: the last pose carried on by the last twist."""
+        """Return where the points are expected: the last pose carried on by the last twist."""
         elapsed = time - self._time
         turn = Rotation.from_rotvec(self._twist[3:] * elapsed)
         moved = self._initial_T_camera * RigidTransform.from_components(self._twist[:3] * elapsed, turn)
         return self._camera.project(moved.inv().apply(self._points))
 
     def step(self, time: float, pixels: FloatArray, valid: BoolArray) -> FloatArray:
-        """Return the camera twist (6,) for the dots seen at ``time`` [s].
+        """Return the camera twist (6,) for the points seen at ``time`` [s].
 
         Raises:
             Divergence: no pose explains the image.
-            FeatureLoss: too few dots are left.
-            SingularInteraction: the dots do not determine a twist.
+            FeatureLoss: too few points are left.
+            SingularInteraction: the points do not determine a twist.
         """
         if valid.sum() < LEAST_POINTS:
-            raise FeatureLoss(f"{int(valid.sum())} dots are left; at least {LEAST_POINTS} are needed")
+            raise FeatureLoss(f"{int(valid.sum())} points are left; at least {LEAST_POINTS} are needed")
         refined = refine_pose(self._camera, self._points, pixels, self._initial_T_camera, valid)
         if refined.reference_T_camera is None:
-            raise Divergence(f"no camera pose explains the {int(valid.sum())} dots in the image")
+            raise Divergence(f"no camera pose explains the {int(valid.sum())} points in the image")
         self._initial_T_camera = refined.reference_T_camera
         distances = np.linalg.norm(self._points - self._initial_T_camera.translation, axis=1)
         self._twist = self._servo.step(pixels, distances, valid)

@@ -136,7 +136,7 @@ class PathTracker:
         """Return where the points are expected at ``time`` [s]: pixels (n, 2), and which exist (n,).
 
         The filtered pose of the last step, carried on by the planned motion since; before that the plan's.
-        Search windows for dots, and the places where lost dots are looked for, come from here.
+        Search windows for points, and the places where lost points are looked for, come from here.
         """
         plan_then = self._planned(time)[2]
         plan_seen, pose = plan_then, plan_then
