@@ -64,8 +64,8 @@ def image_trajectories(result: RunResult) -> Drawing:
     return Drawing(
         "image",
         "Ways of the points in the image",
-        "Red circles: where the points start; blue stars: where the goal image has them. No way may touch the "
-        "tinted ground: outside the image, beyond the lens's circle, or in a dead zone.",
+        "Red circles: where the points start; blue stars: where the goal image has them. No way may touch "
+        "the tinted ground: outside the image, beyond the lens's circle, or in a dead zone.",
         figure,
     )
 

@@ -1,4 +1,4 @@
-"""What was seen: the pictures from the hand with their points, and the robot from outside (figures 2 and 5)."""
+"""What was seen: the pictures from the hand, their points, and the robot from outside (figures 2, 5)."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def views(result: RunResult) -> Drawing:
     return Drawing(
         "views",
         "What the camera in the hand saw",
-        "Below each image its points, enlarged; equal numbers are the same point. They were found in each picture "
-        "and matched between the first two. The final image should look like the goal image.",
+        "Below each image its points, enlarged; equal numbers are the same point. They were found in each "
+        "picture and matched between the first two. The final image should look like the goal image.",
         figure,
     )
 
