@@ -1,11 +1,11 @@
 """Pictures and matches that hold no motion, or not the one they seem to: is any wrong pose called "ok"?
 
 Run: ``python -m benchmarks.hostile_pictures --count 3000``. Kinds: identical pictures, no overlap, motion
-blur, a pattern that repeats, pictures of another camera (natural features, found and matched in rendered
+blur, a repeated pattern, pictures of another camera (natural features, found and matched in rendered
 pictures); one wrong tag number (tag corners with 0.1 px of noise, target unknown and known); points behind a
-camera (pixels). An answer is *confident and wrong* where its status is "ok" and its rotation or direction is off by
-more than `FAR` and lies outside its own 99.9% ellipsoid. Of blurred pictures and of another camera right
-answers are possible, and counted.
+camera (pixels). An answer is *confident and wrong* where its status is "ok" and its rotation or direction is
+off by more than `FAR` and lies outside its own 99.9% ellipsoid. Of blurred pictures and of another camera
+right answers are possible, and counted.
 """
 
 from __future__ import annotations
