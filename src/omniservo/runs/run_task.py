@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.perception import FeatureTracker
+from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
@@ -88,8 +88,9 @@ def run_task(
         plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
     progress("servoing")
     truth = _truth(task, scene, goal, true_points(task, robot.world, seen.matched.initial[followed]))
-    controller = _controller(task, scene, plan, estimate.points[followed], seen.matched.goal[followed])
-    tracker = kind.tracker(task.camera, seen.initial_image, goal.image, seen.matched.where(followed))
+    matched = seen.matched.where(followed)
+    controller = _controller(task, scene, plan, estimate.points[followed], matched)
+    tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     log, images = _drive(task, robot, controller, tracker, truth)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     progress("drawing")
@@ -129,13 +130,13 @@ def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
 
 
 def _controller(
-    task: Task, scene: Scene, plan: Plan | None, points: FloatArray, goal_pixels: FloatArray
+    task: Task, scene: Scene, plan: Plan | None, points: FloatArray, matched: MatchedPoints
 ) -> Controller:
     if plan is None or plan.path is None:
         return GoalServo(
             task.camera,
             points,
-            goal_pixels,
+            matched.goal,
             tolerance_px=task.servo.tolerance_px,
             options=ImageServoOptions(gain=task.servo.rate),
         )
@@ -146,7 +147,14 @@ def _controller(
         tolerance_px=task.servo.tolerance_px,
     )
     law = pace(task, scene, plan.path)
-    return PathTracker(plan, task.camera, goal_pixels=goal_pixels, options=options, time_law=law)
+    return PathTracker(
+        plan,
+        task.camera,
+        goal_pixels=matched.goal,
+        initial_pixels=matched.initial,
+        options=options,
+        time_law=law,
+    )
 
 
 def _drive(

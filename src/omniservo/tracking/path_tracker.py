@@ -18,6 +18,7 @@ from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.path_state import path_state
 from omniservo.tracking.pose_filter import forget, predict_belief
 from omniservo.tracking.stop_criterion import StopCriterion
+from omniservo.tracking.structure_refinement import StructureRefinement
 from omniservo.tracking.tracker_options import TrackerOptions
 from omniservo.tracking.tracker_report import Phase, TrackerReport
 
@@ -44,6 +45,8 @@ class PathTracker:
         plan: any plan with a path; its points, in the initial camera frame, are what the pixels show.
         camera: the camera that takes the images.
         goal_pixels: (n, 2) [px], the points in the goal image; None: where the plan's end sees them.
+        initial_pixels: (n, 2) [px], the points in the initial image; with them and goal pixels the points
+            are refined on the way, as `StructureRefinement` says.
         options: see TrackerOptions.
         time_law: w(t); None: rest to rest in 4 s.
 
@@ -59,6 +62,7 @@ class PathTracker:
         camera: UnifiedCamera,
         *,
         goal_pixels: npt.ArrayLike | None = None,
+        initial_pixels: npt.ArrayLike | None = None,
         options: TrackerOptions | None = None,
         time_law: TimeLaw | None = None,
     ) -> None:
@@ -89,6 +93,7 @@ class PathTracker:
         self._settings = _settings(self.options)
         self._belief, self._spread = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
+        self._structure = self._refinement(initial_pixels, goal_pixels)
         self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
 
     @property
@@ -130,6 +135,8 @@ class PathTracker:
             time, w, w_dot, phase, used, reference, error, goal_error, pose, belief, spread, rms,
             conditioning, factor < 1.0,
         )  # fmt: skip
+        if self._structure is not None:
+            self._adopt(self._structure.look(seen, used, belief))
         return twist
 
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
@@ -146,6 +153,27 @@ class PathTracker:
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
         return pixels, seen
+
+    def _refinement(
+        self, initial_pixels: npt.ArrayLike | None, goal_pixels: npt.ArrayLike | None
+    ) -> StructureRefinement | None:
+        """Return what refines the points; None where a picture is missing."""
+        if initial_pixels is None or goal_pixels is None:
+            return None
+        initial = finite_array("initial_pixels", initial_pixels, (len(self._points), 2))
+        return StructureRefinement(self._camera, self._points, initial, self._goal.pixels, self._goal.pose)
+
+    def _adopt(self, points: FloatArray | None) -> None:
+        """Servo on refined points (n, 3) from the next image on."""
+        if points is None:
+            return
+        try:
+            goal = GoalImage.of(self._camera, self._feature, self._path, points, self._goal.pixels)
+        except InputError:  # the refined points leave the domain of the features at the plan's end
+            return
+        self._points, self._goal = points, goal
+        self._goal_arrays = goal.pixels.copy(), goal.offsets.copy()
+        self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
         self, time: float, seen: FloatArray, used: BoolArray
