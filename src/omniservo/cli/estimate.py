@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -18,6 +19,11 @@ from omniservo.cli.output import (
     answer_is_no,
 )
 from omniservo.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from omniservo.estimation import TwoViewEstimate
 
 
 def estimate(
@@ -78,8 +84,14 @@ def estimate(
     output.result(result.to_dict())
     if result.initial_T_goal is None:
         raise answer_is_no(f"motion and structure cannot be estimated: {result.status}: {result.message}")
+    for line in _lines(result, result.initial_T_goal):
+        output.line(line)
+
+
+def _lines(result: TwoViewEstimate, initial_T_goal: RigidTransform) -> Iterator[str]:
+    """Yield what a person wants to know of an estimate with a pose."""
     unit = "m" if result.is_metric else "(length 1: no scale was given)"
-    turn = result.initial_T_goal.rotation.as_rotvec(degrees=True)
-    output.line(f"translation {np.array2string(result.initial_T_goal.translation, precision=5)} {unit}")
-    output.line(f"rotation vector {np.array2string(turn, precision=4)} deg")
-    output.line(f"{int(result.inliers.sum())} of {len(result.inliers)} points, rms {result.rms_px:.3f} px")
+    turn = initial_T_goal.rotation.as_rotvec(degrees=True)
+    yield f"translation {np.array2string(initial_T_goal.translation, precision=5)} {unit}"
+    yield f"rotation vector {np.array2string(turn, precision=4)} deg"
+    yield f"{int(result.inliers.sum())} of {len(result.inliers)} points, rms {result.rms_px:.3f} px"

@@ -58,8 +58,7 @@ def adjust_views(
     trial_poses, trial_points = poses.copy(), points.copy()
     reduced, step = np.empty((size, size)), np.empty(size)
     cost = _linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
-    damping = FIRST_DAMPING
-    length = _baseline(poses, scale_view)
+    damping, length = FIRST_DAMPING, _baseline(poses, scale_view)
     if not cost < math.inf:
         return cost, False
     for _ in range(most_steps):

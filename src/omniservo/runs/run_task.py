@@ -87,29 +87,18 @@ def run_task(
     if method != "ibvs":
         plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
     progress("servoing")
-    truth = _truth(task, scene, goal, true_points(task, robot.world, seen.matched.initial[followed]))
     matched = seen.matched.where(followed)
+    truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
     controller = _controller(task, scene, plan, estimate.points[followed], matched)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     log, images = _drive(task, robot, controller, tracker, truth)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     progress("drawing")
-    outside_initial, outside_final = _outside(robot)
+    film = film_of(log, images, robot.world) if filmed else Film((), (), ())
+    final, outside = take_picture(robot).pixels, _outside(robot)
+    seconds["whole"] = perf_counter() - started
     result = RunResult(
-        task=task,
-        method=method,
-        goal=goal,
-        seen=seen,
-        estimate=estimate,
-        followed=followed,
-        plan=plan,
-        log=log,
-        final_image=take_picture(robot).pixels,
-        outside_initial=outside_initial,
-        outside_final=outside_final,
-        film=film_of(log, images, robot.world) if filmed else Film((), (), ()),
-        truth=truth,
-        seconds=seconds | {"whole": perf_counter() - started},
+        task, method, goal, seen, estimate, followed, plan, log, final, *outside, film, truth, seconds
     )
     return replace(result, metrics=_metrics(result, seed))
 

@@ -56,44 +56,37 @@ def track_step(
     """Write the camera twist (6,) of (43) with depths by (44) and return the status.
 
     Args:
-        parameters: the camera's.
-        kind: the feature, BEARING or VIRTUAL_PLANE.
+        parameters: the camera's; ``kind``: the feature, BEARING or VIRTUAL_PLANE.
         settings: (6,), see GAIN and the rest.
         points: (n, 3) [m] in the initial camera frame.
         pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
         valid: on return: the points used; one that the others' pose does not explain is none of them.
         goal_pixels: (n, 2) [px] of the goal image.
-        offsets: (n, 3) goal image's features minus those of the plan's end; the reference is
-            s_p(w) + β offsets.
+        offsets: (n, 3) goal image's features minus those of the plan's end, see `PathTracker`.
         blend: (3,), see BLEND_SEEN and the rest.
-        plan_seen: (7,) planned pose at the exposure.
-        plan_now: (7,) planned pose when the twist acts.
+        plan_seen: (7,) planned pose at the exposure; ``plan_now``: when the twist acts.
         plan_twist: (6,) planned twist when the twist acts, per second.
         pose: (7,) out: the pose that explains this image alone.
-        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
-        spread: (6, 6) its covariance, likewise.
+        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image. ``spread``
+            (6, 6) is its covariance, likewise.
         twist: (6,) out, within the speed limits; zero unless the status is DONE.
         reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
         evidence: (6,) out, see COUNT and the rest.
     """
     n = points.shape[0]
     bearings = np.zeros((n, 3))
-    twist[:] = 0.0
-    evidence[:] = 0.0
+    twist[:], evidence[:] = 0.0, 0.0
     status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
     if status != DONE:
         return status
-    seen = _see_pose(parameters, points, pixels, valid, settings, belief, plan_seen, pose, evidence)
+    seen = _see_pose(parameters, points, pixels, valid, settings, belief, spread, plan_seen, pose, evidence)
     if evidence[COUNT] < settings[LEAST_FEATURES]:
         return FEATURE_LOSS
-    if seen:
-        correct_belief(parameters, points, pixels, valid, pose, belief, spread)
     _measure_gaps(
         parameters, kind, points, pixels, valid, goal_pixels, offsets, blend[BLEND_SEEN], plan_seen,
         reference_pixels, evidence,
     )  # fmt: skip
-    rows = np.zeros((3 * n, 6))
-    target = np.zeros(3 * n)
+    rows, target = np.zeros((3 * n, 6)), np.zeros(3 * n)
     _write_system(
         kind, settings[GAIN], points, valid, bearings, offsets, blend, belief, plan_seen, plan_now,
         plan_twist, rows, target,
@@ -178,11 +171,14 @@ def _see_pose(
     valid: BoolArray,
     settings: FloatArray,
     belief: FloatArray,
+    spread: FloatArray,
     plan_seen: FloatArray,
     pose: FloatArray,
     evidence: FloatArray,
 ) -> bool:
     """Write the pose of this image, from the belief as guess or else the plan's; False: neither works.
+
+    The belief is joined with it.
 
     Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
     Points that the pose of the others does not explain are no longer ``valid``.
@@ -201,6 +197,7 @@ def _see_pose(
                 if valid[j]:
                     count += 1
             evidence[COUNT] = count
+            correct_belief(parameters, points, pixels, valid, pose, belief, spread)
             return True
     return False
 
