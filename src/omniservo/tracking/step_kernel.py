@@ -56,7 +56,8 @@ def track_step(
     """Write the camera twist (6,) of (43) with depths by (44) and return the status.
 
     Args:
-        parameters: the camera's; ``kind``: the feature, BEARING or VIRTUAL_PLANE.
+        parameters: the camera's.
+        kind: the feature, BEARING or VIRTUAL_PLANE.
         settings: (6,), see GAIN and the rest.
         points: (n, 3) [m] in the initial camera frame.
         pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
@@ -64,11 +65,12 @@ def track_step(
         goal_pixels: (n, 2) [px] of the goal image.
         offsets: (n, 3) goal image's features minus those of the plan's end, see `PathTracker`.
         blend: (3,), see BLEND_SEEN and the rest.
-        plan_seen: (7,) planned pose at the exposure; ``plan_now``: when the twist acts.
+        plan_seen: (7,) planned pose at the exposure.
+        plan_now: (7,) planned pose when the twist acts.
         plan_twist: (6,) planned twist when the twist acts, per second.
         pose: (7,) out: the pose that explains this image alone.
-        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image. ``spread``
-            (6, 6) is its covariance, likewise.
+        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
+        spread: (6, 6) its covariance, likewise.
         twist: (6,) out, within the speed limits; zero unless the status is DONE.
         reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
         evidence: (6,) out, see COUNT and the rest.
@@ -86,12 +88,10 @@ def track_step(
         parameters, kind, points, pixels, valid, goal_pixels, offsets, blend[BLEND_SEEN], plan_seen,
         reference_pixels, evidence,
     )  # fmt: skip
-    rows, target = np.zeros((3 * n, 6)), np.zeros(3 * n)
-    _write_system(
+    evidence[CONDITIONING] = _solve(
         kind, settings[GAIN], points, valid, bearings, offsets, blend, belief, plan_seen, plan_now,
-        plan_twist, rows, target,
+        plan_twist, twist,
     )  # fmt: skip
-    evidence[CONDITIONING] = solve_twist(rows, target, twist)
     return _judge(settings, seen, twist, evidence)
 
 
@@ -244,7 +244,7 @@ def _measure_gaps(
 
 
 @kernel
-def _write_system(
+def _solve(
     kind: int,
     gain: float,
     points: FloatArray,
@@ -256,13 +256,13 @@ def _write_system(
     plan_seen: FloatArray,
     plan_now: FloatArray,
     plan_twist: FloatArray,
-    rows: FloatArray,
-    target: FloatArray,
-) -> None:
-    """Write the equations (3n, 6), (3n,) of all valid points when the twist acts; the other rows stay zero.
+    twist: FloatArray,
+) -> float:
+    """Write the twist that solves the equations of all valid points when it acts; return their conditioning.
 
     A point lies where its bearing was seen, at the distance (44), carried on by the planned motion since.
     """
+    rows, target = np.zeros((3 * len(points), 6)), np.zeros(3 * len(points))
     c = np.empty(3)
     planned = np.empty(3)
     now = np.empty(3)
@@ -279,6 +279,7 @@ def _write_system(
             kind, gain, now, planned, plan_twist, offsets[j], blend, rows[3 * j : 3 * j + 3],
             target[3 * j : 3 * j + 3],
         )  # fmt: skip
+    return solve_twist(rows, target, twist)
 
 
 @kernel
