@@ -6,7 +6,14 @@ from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
 
-SHIPPED = ("catadioptric-ring", "paper-example-1", "paper-example-2", "perspective-wall")
+SHIPPED = (
+    "catadioptric-ring",
+    "paper-example-1",
+    "paper-example-2",
+    "perspective-wall",
+    "tag-board",
+    "textured-object",
+)
 
 MINIMAL = {
     "format": "omniservo.task/1",
@@ -39,12 +46,13 @@ def changed(field, value):
     return document
 
 
-def test_the_four_tasks_are_shipped_and_valid():
+def test_the_six_tasks_are_shipped_and_valid():
     assert shipped_tasks() == SHIPPED
     for name in SHIPPED:
         task = load_task(name)
         assert task.name == name
-        assert len(task.target.dots) >= 9
+        corners = 4 * len(task.target.tags.panels) if task.target.tags else 0
+        assert len(task.target.dots) >= 9 or corners >= 20 or len(task.target.textures) >= 5
 
 
 def test_lengths_are_metres_and_angles_radians_whatever_the_file_states(tmp_path):
