@@ -1,7 +1,7 @@
-"""Frames per second of the simulated camera, 659×432, the paper's fisheye.
+"""Frames per second of the simulated camera: dots and tags in the paper's fisheye, a view full of texture.
 
 Run: ``python -m benchmarks.rendering_speed``. Timed is `UnifiedRenderer.photograph`: rays, edges, blur, noise
-and rounding, each frame with the arm elsewhere between start and goal of paper-example-1. Two threads.
+and rounding, each frame with the arm elsewhere between the task's start and goal. Two threads.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from omniservo.simulation import UnifiedRenderer, World
 from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
 from omniservo.tasks import load_task
 
+TASKS = ("paper-example-1", "tag-board", "textured-object")
 
-def frames_per_second(frames: int = 40) -> float:
+
+def frames_per_second(name: str, frames: int = 40) -> float:
     """Return 1 / (median time of a frame) [1/s]; one frame is rendered before the clock starts."""
-    task = load_task("paper-example-1")
+    task = load_task(name)
     scene = scene_of_task(task)
     goal = goal_joints(task, scene)
     renderer = UnifiedRenderer(World(scene))
@@ -33,4 +35,6 @@ def frames_per_second(frames: int = 40) -> float:
 
 
 if __name__ == "__main__":
-    print(f"rendering 659x432: {frames_per_second():.1f} frames/s (median)")
+    for name in TASKS:
+        camera = load_task(name).camera
+        print(f"{name} {camera.width}x{camera.height}: {frames_per_second(name):.1f} frames/s (median)")
