@@ -15,6 +15,7 @@ from omniservo.perception.match_images import match_images
 from omniservo.perception.natural_kind import NaturalKind
 from omniservo.perception.patch_tracker import PatchTracker
 from omniservo.perception.refine_matches import ImageMatch, refine_matches
+from omniservo.perception.tag_kind import TagKind
 from omniservo.perception.tag_picture import tag_cells, tag_picture, tag_picture_corners
 from omniservo.perception.tag_tracker import TagTracker
 
@@ -33,6 +34,7 @@ __all__ = [
     "MatchedPoints",
     "NaturalKind",
     "PatchTracker",
+    "TagKind",
     "TagTracker",
     "Tags",
     "find_dots",

@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
 from omniservo.perception.find_tags import find_tags
 from omniservo.perception.image_points import ImagePoints
@@ -50,21 +50,49 @@ class TagKind:
 
     def tracker(
         self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
-    ) -> TagTracker:
+    ) -> CornerTracker:
         """Return a tracker of these corners."""
         del initial, goal
         if matched.ids is None:
             raise AssertionError("tag corners have numbers")
-        return TagTracker(camera, self.dictionary, matched.ids)
+        return CornerTracker(camera, self.dictionary, matched.ids)
 
     def _points(self, camera: UnifiedCamera, image: ByteArray) -> ImagePoints:
         return find_tags(image, camera, self.dictionary).points
 
 
-def _ids(points: ImagePoints) -> FloatArray:
-    return np.empty(0) if points.ids is None else np.asarray(points.ids)
+class CornerTracker:
+    """Follows single corners by their tags.
+
+    Args:
+        camera: takes the pictures.
+        dictionary: of the tags.
+        ids: (n,) of the corners, 4·tag + corner.
+    """
+
+    def __init__(self, camera: UnifiedCamera, dictionary: str, ids: IntArray) -> None:
+        tags, self._places = np.unique(ids // 4, return_inverse=True)
+        self._rows = 4 * self._places + ids % 4
+        self._tracker = TagTracker(camera, dictionary, [int(tag) for tag in tags])
+
+    def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the corners near their predictions, as of `TagTracker.update`; rows are those of ``ids``.
+
+        A tag with fewer than three predicted corners stays lost; a fourth is where it makes a parallelogram.
+        """
+        corners = np.full((4 * len(self._tracker.ids), 2), np.nan)
+        corners[self._rows] = predicted_pixels
+        tags = corners.reshape(-1, 4, 2)
+        fourth = np.roll(tags, 1, axis=1) + np.roll(tags, -1, axis=1) - np.roll(tags, 2, axis=1)
+        completed = np.where(np.isnan(tags), fourth, tags).reshape(-1, 2)
+        pixels, valid = self._tracker.update(image, completed)
+        return pixels[self._rows], valid[self._rows]
+
+
+def _ids(points: ImagePoints) -> IntArray:
+    return np.empty(0, dtype=np.int64) if points.ids is None else points.ids
 
 
 def _sigma(points: ImagePoints) -> FloatArray:
     """σ of a coordinate (n,) [px], the mean over directions."""
-    return np.sqrt(0.5 * np.trace(points.covariance, axis1=1, axis2=2))
+    return np.asarray(np.sqrt(0.5 * np.trace(points.covariance, axis1=1, axis2=2)))

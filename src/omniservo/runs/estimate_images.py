@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
@@ -44,7 +43,6 @@ def estimate_images(
     dictionary: str | None = None,
     target: Path | None = None,
     displacement: float | None = None,
-    method: Literal["pixel", "homography"] = "pixel",
 ) -> EstimatedImages:
     """Return what two image files say.
 
@@ -57,7 +55,6 @@ def estimate_images(
         dictionary: of the tags.
         target: a target file: tags whose sizes and places are known make the estimate metric.
         displacement: distance between the two camera centres [m].
-        method: "homography" where all points lie on one plane.
 
     Raises:
         InputError: a file that is not what it should be, or too few features.
@@ -72,9 +69,7 @@ def estimate_images(
     if known is not None:
         return EstimatedImages(seen, estimate_on_target(model, seen.matched, known, dictionary))
     matched = seen.matched
-    found = estimate_two_view(
-        model, matched.initial, matched.goal, scale=displacement, method=method, noise=matched.noise
-    )
+    found = estimate_two_view(model, matched.initial, matched.goal, scale=displacement, noise=matched.noise)
     return EstimatedImages(seen, found)
 
 

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception.feature_kind import LEAST_FEATURES
+from omniservo.runs.feature_kind_of import LEAST_CORNERS
 from omniservo.tasks import Task
-from omniservo.tasks.target import Dot
+from omniservo.tasks.target import Dot, Target, TexturedFace
+
+_GRID = 8
+"""points along a side of a textured face; a part of a face is enough"""
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What of a target must be seen as a whole, and how much of it."""
+
+    outlines: FloatArray
+    """(k, m, 3) points of each part [m]"""
+    name: str
+    least: int
 
 
 def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) -> None:
-    """Refuse a pose from which the lens cannot show enough dots, whatever stands in between.
+    """Refuse a pose from which the lens cannot show enough of the target, whatever stands in between.
 
     Args:
         task: its target and camera.
@@ -21,17 +37,42 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
         where: the picture's name in the message.
 
     Raises:
-        InputError: fewer than eight dots project wholly into the camera's image.
+        InputError: too few dots or tags, or too little of the textured faces, project into the camera's image.
     """
-    rims = np.array([_rim(dot, task.target.dot_radius or 0.0) for dot in task.target.dots])
-    pixels, valid = task.camera.project(initial_T_camera.inv().apply(rims.reshape(-1, 3)))
+    parts = _parts(task)
+    outlines = parts.outlines
+    pixels, valid = task.camera.project(initial_T_camera.inv().apply(outlines.reshape(-1, 3)))
     seen = valid & task.camera.in_image(np.where(valid[:, None], pixels, -1e3))
-    shown = seen.reshape(len(rims), -1).all(1)
-    if shown.sum() < LEAST_FEATURES:
+    shown = int(seen.reshape(outlines.shape[:2]).all(1).sum())
+    if shown < parts.least:
         raise InputError(
-            f"{task.name}: {int(shown.sum())} of the target's {len(rims)} dots lie wholly in {where} of this "
-            f"camera ({task.camera.width}×{task.camera.height} px); at least {LEAST_FEATURES} are needed"
+            f"{task.name}: {shown} of the target's {len(outlines)} {parts.name} lie wholly in {where} of "
+            f"this camera ({task.camera.width}×{task.camera.height} px); at least {parts.least} are needed"
         )
+
+
+def _parts(task: Task) -> _Parts:
+    target = task.target
+    if target.tags is not None:
+        corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+        tags = np.array([tag.transform.apply(0.5 * tag.edge * corners) for tag in target.tags.panels])
+        least = LEAST_CORNERS if task.scale.tags else LEAST_FEATURES
+        return _Parts(tags, "tags", least // 4)
+    if target.textures:
+        points = np.concatenate([_grid(face) for face in target.textures])
+        return _Parts(points[:, None], "sample points on textured faces", LEAST_FEATURES)
+    return _Parts(_rims(target), "dots", LEAST_FEATURES)
+
+
+def _grid(face: TexturedFace) -> FloatArray:
+    """Return points (_GRID², 3) [m] spread over a face."""
+    share = (np.arange(_GRID) + 0.5) / _GRID - 0.5
+    x, y = np.meshgrid(share * face.size[0], share * face.size[1])
+    return np.asarray(face.transform.apply(np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))))
+
+
+def _rims(target: Target) -> FloatArray:
+    return np.array([_rim(dot, target.dot_radius or 0.0) for dot in target.dots])
 
 
 def _rim(dot: Dot, radius: float) -> FloatArray:
