@@ -12,7 +12,8 @@ from matplotlib.patches import ConnectionPatch, Ellipse
 from scipy.special import chdtri
 
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
+from omniservo.reporting.around_points import show_around
 from omniservo.reporting.style import (
     CERTIFIED,
     EXECUTED,
@@ -29,6 +30,8 @@ from omniservo.simulation.run_result import Seen
 
 _MOST_LINES = 60
 """more would hide the pictures"""
+_MOST_ARROWS = 250
+_MOST_ELLIPSES = 60
 _ARROW = 0.06
 """length of a long residual, part of the image's width"""
 _LEAST_ELLIPSE = 0.02
@@ -58,27 +61,28 @@ def _matches(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
         axes.scatter(*pixels[used].T, s=22, facecolors="none", edgecolors=colours[used], linewidths=1.1)
         axes.plot(*pixels[~used].T, "x", color=CERTIFIED, ms=5, mew=1.2, label="rejected")
     members = np.flatnonzero(used)
-    drawn = members[np.unique(np.linspace(0, len(members) - 1, min(len(members), _MOST_LINES)).astype(int))]
-    for j in drawn if len(members) else ():
+    drawn = _some(members, _MOST_LINES)
+    for j in drawn:
         line = ConnectionPatch(
             initial[j], goal[j], "data", "data", axesA=left, axesB=right, color=colours[j], lw=0.7, alpha=0.7
         )
         line.set_in_layout(False)
         figure.add_artist(line)
+    for axes, pixels in ((left, initial), (right, goal)):
+        show_around(axes, pixels)
     if not used.all():
         legend_below(figure, left, 1)
+    rest = "" if used.all() else f", the other {len(initial) - len(members)} are crossed out"
     fewer = f" Lines for {len(drawn)} of them." if len(drawn) < len(members) else ""
-    caption = (
-        f"{len(initial)} points were matched; {len(members)} agree with one motion, the others are "
-        f"crossed out.{fewer}"
-    )
+    caption = f"{len(initial)} points were matched; {len(members)} agree with one motion{rest}.{fewer}"
     return Drawing("matches", "The same points in both images", caption, figure)
 
 
 def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
     height, width = seen.initial_image.shape
     figure = new_figure(11.0, 0.6 + 5.3 * height / width)
-    left = estimate.residuals_px[estimate.inliers]
+    chosen = _some(np.flatnonzero(estimate.inliers), _MOST_ARROWS)
+    left = estimate.residuals_px[chosen]
     lengths = np.hypot(left[:, [0, 2]], left[:, [1, 3]])
     scale = _ARROW * width / max(float(np.quantile(lengths, 0.95)), 1e-9)
     pictures = (
@@ -92,8 +96,8 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
         axes.set_aspect("equal")
         axes.set_xlabel("u [px]")
         axes.set_ylabel("v [px]")
-        at = pixels[estimate.inliers]
-        axes.plot(*at.T, ".", color=QUIET, ms=4)
+        at = pixels[chosen]
+        axes.plot(*at.T, ".", color=QUIET, ms=3)
         axes.quiver(*at.T, *(scale * residual).T, angles="xy", scale_units="xy", scale=1.0, width=0.003,
                     color=EXECUTED)  # fmt: skip
     caption = (
@@ -106,9 +110,10 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
 def _structure(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
     del seen
     figure = new_figure(11.0, 5.0)
-    used = estimate.inliers & np.isfinite(estimate.points).all(axis=1)
+    used = np.flatnonzero(estimate.inliers & np.isfinite(estimate.points).all(axis=1))
     unit, factor = ("mm", 1e3) if estimate.is_metric else ("lengths of t", 1.0)
-    points, spread = factor * estimate.points[used], factor**2 * estimate.points_covariance[used]
+    points, shown = factor * estimate.points[used], _some(used, _MOST_ELLIPSES)
+    centres, spread = factor * estimate.points[shown], factor**2 * estimate.points_covariance[shown]
     sides = figure.subplots(1, 2)
     enlarged = 1.0
     for axes, (title, across, up) in zip(
@@ -125,16 +130,24 @@ def _structure(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
             axes.invert_yaxis()
         if axes is sides[0]:
             enlarged = _enlargement(axes, spread[:, [across, up]][:, :, [across, up]])
-        _ellipses(axes, points[:, [across, up]], spread[:, [across, up]][:, :, [across, up]], enlarged)
+        _ellipses(axes, centres[:, [across, up]], spread[:, [across, up]][:, :, [across, up]], enlarged)
     axes = sides[0]
     axes.plot([], [], "-", color=PLANNED, label="95% of each point")
     legend_below(figure, axes, 4)
+    some = "" if len(shown) == len(used) else f", for {len(shown)} of them"
     larger = "" if enlarged == 1.0 else f" Ellipses are drawn {enlarged:.0f} times as large."
     caption = (
         "Points and both cameras in the initial camera frame, each point with the ellipse that holds it with "
-        f"95%.{larger}"
+        f"95%{some}.{larger}"
     )
     return Drawing("structure", "Motion and structure, with their uncertainty", caption, figure)
+
+
+def _some(rows: IntArray, most: int) -> IntArray:
+    """Return at most so many of the rows, evenly taken."""
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, most).round().astype(int)])
 
 
 def _picture(axes: Axes, image: ByteArray, title: str) -> None:

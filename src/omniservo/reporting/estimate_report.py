@@ -50,4 +50,4 @@ def estimate_html(seen: Seen, estimate: TwoViewEstimate) -> str:
 
 def _figure(drawing: Drawing) -> Markup:
     words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words)
+    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words, class_="wide")

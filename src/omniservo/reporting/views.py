@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.reporting.around_points import show_around
 from omniservo.reporting.style import GOAL, START, Drawing, new_figure
 from omniservo.simulation.run_result import RunResult
 
@@ -61,22 +62,16 @@ def _picture(axes: Axes, image: ByteArray, title: str) -> None:
 
 def _frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
     """Enlarge the part with the points in ``near`` and frame it in ``whole``."""
-    seen = points[np.isfinite(points).all(axis=1)]
-    if not len(seen):
+    part = show_around(near, points)
+    if part is None:
         return
-    right, low = (abs(a - b) for a, b in (whole.get_xlim(), whole.get_ylim()))
-    centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    share = min(1.0, 1.2 * float(np.max(np.ptp(seen, axis=0) / (right, low))) + 0.06)
-    half = 0.5 * share * np.array([right, low])
-    centre = np.clip(centre, half - 0.5, np.array([right, low]) - 0.5 - half)
-    near.set_xlim(centre[0] - half[0], centre[0] + half[0])
-    near.set_ylim(centre[1] + half[1], centre[1] - half[1])
+    centre, half = part
     whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
     whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
 
 
 def _numbered(axes: Axes, points: FloatArray, colour: str) -> None:
-    """Mark every dot with a ring and its number, on any ground legible."""
+    """Mark every point with a ring and its number, on any ground legible."""
     halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
     for number, (u, v) in enumerate(points):
         if not np.isfinite((u, v)).all():

@@ -37,7 +37,7 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
         where: the picture's name in the message.
 
     Raises:
-        InputError: too few dots or tags, or too little of the textured faces, project into the camera's image.
+        InputError: too few dots or tags, or too little of the textured faces, project into the image.
     """
     parts = _parts(task)
     outlines = parts.outlines
