@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omniservo.runs import estimate_simulated
+from omniservo.runs.followed_points import followed_points
 from omniservo.runs.pace import joint_path
 from omniservo.runs.plan_task import plan_task
 from omniservo.simulation import World
@@ -19,15 +20,16 @@ ROOM = 0.005
 @pytest.fixture(scope="module", params=NAMES)
 def prepared(request):
     task = load_task(request.param)
-    estimate = estimate_simulated(request.param).estimate
-    return task, estimate, plan_task(task, estimate, np.flatnonzero(estimate.inliers), "certified", 0)
+    found = estimate_simulated(request.param)
+    followed = followed_points(found.estimate, found.seen.matched.initial)
+    return task, found.estimate, plan_task(task, found.estimate, followed, "certified", 0)
 
 
 def test_the_two_pictures_give_the_taught_motion(prepared):
     task, estimate, _ = prepared
     true = task.teach.initial_T_goal.transform
     error = true.inv() * estimate.initial_T_goal
-    assert estimate.inliers.all()
+    assert estimate.inliers.mean() > (0.9 if task.target.textures else 0.999)
     assert np.linalg.norm(error.translation) < 1e-3
     assert error.rotation.magnitude() < np.deg2rad(0.2)
 

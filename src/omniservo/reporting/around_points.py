@@ -9,7 +9,7 @@ from omniservo.geometry.arrays import FloatArray
 
 
 def show_around(axes: Axes, points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Show of the whole picture in ``axes`` the part with points (n, 2), with a margin, in the picture's shape.
+    """Show of the whole picture in ``axes`` the part with points (n, 2), with a margin, in its shape.
 
     Returns:
         Middle and half size of the part, (2,) each [px]; None without a finite point.
