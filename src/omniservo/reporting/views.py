@@ -66,8 +66,8 @@ def _frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
     if part is None:
         return
     centre, half = part
-    whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
-    whole.add_patch(Rectangle(centre - half, *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
+    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
+    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
 
 
 def _numbered(axes: Axes, points: FloatArray, colour: str) -> None:
