@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
@@ -105,11 +105,9 @@ def _paint(
         x, y = (origin[i] + distance * directions[:, i] for i in (0, 1))
     hit = (distance > 0.0) & (distance < nearest) & (np.abs(x) < face.half[0]) & (np.abs(y) < face.half[1])
     rows, columns = face.picture.shape
-    column = ((x[hit] / face.half[0] + 1.0) * 0.5 * columns - 0.5).astype(np.float32)
-    row = ((y[hit] / face.half[1] + 1.0) * 0.5 * rows - 0.5).astype(np.float32)
-    smooth = face.picture.astype(np.float32)
-    found = cv2.remap(smooth, column[None], row[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    grey[hit] = found[0]
+    column = (x[hit] / face.half[0] + 1.0) * 0.5 * columns - 0.5
+    row = (y[hit] / face.half[1] + 1.0) * 0.5 * rows - 0.5
+    grey[hit] = map_coordinates(face.picture, (row, column), order=1, mode="nearest")
     nearest[hit] = distance[hit]
 
 
