@@ -57,7 +57,7 @@ def adjust_views(
     own, pull, mixed = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, size, 3))
     trial_poses, trial_points = poses.copy(), points.copy()
     reduced, step = np.empty((size, size)), np.empty(size)
-    cost = _linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
+    cost = linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
     damping, length = FIRST_DAMPING, _baseline(poses, scale_view)
     if not cost < math.inf:
         return cost, False
@@ -79,7 +79,7 @@ def adjust_views(
                 _rescale(poses, points, length / _baseline(poses, scale_view))
                 if settled:
                     return trial, True
-                cost = _linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
+                cost = linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
                 damping = max(0.1 * damping, 1e-12)
                 continue
             if promised <= SETTLED * cost + 1e-20:
@@ -116,7 +116,7 @@ def cost_of_views(
 
 
 @kernel
-def _linearise(
+def linearise(
     parameters: FloatArray,
     pixels: FloatArray,
     seen: BoolArray,

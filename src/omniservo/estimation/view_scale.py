@@ -1,0 +1,125 @@
+"""What makes the structure of several views metric: a length that is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError, spelled
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, frozen
+
+
+@dataclass(frozen=True)
+class ViewDistance:
+    """The distance of the camera centres of two views, as a robot's odometry knows it."""
+
+    first: int
+    second: int
+    metres: float
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoints:
+    """Points of which the coordinates in some frame are known, such as the corners of a tag."""
+
+    indices: npt.ArrayLike
+    """(k,) rows of the pixels"""
+    points: npt.ArrayLike
+    """(k, 3) [m]"""
+
+
+ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | None
+
+
+@dataclass(frozen=True, eq=False)
+class Length:
+    """A length of the structure: the size √(Σ‖xᵢ − x̄‖²) of some points or of two camera centres."""
+
+    of_views: bool
+    """x are centres of views, else points"""
+    indices: IntArray
+    """(k,) of x"""
+    metres: float | None
+    """what it truly is; None: it is set to 1"""
+    known: FloatArray
+    """(k, 3) [m] coordinates of the points where they are known, else (0, 3)"""
+
+    def without(self, lost: IntArray) -> Length:
+        """Return the length of what is left where some of its known points have no place."""
+        if not len(lost):
+            return self
+        kept = ~np.isin(self.indices, lost)
+        known = self.known[kept]
+        size = float(np.linalg.norm(known - known.mean(axis=0)))
+        return Length(self.of_views, self.indices[kept], size, known)
+
+    def among(self, views: IntArray, points: IntArray) -> Length:
+        """Return the length in arrays of these views and points only, both sorted."""
+        rows = views if self.of_views else points
+        kept = self.without(self.indices[~np.isin(self.indices, rows)])
+        return Length(self.of_views, np.searchsorted(rows, kept.indices), kept.metres, kept.known)
+
+    def value(self, centres: FloatArray, points: FloatArray) -> float:
+        """Return the length in a structure of centres (v, 3) and points (n, 3)."""
+        return float(np.linalg.norm(self._spread(centres, points)))
+
+    def log_gradient(self, centres: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ∂ log(length)/∂ centres (v, 3) and ∂ points (n, 3)."""
+        spread = self._spread(centres, points)
+        gradients = np.zeros_like(centres), np.zeros_like(points)
+        gradients[0 if self.of_views else 1][self.indices] = spread / float((spread**2).sum())
+        return gradients
+
+    def _spread(self, centres: FloatArray, points: FloatArray) -> FloatArray:
+        chosen = (centres if self.of_views else points)[self.indices]
+        return np.asarray(chosen - chosen.mean(axis=0))
+
+
+def checked_scale(scale: Any, views: int, n: int) -> Length:
+    """Return the length that a scale states for so many views and points.
+
+    Raises:
+        InputError: not one of the forms of `estimate_views`, or with illegal indices or numbers.
+    """
+    none = np.empty((0, 3))
+    if scale is None:
+        return Length(True, np.array([0, 1]), None, none)
+    if isinstance(scale, ViewDistance):
+        ends = _indices("scale: view", [scale.first, scale.second], views)
+        return Length(True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none)
+    if isinstance(scale, KnownPoints):
+        points = finite_array("scale: points", scale.points, (None, 3))
+        rows = _indices("scale: index", list(np.asarray(scale.indices, dtype=object).ravel()), n)
+        if len(rows) != len(points) or len(rows) < 2:
+            words = f"{len(rows)} indices and {len(points)} points given; as many, at least two, are needed"
+            raise InputError(f"scale: {words}")
+        size = float(np.linalg.norm(points - points.mean(axis=0)))
+        if not size > 0.0:
+            raise InputError("scale: points: all at one place; different points are needed")
+        return Length(False, rows, size, frozen(points))
+    if isinstance(scale, tuple | list):
+        if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
+            legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints"
+            raise InputError(f"scale: {spelled(scale)} given; legal: {legal}")
+        metres = finite_number("scale: metres", scale[1], above=0.0)
+        return Length(False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none)
+    metres = finite_number("scale", scale, above=0.0)
+    return Length(True, np.array([0, 1]), _pair_size(metres), none)
+
+
+def _pair_size(metres: float) -> float:
+    """Return the size of two points so far apart: √(2 (d/2)²)."""
+    return metres / math.sqrt(2.0)
+
+
+def _indices(name: str, values: list[Any], count: int) -> IntArray:
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < count:
+            raise InputError(f"{name} {spelled(value)} given; legal: whole numbers from 0 to {count - 1}")
+    if len(set(values)) != len(values):
+        raise InputError(f"{name}: {spelled(values)} given; they must differ")
+    return np.array(values, dtype=np.int64)
