@@ -93,7 +93,7 @@ def _answer(camera: UnifiedCamera, scene: Scene) -> Rotation | None:
 
 def _minimum(camera: UnifiedCamera, scene: Scene) -> Rotation | None:
     matches = Matches.of_pixels(camera, np.hstack([scene.pixels_initial, scene.pixels_goal]))
-    minima = search_motion(matches, QUATERNION, eight_point_starts(matches, START_ANGLES))
+    minima = search_motion(matches, QUATERNION, eight_point_starts(matches.bearings, START_ANGLES))
     return Rotation.from_matrix(minima[0].rotation) if minima else None
 
 
@@ -116,7 +116,7 @@ def estimation_microseconds(n: int = 9, noise: float = 0.05, scenes: int = 100) 
 
         def solve(pixels: FloatArray = pixels) -> object:
             matches = Matches.of_pixels(camera, pixels)
-            return search_motion(matches, QUATERNION, eight_point_starts(matches, angles))
+            return search_motion(matches, QUATERNION, eight_point_starts(matches.bearings, angles))
 
         def estimate(scene: Scene = scene) -> object:
             return estimate_two_view(camera, scene.pixels_initial, scene.pixels_goal)

@@ -28,8 +28,8 @@ def assert_no_pose(estimate, status, n):
     assert not estimate.inliers.any()
 
 
-@pytest.mark.parametrize("n", [1, 5, 7])
-def test_fewer_than_eight_points_are_too_few(make_scene, n):
+@pytest.mark.parametrize("n", [1, 4])
+def test_fewer_than_five_points_are_too_few(make_scene, n):
     scene = make_scene(np.random.default_rng(41), n=n)
     assert_no_pose(
         estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal), "too_few_points", n

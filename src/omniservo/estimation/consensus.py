@@ -1,4 +1,4 @@
-"""Outliers: random minimal samples of matches, scored in px, with local optimisation (LO-RANSAC, MSAC score).
+"""Outliers: random samples of five matches, scored in px, with local optimisation (LO-RANSAC, MSAC score).
 
 A match is scored by its Sampson distance in pixels.
 Chum, Matas, Kittler 2003 (local optimisation); Torr, Zisserman 2000 (MSAC).
@@ -8,16 +8,23 @@ import math
 
 import numpy as np
 
-from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
-from omniservo.estimation.essential_matrix import epipolar_gram, motions_from_essential
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.estimation.epipolar_refinement import (
+    essential_matrix,
+    refine_epipolar,
+    sampson_distance,
+)
+from omniservo.estimation.essential_matrix import motion_from_essential
+from omniservo.estimation.five_points import MOST_SOLUTIONS, SAMPLE, five_point_essentials
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.linear_systems import symmetric_eigen
 
-SAMPLE = 8
-MOST_SAMPLES = 3000
+LEAST_SAMPLES = 20
+MOST_SAMPLES = 2000
 CONFIDENCE = 0.999
-LOCAL_ROUNDS = 3
+LOCAL_ROUNDS = 2
+LOCAL_STEPS = 6
+REACH = 2.0
+"""The local optimisation looks at matches within so many thresholds."""
 
 
 @kernel
@@ -30,33 +37,33 @@ def find_consensus(
     with probability :data:`CONFIDENCE`, or after :data:`MOST_SAMPLES`. The same seed gives the same answer.
     """
     n = bearings.shape[0]
-    distances, weights = np.empty(n), np.empty(n)
-    trial = np.empty((3, 3))
-    chosen = np.empty(SAMPLE, dtype=np.int64)
+    trials, chosen = np.empty((MOST_SOLUTIONS, 3, 3)), np.empty(SAMPLE, dtype=np.int64)
+    near, slopes = np.empty_like(bearings), np.empty_like(jacobians)
     state = seed
     best, count, needed, drawn = math.inf, 0, MOST_SAMPLES, 0
     while drawn < needed:
         drawn += 1
-        state = _draw(state, n, chosen)
-        if not _essential_of_sample(bearings, chosen, trial):
+        state = draw(state, n, chosen)
+        better = -1
+        for k in range(five_point_essentials(bearings, chosen, trials)):
+            score, inliers = _score(bearings, jacobians, trials[k], threshold, best)
+            if score < best:
+                best, count, better = score, inliers, k
+        if better < 0:
             continue
-        score, inliers = _score(bearings, jacobians, trial, threshold, distances, weights)
-        if not score < best:
-            continue
-        best, count = score, inliers
-        _copy(trial, essential)
+        _copy(trials[better], essential)
         for _ in range(LOCAL_ROUNDS):
-            if not _improve(bearings, threshold, distances, weights, trial):
+            if not _improve(bearings, jacobians, essential, threshold, near, slopes, trials[0]):
                 break
-            score, inliers = _score(bearings, jacobians, trial, threshold, distances, weights)
+            score, inliers = _score(bearings, jacobians, trials[0], threshold, best)
             if not score < best:
                 break
             best, count = score, inliers
-            _copy(trial, essential)
+            _copy(trials[0], essential)
         clean = (count / n) ** SAMPLE
         if clean > 1e-12:
             limit = math.log(1.0 - CONFIDENCE) / math.log(1.0 - min(clean, 1.0 - 1e-12))
-            needed = min(MOST_SAMPLES, int(limit) + 1)
+            needed = min(MOST_SAMPLES, max(LEAST_SAMPLES, int(limit) + 1))
     return best, count
 
 
@@ -69,59 +76,66 @@ def _copy(source: FloatArray, target: FloatArray) -> None:
 
 @kernel
 def _score(
-    bearings: FloatArray,
-    jacobians: FloatArray,
-    essential: FloatArray,
-    threshold: float,
-    distances: FloatArray,
-    weights: FloatArray,
+    bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, threshold: float, best: float
 ) -> tuple[float, int]:
-    """Return the MSAC score [px²] and the number of matches within the threshold."""
-    sampson_distances(bearings, jacobians, essential, distances, weights)
-    score, inliers = 0.0, 0
-    for j in range(distances.shape[0]):
-        if abs(distances[j]) < threshold:
+    """Return the MSAC score [px²] and the inliers; what cannot beat ``best`` any more is left early."""
+    score, inliers, most = 0.0, 0, threshold * threshold
+    for j in range(bearings.shape[0]):
+        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        square = distance * distance
+        if square < most:
             inliers += 1
-        score += min(distances[j] * distances[j], threshold * threshold)
+            score += square
+        else:
+            score += most
+        if score >= best:
+            return math.inf, 0
     return score, inliers
 
 
 @kernel
 def _improve(
-    bearings: FloatArray, threshold: float, distances: FloatArray, weights: FloatArray, essential: FloatArray
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    essential: FloatArray,
+    threshold: float,
+    near: FloatArray,
+    slopes: FloatArray,
+    improved: FloatArray,
 ) -> bool:
-    """Replace ``essential`` by the eight-point solution, in px weights, of the matches in reach."""
-    inliers = 0
-    for j in range(distances.shape[0]):
-        if abs(distances[j]) < threshold:
-            inliers += 1
-        else:
-            weights[j] = 0.0
-    if inliers < SAMPLE:
+    """Write ``essential`` refined on the matches in reach, by robust loss; False where it has no motion."""
+    rotation, translation = np.empty((3, 3)), np.empty(3)
+    if not motion_from_essential(essential, rotation, translation):
         return False
-    gram = np.empty((9, 9))
-    epipolar_gram(bearings, weights, gram)
-    _, vectors = symmetric_eigen(gram)
-    null = np.empty(9)
-    for i in range(9):
-        null[i] = vectors[i, 0]
-    return _nearest_essential(null, essential)
-
-
-@kernel
-def _nearest_essential(entries: FloatArray, essential: FloatArray) -> bool:
-    """Write the essential matrix nearest to nine entries: equal singular values, [t]× R."""
-    rotations, t = np.empty((2, 3, 3)), np.empty(3)
-    for i in range(9):
-        essential[i // 3, i % 3] = entries[i]
-    if not motions_from_essential(essential, rotations, t):
-        return False
-    essential_matrix(rotations[0], t, essential)
+    within = np.empty(bearings.shape[0], dtype=np.bool_)
+    for j in range(bearings.shape[0]):
+        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        within[j] = abs(distance) < REACH * threshold
+    count = gather(bearings, jacobians, within, near, slopes)
+    loss_scale = 0.5 * threshold
+    refine_epipolar(near[:count], slopes[:count], loss_scale, rotation, translation, LOCAL_STEPS)
+    essential_matrix(rotation, translation, improved)
     return True
 
 
 @kernel
-def _draw(state: int, n: int, chosen: IntArray) -> int:
+def gather(
+    bearings: FloatArray, jacobians: FloatArray, chosen: BoolArray, near: FloatArray, slopes: FloatArray
+) -> int:
+    """Copy the chosen rows of both arrays to the front of ``near`` and ``slopes``; return how many."""
+    count = 0
+    for j in range(bearings.shape[0]):
+        if chosen[j]:
+            for i in range(6):
+                near[count, i] = bearings[j, i]
+            for i in range(12):
+                slopes[count, i] = jacobians[j, i]
+            count += 1
+    return count
+
+
+@kernel
+def draw(state: int, n: int, chosen: IntArray) -> int:
     """Fill ``chosen`` with distinct numbers below n; return the next state (48-bit linear congruence)."""
     for i in range(chosen.shape[0]):
         fresh = False
@@ -133,42 +147,3 @@ def _draw(state: int, n: int, chosen: IntArray) -> int:
                 if chosen[k] == chosen[i]:
                     fresh = False
     return state
-
-
-@kernel
-def _essential_of_sample(bearings: FloatArray, chosen: IntArray, essential: FloatArray) -> bool:
-    """Write the essential matrix nearest to the null vector of eight matches; False where it is not unique.
-
-    Gaussian elimination with full pivoting on the 8×9 matrix.
-    """
-    a = np.empty((SAMPLE, 9))
-    order = np.arange(9)
-    for i in range(SAMPLE):
-        for p in range(3):
-            for q in range(3):
-                a[i, 3 * p + q] = bearings[chosen[i], p] * bearings[chosen[i], 3 + q]
-    for step in range(SAMPLE):
-        row, column, largest = step, step, 0.0
-        for i in range(step, SAMPLE):
-            for k in range(step, 9):
-                if abs(a[i, k]) > largest:
-                    row, column, largest = i, k, abs(a[i, k])
-        if largest < 1e-12:
-            return False
-        order[step], order[column] = order[column], order[step]
-        for i in range(SAMPLE):
-            a[i, step], a[i, column] = a[i, column], a[i, step]
-        for k in range(9):
-            a[step, k], a[row, k] = a[row, k], a[step, k]
-        for i in range(step + 1, SAMPLE):
-            factor = a[i, step] / a[step, step]
-            for k in range(step, 9):
-                a[i, k] -= factor * a[step, k]
-    null = np.empty(9)
-    null[order[8]] = 1.0
-    for i in range(SAMPLE - 1, -1, -1):
-        entry = -a[i, 8]
-        for k in range(i + 1, SAMPLE):
-            entry -= a[i, k] * null[order[k]]
-        null[order[i]] = entry / a[i, i]
-    return _nearest_essential(null, essential)

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
@@ -46,7 +47,8 @@ def refine_epipolar(
     (δ, τ): R exp([δ]×) and t turned by τ in its tangent plane. The signs that E leaves free stay as given.
     """
     normal, gradient, factor, step = np.empty((5, 5)), np.empty(5), np.empty((5, 5)), np.empty(5)
-    tangents, essential = np.empty((2, 3)), np.empty((3, 3))
+    trial_normal, trial_gradient = np.empty((5, 5)), np.empty(5)
+    tangents, trial_tangents, essential = np.empty((2, 3)), np.empty((2, 3)), np.empty((3, 3))
     trial_r, trial_t = np.empty((3, 3)), np.empty(3)
     tangent_plane(translation, tangents)
     essential_matrix(rotation, translation, essential)
@@ -57,21 +59,24 @@ def refine_epipolar(
     for _ in range(most_steps):
         if damping > LARGEST_DAMPING:
             break
-        for i in range(5):
-            for k in range(i):
-                factor[i, k] = normal[i, k]
-            factor[i, i] = (1.0 + damping) * normal[i, i]
-            step[i] = -gradient[i]
-        if not factor_cholesky(factor, 5, 1e-15):
+        decrement = _damped_step(normal, gradient, damping, factor, step)
+        if decrement < 0.0:
             damping *= 10.0
             continue
-        solve_factored(factor, 5, step)
-        decrement = 0.0
-        for i in range(5):
-            decrement -= gradient[i] * step[i]
         move_motion(rotation, translation, tangents, step, trial_r, trial_t)
         essential_matrix(trial_r, trial_t, essential)
-        trial = sampson_cost(bearings, jacobians, loss_scale, essential)
+        tangent_plane(trial_t, trial_tangents)
+        # Most trials are taken, so their normal equations are made along with their cost.
+        trial = accumulate_distances(
+            bearings,
+            jacobians,
+            loss_scale,
+            trial_r,
+            essential,
+            trial_tangents,
+            trial_normal,
+            trial_gradient,
+        )
         last = decrement <= SMALL_GAIN * cost + 1e-20 * bearings.shape[0] and damping <= TRUSTED_DAMPING
         if trial <= cost or last:
             for i in range(3):
@@ -80,14 +85,67 @@ def refine_epipolar(
                     rotation[i, k] = trial_r[i, k]
             if last:
                 return trial, True
-            damping = max(0.1 * damping, 1e-12)
-            tangent_plane(translation, tangents)
-            cost = accumulate_distances(
-                bearings, jacobians, loss_scale, rotation, essential, tangents, normal, gradient
-            )
+            damping, cost = max(0.1 * damping, 1e-12), trial
+            normal, trial_normal = trial_normal, normal
+            gradient, trial_gradient = trial_gradient, gradient
+            tangents, trial_tangents = trial_tangents, tangents
         else:
             damping = max(10.0 * damping, 1e-8)
     return cost, False
+
+
+@kernel
+def _damped_step(
+    normal: FloatArray, gradient: FloatArray, damping: float, factor: FloatArray, step: FloatArray
+) -> float:
+    """Write the damped step (5,) and return −gradient·step, or −1 where the system is singular."""
+    for i in range(5):
+        for k in range(i):
+            factor[i, k] = normal[i, k]
+        factor[i, i] = (1.0 + damping) * normal[i, i]
+        step[i] = -gradient[i]
+    if not factor_cholesky(factor, 5, 1e-15):
+        return -1.0
+    solve_factored(factor, 5, step)
+    decrement = 0.0
+    for i in range(5):
+        decrement -= gradient[i] * step[i]
+    return decrement
+
+
+@kernel
+def sampson_distance(
+    bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray
+) -> tuple[float, float]:
+    """Return match ``j``'s signed Sampson distance [px] and its weight, 1/‖∂(bᵀEb*)/∂(p, p*)‖².
+
+    d = bᵀEb* over the length of that form's gradient in the four pixel coordinates: to first order the
+    smallest correction of the pixels that satisfies E. The camera's Jacobians carry it, so that a pixel
+    counts the same in the middle and at the rim.
+    """
+    bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
+    gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
+    lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
+    ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
+    lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
+    mx = e[0, 0] * bx + e[1, 0] * by + e[2, 0] * bz
+    my = e[0, 1] * bx + e[1, 1] * by + e[2, 1] * bz
+    mz = e[0, 2] * bx + e[1, 2] * by + e[2, 2] * bz
+    f0 = lx * jacobians[j, 0] + ly * jacobians[j, 2] + lz * jacobians[j, 4]
+    f1 = lx * jacobians[j, 1] + ly * jacobians[j, 3] + lz * jacobians[j, 5]
+    f2 = mx * jacobians[j, 6] + my * jacobians[j, 8] + mz * jacobians[j, 10]
+    f3 = mx * jacobians[j, 7] + my * jacobians[j, 9] + mz * jacobians[j, 11]
+    weight = 1.0 / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
+    return (bx * lx + by * ly + bz * lz) * math.sqrt(weight), weight
+
+
+@kernel
+def sampson_distances(
+    bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, distances: FloatArray
+) -> None:
+    """Write the signed Sampson distances (n,) [px]; see :func:`sampson_distance`."""
+    for j in range(bearings.shape[0]):
+        distances[j], _ = sampson_distance(bearings, jacobians, j, essential)
 
 
 @kernel
@@ -95,49 +153,28 @@ def sampson_cost(
     bearings: FloatArray, jacobians: FloatArray, loss_scale: float, essential: FloatArray
 ) -> float:
     """Return Σ d² [px²], or the Cauchy loss of it, d the Sampson distances under ``essential``."""
-    distances, weights = np.empty(bearings.shape[0]), np.empty(bearings.shape[0])
-    sampson_distances(bearings, jacobians, essential, distances, weights)
     cost = 0.0
-    for j in range(distances.shape[0]):
-        square = distances[j] * distances[j]
-        if loss_scale == math.inf:
-            cost += square
-        else:
-            cost += loss_scale * loss_scale * math.log1p(square / (loss_scale * loss_scale))
+    for j in range(bearings.shape[0]):
+        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        cost += cauchy_loss(distance * distance, loss_scale)
     return cost
 
 
 @kernel
-def sampson_distances(
-    bearings: FloatArray,
-    jacobians: FloatArray,
-    essential: FloatArray,
-    distances: FloatArray,
-    weights: FloatArray,
+def correct_bearings(
+    bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, corrected: FloatArray
 ) -> None:
-    """Write the signed Sampson distances (n,) [px] and the weights (n,) 1/‖∂(bᵀEb*)/∂(p, p*)‖².
-
-    d = bᵀEb* over the length of that form's gradient in the four pixel coordinates: to first order the
-    smallest correction of the pixels that satisfies E. The camera's Jacobians carry it, so that a pixel
-    counts the same in the middle and at the rim.
-    """
-    e = essential
+    """Write the bearings (n, 6), to first order those of the nearest pixels that satisfy E."""
     for j in range(bearings.shape[0]):
-        bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
-        gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
-        lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
-        ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
-        lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
-        mx = e[0, 0] * bx + e[1, 0] * by + e[2, 0] * bz
-        my = e[0, 1] * bx + e[1, 1] * by + e[2, 1] * bz
-        mz = e[0, 2] * bx + e[1, 2] * by + e[2, 2] * bz
-        square = 1e-300
-        for c in range(2):
-            first = lx * jacobians[j, c] + ly * jacobians[j, 2 + c] + lz * jacobians[j, 4 + c]
-            second = mx * jacobians[j, 6 + c] + my * jacobians[j, 8 + c] + mz * jacobians[j, 10 + c]
-            square += first * first + second * second
-        weights[j] = 1.0 / square
-        distances[j] = (bx * lx + by * ly + bz * lz) / math.sqrt(square)
+        b, k = bearings[j], jacobians[j]
+        lx, ly, lz = times(essential, b[3], b[4], b[5])
+        mx, my, mz = transposed_times(essential, b[0], b[1], b[2])
+        f0, f1 = lx * k[0] + ly * k[2] + lz * k[4], lx * k[1] + ly * k[3] + lz * k[5]
+        f2, f3 = mx * k[6] + my * k[8] + mz * k[10], mx * k[7] + my * k[9] + mz * k[11]
+        ratio = (lx * b[0] + ly * b[1] + lz * b[2]) / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
+        for i in range(3):
+            corrected[j, i] = b[i] - ratio * (f0 * k[2 * i] + f1 * k[2 * i + 1])
+            corrected[j, 3 + i] = b[3 + i] - ratio * (f2 * k[6 + 2 * i] + f3 * k[7 + 2 * i])
 
 
 @kernel
@@ -194,77 +231,89 @@ def accumulate_distances(
     gradient: FloatArray,
 ) -> float:
     """Fill JᵀJ (5, 5), lower triangle, and Jᵀd (5,) of the Sampson distances; return the cost."""
+    row = np.empty(5)
     normal[:, :] = 0.0
     gradient[:] = 0.0
-    row = np.empty(5)
     cost = 0.0
     for j in range(bearings.shape[0]):
-        distance = _sampson_row(bearings[j], jacobians[j], rotation, essential, tangents, row)
+        distance = _sampson_row(bearings, jacobians, j, rotation, essential, tangents, row)
         square = distance * distance
         weight = 1.0
         if loss_scale == math.inf:
             cost += square
         else:
-            cost += loss_scale * loss_scale * math.log1p(square / (loss_scale * loss_scale))
+            cost += cauchy_loss(square, loss_scale)
             weight = 1.0 / (1.0 + square / (loss_scale * loss_scale))
         for i in range(5):
-            gradient[i] += weight * row[i] * distance
+            weighted = weight * row[i]
+            gradient[i] += weighted * distance
             for k in range(i + 1):
-                normal[i, k] += weight * row[i] * row[k]
+                normal[i, k] += weighted * row[k]
     return cost
 
 
 @kernel
 def _sampson_row(
-    bearing: FloatArray,
-    jacobian: FloatArray,
-    rotation: FloatArray,
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    j: int,
+    r: FloatArray,
     e: FloatArray,
     tangents: FloatArray,
     row: FloatArray,
 ) -> float:
-    """Return d = g/√q of one match and write its derivatives (5,) to (δ, τ).
+    """Return d = g/√q of match ``j`` and write its derivatives (5,) to (δ, τ).
 
     g = bᵀl, l = E b*, m = Eᵀ b, q = ‖Jᵀl‖² + ‖J*ᵀm‖². With a = b − (g/q) J Jᵀl and c = −(g/q) J*J*ᵀm,
     √q dd = a·dl + c·dm; dl = E (δ × b*), dm = m × δ under δ and dl = dt × R b*, dm = Rᵀ(b × dt) under a
     turn of t, so √q ∂d/∂δ = b* × Eᵀa + c × m and √q ∂d/∂t = R b* × a + R c × b.
     """
-    b, g = bearing[:3], bearing[3:]
-    line, m, turned, a, c = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    _apply(e, g, False, line)
-    _apply(e, b, True, m)
-    _apply(rotation, g, False, turned)
-    f0 = line[0] * jacobian[0] + line[1] * jacobian[2] + line[2] * jacobian[4]
-    f1 = line[0] * jacobian[1] + line[1] * jacobian[3] + line[2] * jacobian[5]
-    f2 = m[0] * jacobian[6] + m[1] * jacobian[8] + m[2] * jacobian[10]
-    f3 = m[0] * jacobian[7] + m[1] * jacobian[9] + m[2] * jacobian[11]
+    bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
+    gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
+    j0, j1, j2 = jacobians[j, 0], jacobians[j, 1], jacobians[j, 2]
+    j3, j4, j5 = jacobians[j, 3], jacobians[j, 4], jacobians[j, 5]
+    k0, k1, k2 = jacobians[j, 6], jacobians[j, 7], jacobians[j, 8]
+    k3, k4, k5 = jacobians[j, 9], jacobians[j, 10], jacobians[j, 11]
+    lx, ly, lz = times(e, gx, gy, gz)
+    mx, my, mz = transposed_times(e, bx, by, bz)
+    f0, f1 = lx * j0 + ly * j2 + lz * j4, lx * j1 + ly * j3 + lz * j5
+    f2, f3 = mx * k0 + my * k2 + mz * k4, mx * k1 + my * k3 + mz * k5
     q = f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300
-    form = line[0] * b[0] + line[1] * b[1] + line[2] * b[2]
-    scale = 1.0 / math.sqrt(q)
-    ratio = form / q
-    for i in range(3):
-        a[i] = b[i] - ratio * (f0 * jacobian[2 * i] + f1 * jacobian[2 * i + 1])
-        c[i] = -ratio * (f2 * jacobian[6 + 2 * i] + f3 * jacobian[7 + 2 * i])
-    ea, rc = np.empty(3), np.empty(3)
-    _apply(e, a, True, ea)
-    _apply(rotation, c, False, rc)
-    row[3] = 0.0
-    row[4] = 0.0
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        row[i] = scale * (g[j] * ea[k] - g[k] * ea[j] + c[j] * m[k] - c[k] * m[j])
-        slope = scale * (turned[j] * a[k] - turned[k] * a[j] + rc[j] * b[k] - rc[k] * b[j])
-        row[3] += tangents[0, i] * slope
-        row[4] += tangents[1, i] * slope
+    form = lx * bx + ly * by + lz * bz
+    scale, ratio = 1.0 / math.sqrt(q), form / q
+    f0, f1, f2, f3 = ratio * f0, ratio * f1, ratio * f2, ratio * f3
+    ax, ay, az = bx - (f0 * j0 + f1 * j1), by - (f0 * j2 + f1 * j3), bz - (f0 * j4 + f1 * j5)
+    cx, cy, cz = -(f2 * k0 + f3 * k1), -(f2 * k2 + f3 * k3), -(f2 * k4 + f3 * k5)
+    ex, ey, ez = transposed_times(e, ax, ay, az)
+    row[0] = scale * (gy * ez - gz * ey + cy * mz - cz * my)
+    row[1] = scale * (gz * ex - gx * ez + cz * mx - cx * mz)
+    row[2] = scale * (gx * ey - gy * ex + cx * my - cy * mx)
+    hx, hy, hz = times(r, gx, gy, gz)
+    ux, uy, uz = times(r, cx, cy, cz)
+    sx = scale * (hy * az - hz * ay + uy * bz - uz * by)
+    sy = scale * (hz * ax - hx * az + uz * bx - ux * bz)
+    sz = scale * (hx * ay - hy * ax + ux * by - uy * bx)
+    row[3] = tangents[0, 0] * sx + tangents[0, 1] * sy + tangents[0, 2] * sz
+    row[4] = tangents[1, 0] * sx + tangents[1, 1] * sy + tangents[1, 2] * sz
     distance: float = form * scale
     return distance
 
 
 @kernel
-def _apply(matrix: FloatArray, vector: FloatArray, transposed: bool, product: FloatArray) -> None:
-    """Write the product of a 3×3 matrix, or its transpose, and a vector."""
-    for i in range(3):
-        if transposed:
-            product[i] = matrix[0, i] * vector[0] + matrix[1, i] * vector[1] + matrix[2, i] * vector[2]
-        else:
-            product[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
+def times(m: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the product of a 3×3 matrix and (x, y, z)."""
+    return (
+        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
+        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
+        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
+    )
+
+
+@kernel
+def transposed_times(m: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return the product of a transposed 3×3 matrix and (x, y, z)."""
+    return (
+        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
+        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
+        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
+    )

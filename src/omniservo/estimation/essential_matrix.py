@@ -12,7 +12,7 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.linear_systems import symmetric_eigen
+from omniservo.geometry.linear_systems import smallest_eigenvectors, symmetric_eigen
 
 FAR = 50.0
 """Distance, in lengths of t, given to a point whose rays do not meet in front of both cameras."""
@@ -43,19 +43,23 @@ def epipolar_gram(bearings: FloatArray, weights: FloatArray, gram: FloatArray) -
             gram[b, a] = gram[a, b]
 
 
-def eight_point_span(bearings: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return e₁ and e₂ (3, 3): the eigenvectors of AᵀA with the smallest and the next eigenvalue.
+@kernel
+def eight_point_span(bearings: FloatArray, weights: FloatArray, span: FloatArray) -> None:
+    """Write e₁ and e₂ into ``span`` (2, 3, 3): the eigenvectors of AᵀA with the two smallest eigenvalues.
 
-    A has the rows b ⊗ b*, so e₁ is the eight-point solution: the E of norm 1 with the least Σ (bᵀ E b*)².
+    e₁ is the eight-point solution: the E of norm 1 with the least Σ w (bᵀ E b*)².
     """
-    rows = (bearings[:, :3, None] * bearings[:, None, 3:]).reshape(-1, 9)
-    _, vectors = np.linalg.eigh(rows.T @ rows)
-    return vectors[:, 0].reshape(3, 3), vectors[:, 1].reshape(3, 3)
+    gram, vectors, values = np.empty((9, 9)), np.empty((9, 4)), np.empty(4)
+    epipolar_gram(bearings, weights, gram)
+    smallest_eigenvectors(gram, vectors, values)
+    for k in range(2):
+        for i in range(9):
+            span[k, i // 3, i % 3] = vectors[i, k]
 
 
 @kernel
-def motions_from_essential(essential: FloatArray, rotations: FloatArray, translation: FloatArray) -> bool:
-    """Write the two rotations (2, 3, 3) and the unit translation (3,), up to sign, of the nearest E.
+def motion_from_essential(essential: FloatArray, rotation: FloatArray, translation: FloatArray) -> bool:
+    """Write one rotation (3, 3) and unit translation (3,) of the essential matrix nearest to this one.
 
     With E ≈ u₁v₁ᵀ + u₂v₂ᵀ and u₃ = u₁ × u₂, v₃ = v₁ × v₂: t = ±u₃ and R = ±(u₁v₂ᵀ − u₂v₁ᵀ) + u₃v₃ᵀ.
     Returns False where the second singular value vanishes: no motion can be read from such a matrix.
@@ -87,9 +91,7 @@ def motions_from_essential(essential: FloatArray, rotations: FloatArray, transla
     for i in range(3):
         for k in range(3):
             turn = vectors[i, 2] * v[k, 1] - vectors[i, 1] * v[k, 0]
-            axis = translation[i] * v[k, 2]
-            rotations[0, i, k] = axis + turn
-            rotations[1, i, k] = axis - turn
+            rotation[i, k] = translation[i] * v[k, 2] + turn
     return True
 
 
@@ -134,30 +136,48 @@ def motion_in_front(
 
     Returns how many those are, or −1 where E has no motion.
     """
-    rotations = np.empty((2, 3, 3))
-    if not motions_from_essential(essential, rotations, translation):
+    if not motion_from_essential(essential, rotation, translation):
         return -1
-    best = -1
-    best_k = 0
-    sign = 1.0
-    for k in range(2):
-        plus = 0
-        minus = 0
-        for j in range(bearings.shape[0]):
-            first, second = ray_distances(bearings, j, rotations[k], translation)
-            if first > 0.0 and second > 0.0:
-                plus += 1
-            elif first < 0.0 and second < 0.0:
-                minus += 1
-        if max(plus, minus) > best:
-            best = max(plus, minus)
-            best_k = k
-            sign = 1.0 if plus >= minus else -1.0
-    for i in range(3):
-        translation[i] *= sign
-        for j in range(3):
-            rotation[i, j] = rotations[best_k, i, j]
-    return best
+    return turn_in_front(bearings, rotation, translation)
+
+
+@kernel
+def turn_in_front(bearings: FloatArray, rotation: FloatArray, translation: FloatArray) -> int:
+    """Replace a motion by that with most points in front, of the four with the same E; return how many.
+
+    The other rotation is R turned by half a turn about t, (2ttᵀ − I)R; t and −t share E up to its sign.
+    """
+    other = np.empty((3, 3))
+    for k in range(3):
+        along = 0.0
+        for i in range(3):
+            along += translation[i] * rotation[i, k]
+        for i in range(3):
+            other[i, k] = 2.0 * along * translation[i] - rotation[i, k]
+    plus, minus = _count_in_front(bearings, rotation, translation)
+    other_plus, other_minus = _count_in_front(bearings, other, translation)
+    if max(other_plus, other_minus) > max(plus, minus):
+        plus, minus = other_plus, other_minus
+        for i in range(3):
+            for k in range(3):
+                rotation[i, k] = other[i, k]
+    if minus > plus:
+        for i in range(3):
+            translation[i] = -translation[i]
+    return max(plus, minus)
+
+
+@kernel
+def _count_in_front(bearings: FloatArray, rotation: FloatArray, translation: FloatArray) -> tuple[int, int]:
+    """Return how many matches meet in front of both cameras under t and under −t."""
+    plus, minus = 0, 0
+    for j in range(bearings.shape[0]):
+        first, second = ray_distances(bearings, j, rotation, translation)
+        if first > 0.0 and second > 0.0:
+            plus += 1
+        elif first < 0.0 and second < 0.0:
+            minus += 1
+    return plus, minus
 
 
 @kernel

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
@@ -17,9 +16,10 @@ from omniservo.estimation.essential_matrix import linear_structure, mark_in_fron
 from omniservo.estimation.evidence import judge
 from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION, quaternion_from_matrix
+from omniservo.estimation.members import MOTION_PARAMETERS
+from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
-from omniservo.estimation.two_view_fit import LEAST_POINTS, MOTION_PARAMETERS, TwoViewFit, fit_two_views
+from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.two_view_uncertainty import (
     Length,
     Lens,
@@ -36,6 +36,9 @@ Scale = float | tuple[tuple[int, int], float]
 METHODS = ("pixel", "virtual-plane")
 ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
 MOST_STEPS = 100
+
+ASSUMED_NOISE_PX = 0.5
+"""of fewer than eight matches where none is stated: they leave too few residuals to tell."""
 
 
 def estimate_two_view(
@@ -69,7 +72,7 @@ def estimate_two_view(
         robust: reject matches that do not agree with the others.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
-            pixel is as good as any other, and σ comes from the residuals.
+            pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
         scale_sigma: standard deviation of the stated scale over the scale.
         calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: the camera is exact.
 
@@ -93,7 +96,7 @@ def estimate_two_view(
     if fit is None:
         words = f"fewer than {LEAST_POINTS} of the {len(pixels)} matches agree"
         return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
-    status, words = judge(fit, matches)
+    status, words = judge(fit, matches, robust)
     if status != "ok":
         return TwoViewEstimate.without_pose(len(pixels), status, words, started)
     lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
@@ -127,7 +130,7 @@ def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -
 def _checked_noise(noise: Any, n: int) -> FloatArray | None:
     """Return σ of each point in either image (n, 2) [px]."""
     if noise is None:
-        return None
+        return np.full((n, 2), ASSUMED_NOISE_PX) if n < EIGHT_POINTS else None
     if np.ndim(noise) == 0:
         return np.full((n, 2), finite_number("noise", noise, above=0.0))
     sigmas = finite_array("noise", noise, (None, 2))
@@ -177,7 +180,7 @@ def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, Fl
     if not valid.all():
         raise InputError(f"pixels: index {int(np.argwhere(~valid)[0][0])} has no image on the virtual plane")
     noise = matches.weights[:, :, None, None] * (slopes @ matches.jacobians.reshape(n, 2, 3, 2))
-    seen = replace(matches, parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
+    seen = matches._replace(parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
     return seen, noise.reshape(n, 8)
 
 
@@ -213,7 +216,7 @@ def _with_pose(
     square = (residuals[fit.members].reshape(-1, 2, 2) ** 2).sum(axis=2)
     weighted = float((members.weights**2 * square).sum())
     freedom = len(members.pixels) - MOTION_PARAMETERS
-    known, length = Noise.of(weighted, freedom, matches.noise_px), Length(places, asked.length or 1.0)
+    known, length = Noise.of(weighted, freedom, matches.noise_px or None), Length(places, asked.length or 1.0)
     rivals = fit.minima[1:] if plane is None else None
     law = two_view_uncertainty(members, rivals, response, solution, known, length, asked.lens)
     metres = length.of_translation(structure)
@@ -222,21 +225,26 @@ def _with_pose(
     return TwoViewEstimate(
         status="ok",
         message="",
-        initial_T_goal=RigidTransform.from_components(
-            translation, Rotation.from_quat(quaternion_from_matrix(rotation))
-        ),
+        initial_T_goal=_pose(rotation, translation),
         points=frozen(points),
         is_metric=asked.length is not None,
         covariance=frozen(covariances[0]),
         points_covariance=frozen(covariances[1]),
         inliers=fit.members,
         rms_px=math.sqrt(float(square.sum()) / (2 * len(members.pixels))),
-        noise_px=math.sqrt(weighted / freedom),
+        noise_px=math.sqrt(weighted / max(freedom, 1)),
         residuals_px=frozen(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=asked.scale_sigma,
         uncertainty=law,
     )
+
+
+def _pose(rotation: FloatArray, translation: FloatArray) -> RigidTransform:
+    """Return {R, t}; R is orthonormal to rounding, so the costly check of it is left out."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, translation
+    return RigidTransform(matrix, normalize=False)
 
 
 def _refined(

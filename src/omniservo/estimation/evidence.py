@@ -12,6 +12,12 @@ believe in several pixels of noise before it believed in parallax.
 
 Where the noise is stated, σ² is that (or what the residuals say, where that is more), F becomes χ² and the
 second bound falls away.
+
+Wrong matches can pretend parallax: a motion that a plane (a rotation, nothing) leaves half free bends to a
+few of them. So where nearly all matches obey a simpler model and k of the m others agree with the motion, the
+motion stands only if chance and wrong matches do not explain that as well: C(m, 2) P(X ≥ k − 2) (f/(1 − f))ᵏ
+< 10⁻³, X binomial among m − 2 with the chance to lie in twice the epipolar band, f the share of wrong
+matches; two of them can always be had.
 """
 
 from __future__ import annotations
@@ -19,21 +25,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+from scipy.special import bdtrc, chdtri, fdtri
 
 from omniservo.estimation.degenerate_motion import (
     HOMOGRAPHY,
     IDENTITY,
     ROTATION,
-    algebraic_map,
-    refine_linear_map,
+    simpler_costs,
 )
+from omniservo.estimation.map_consensus import robust_map
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.motion_search import Minimum
+from omniservo.estimation.members import GATE, MOTION_PARAMETERS
+from omniservo.estimation.motion_search import LEAST_NOISE_PX, Minimum
 from omniservo.estimation.two_view_estimate import Status
-from omniservo.estimation.two_view_fit import MOTION_PARAMETERS, TwoViewFit
+from omniservo.estimation.two_view_fit import EIGHT_POINTS, SIGNIFICANCE, TwoViewFit
 
-LEAST_NOISE_PX = 0.01
 PLAUSIBLE_NOISE_PX = 0.6
 LARGEST_NOISE_PX = 5.0
 """Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
@@ -50,6 +56,10 @@ SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
 )
 """(map, parameters, status, words), from the simplest."""
 
+BULK = 0.65
+BULK_SAMPLES = 18
+"""A simpler model is looked for that so many of the members obey; so many samples hold one with 97%."""
+
 NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
 With σ unknown that is (S/S_rival)^((n−5)/2), else exp((S − S_rival)/2σ²)."""
@@ -59,81 +69,93 @@ FAR_DIRECTION = math.radians(20.0)
 """Minima nearer than both are one answer with an uncertainty."""
 
 
-def judge(fit: TwoViewFit, matches: Matches) -> tuple[Status, str]:
+def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]:
     """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
     members = matches.where(fit.members)
-    n = len(members.pixels)
-    freedom = n - MOTION_PARAMETERS
-    cost = fit.cost
-    variance = _variance(cost, freedom, members.noise_px)
-    simple = _simpler_model(members, variance, cost)
+    freedom = members.size - MOTION_PARAMETERS
+    variance = _variance(fit.cost, freedom, members.noise_px)
+    simple = _simpler_model(members, variance, fit.cost)
+    if simple is None and robust and matches.size >= EIGHT_POINTS:
+        simple = _bulk_model(fit, matches, math.sqrt(variance))
     if simple is not None:
         return simple
     if not fit.minima or not fit.minima[0].converged:
         return "not_converged", "the refinement of motion and structure found no minimum"
-    noise = math.sqrt(cost / freedom)
+    noise = math.sqrt(fit.cost / max(freedom, 1))
     if noise > largest_noise(members.noise_px):
         words = f"the best motion leaves {noise:.2g} px of noise"
-        if members.noise_px is not None:
+        if members.noise_px > 0.0:
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
-    for rival in fit.minima[1:]:
-        odds = _odds(cost, rival.cost, freedom, variance, members.noise_px)
-        turn, swing = _separation(fit.minima[0], rival)
-        if odds > NEARLY_AS_LIKELY and (turn > FAR_ROTATION or swing > FAR_DIRECTION):
-            return "ambiguous", (
-                f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
-                f" apart fit with rms {_rms(cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points or"
-                " sharper pixels are needed"
-            )
-    return "ok", ""
+    return _rival(fit, members, variance) or ("ok", "")
 
 
 def largest_noise(stated: float | None) -> float:
     """Return the σ [px] beyond which pixels do not belong to one rigid scene seen by this camera."""
-    return LARGEST_NOISE_PX if stated is None else LARGEST_MISSTATEMENT * stated
+    return LARGEST_MISSTATEMENT * stated if stated else LARGEST_NOISE_PX
 
 
-def _variance(cost: float, freedom: int, stated: float | None) -> float:
+def _variance(cost: float, freedom: int, stated: float) -> float:
     """Return σ² [px²] of a coordinate of weight 1: from the residuals, but never below what is known."""
     if not math.isfinite(cost):
-        return 100.0 * LEAST_NOISE_PX**2 if stated is None else stated**2
-    return max(cost / freedom, (LEAST_NOISE_PX if stated is None else stated) ** 2)
-
-
-def _odds(cost: float, rival: float, freedom: int, variance: float, stated: float | None) -> float:
-    """Return how likely a rival minimum is beside the best one."""
-    if stated is not None:
-        return math.exp(0.5 * (cost - rival) / variance)
-    floor = LEAST_NOISE_PX**2 * freedom
-    return math.pow(max(cost, floor) / max(rival, floor), 0.5 * freedom)
+        return stated**2 if stated > 0.0 else 100.0 * LEAST_NOISE_PX**2
+    return max(cost / max(freedom, 1), (stated if stated > 0.0 else LEAST_NOISE_PX) ** 2)
 
 
 def _simpler_model(members: Matches, variance: float, cost: float) -> tuple[Status, str] | None:
-    n = len(members.pixels)
-    freedom = n - MOTION_PARAMETERS
-    for kind, parameters, status, words in SIMPLER:
-        matrix = algebraic_map(members.bearings, kind)
-        simple = refine_linear_map(
-            members.parameters,
-            members.pixels,
-            members.weights,
-            members.bearings,
-            members.jacobians,
-            kind,
-            matrix,
-        )
-        extra = n + MOTION_PARAMETERS - parameters
-        chance = 1.0 - CONFIDENCE[status]
-        if members.noise_px is None:
-            bound = extra * float(fdtri(extra, freedom, 1.0 - chance)) * variance
-            plausible = PLAUSIBLE_NOISE_PX**2 * float(chdtri(2 * n - parameters, chance))
+    """Return the simplest model that explains the members as well as motion and structure do."""
+    n = members.size
+    limits = np.empty(3)
+    for kind, parameters, status, _ in SIMPLER:
+        extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - CONFIDENCE[status]
+        if members.noise_px > 0.0:
+            limits[kind] = cost + chdtri(extra, chance) * variance
         else:
-            bound, plausible = float(chdtri(extra, chance)) * variance, math.inf
-        if simple < plausible and simple - min(cost, simple) < bound:
-            return (
-                status,
-                f"{words} (rms {_rms(simple, n):.3f} px; with motion and structure {_rms(cost, n):.3f})",
+            bound = extra * fdtri(extra, n - MOTION_PARAMETERS, 1.0 - chance) * variance
+            limits[kind] = min(cost + bound, PLAUSIBLE_NOISE_PX**2 * chdtri(2 * n - parameters, chance))
+    costs = simpler_costs(members, limits)
+    for kind, _, status, words in SIMPLER:
+        if costs[kind] < limits[kind]:
+            rms = f"rms {_rms(costs[kind], n):.3f} px; with motion and structure {_rms(cost, n):.3f}"
+            return status, f"{words} ({rms})"
+    return None
+
+
+def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status, str] | None:
+    """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
+    n = matches.size
+    extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
+    band = min(1.0, 4.0 * GATE * sigma / extent)
+    wrong = (n - int(fit.members.sum()) + 1) / (n + 2)
+    distances, least = np.empty(n), BULK * float(fit.members.sum())
+    for kind, _, status, words in SIMPLER:
+        robust_map(matches, kind, fit.members, GATE * sigma, least, BULK_SAMPLES, distances)
+        others = ~(distances < GATE * sigma)
+        m, k = int(others.sum()), int((others & fit.members).sum())
+        if int(fit.members.sum()) - k < least:
+            continue
+        chance = math.comb(m, 2) * (float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0) if m > 2 else 1.0
+        if chance * (wrong / (1.0 - wrong)) ** k > SIGNIFICANCE:
+            return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
+    return None
+
+
+def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:
+    """Return "ambiguous" where a second motion, far from the first, is nearly as likely."""
+    n, best = members.size, fit.minima[0]
+    freedom = n - MOTION_PARAMETERS
+    floor = LEAST_NOISE_PX**2 * freedom
+    for rival in fit.minima[1:]:
+        if members.noise_px > 0.0:
+            odds = math.exp(0.5 * (best.cost - rival.cost) / variance)
+        else:
+            odds = math.pow(max(best.cost, floor) / max(rival.cost, floor), 0.5 * freedom)
+        turn, swing = _separation(best, rival)
+        if odds > NEARLY_AS_LIKELY and (turn > FAR_ROTATION or swing > FAR_DIRECTION):
+            return "ambiguous", (
+                f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
+                f" apart fit with rms {_rms(best.cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points"
+                " or sharper pixels are needed"
             )
     return None
 

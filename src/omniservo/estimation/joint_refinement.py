@@ -17,7 +17,6 @@ from omniservo.estimation.normal_blocks import (
     invert_point_block,
     linearise,
 )
-from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import (
     QUATERNION,
     parameters_from_rotation,
@@ -63,9 +62,7 @@ def refine_jointly(
     of little parallax can go far away but never through the camera.
     """
     n = points.shape[0]
-    blocks = NormalBlocks(
-        np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
-    )
+    blocks, trial_blocks = _empty_blocks(n), _empty_blocks(n)
     s = parameters_from_rotation(kind, rotation)
     step, point_steps = np.empty(7), np.empty((n, 3))
     trial_s, trial_r, trial_t, trial_h = s.copy(), np.empty((3, 3)), np.empty(3), np.empty((n, 3))
@@ -83,25 +80,42 @@ def refine_jointly(
             trial_s[i] = s[i] + step[3 + i]
         for i in range(3):
             trial_t[i] = translation[i] + step[i]
+        _unit_quaternion(kind, trial_s)
         rotation_from_parameters(kind, trial_s, trial_r)
         _move_points(points, point_steps, trial_h)
-        trial = two_view_cost(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h)
+        _unit_translation(trial_t, trial_h)
+        # Most trials are taken, so their normal equations are made along with their cost.
+        trial = linearise(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h, trial_blocks)
         # Below this the cost is rounding; the step is as good as the answer.
         last = decrement <= 1e-10 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
         if trial > cost and not (last and trial < math.inf):
             damping = max(10.0 * damping, 1e-8)
             continue
-        _accept(kind, trial_s, trial_r, trial_t, trial_h, s, rotation, translation, points)
+        _accept(trial_s, trial_r, trial_t, trial_h, s, rotation, translation, points)
         if last:
             return trial, True
-        damping = max(0.1 * damping, 1e-12)
-        cost = linearise(parameters, pixels, weights, loss_scale, rotation, translation, points, blocks)
+        damping, cost = max(0.1 * damping, 1e-12), trial
+        blocks, trial_blocks = trial_blocks, blocks
     return cost, False
 
 
 @kernel
+def _empty_blocks(n: int) -> NormalBlocks:
+    """Return room for n points."""
+    return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
+
+
+@kernel
+def _unit_quaternion(kind: int, s: FloatArray) -> None:
+    """Set a quaternion's length to 1; it does not change the cost."""
+    if kind == QUATERNION:
+        norm = math.sqrt(s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + s[3] ** 2)
+        for i in range(4):
+            s[i] /= norm
+
+
+@kernel
 def _accept(
-    kind: int,
     trial_s: FloatArray,
     trial_r: FloatArray,
     trial_t: FloatArray,
@@ -111,52 +125,15 @@ def _accept(
     translation: FloatArray,
     points: FloatArray,
 ) -> None:
-    """Copy the trial, with ‖t‖ and a quaternion's length set to 1: neither changes the cost."""
-    norm = 1.0
-    if kind == QUATERNION:
-        norm = math.sqrt(trial_s[0] ** 2 + trial_s[1] ** 2 + trial_s[2] ** 2 + trial_s[3] ** 2)
+    """Copy the trial."""
     for i in range(s.shape[0]):
-        s[i] = trial_s[i] / norm
+        s[i] = trial_s[i]
     for i in range(3):
         translation[i] = trial_t[i]
         for k in range(3):
             rotation[i, k] = trial_r[i, k]
         for j in range(points.shape[0]):
             points[j, i] = trial_h[j, i]
-    _unit_translation(translation, points)
-
-
-@kernel
-def two_view_cost(
-    parameters: FloatArray,
-    pixels: FloatArray,
-    weights: FloatArray,
-    loss_scale: float,
-    rotation: FloatArray,
-    translation: FloatArray,
-    points: FloatArray,
-) -> float:
-    """Return the cost [px²] that :func:`refine_jointly` minimises; infinity outside the domain."""
-    cost = 0.0
-    r = rotation
-    for j in range(points.shape[0]):
-        x, y, z = points[j, 0], points[j, 1], points[j, 2]
-        u, v, ok = project_point(parameters, x, y, z)
-        if not ok:
-            return math.inf
-        error = weights[j, 0] ** 2 * ((u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2)
-        x, y, z = x - translation[0], y - translation[1], z - translation[2]
-        u, v, ok = project_point(
-            parameters,
-            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-        )
-        if not ok:
-            return math.inf
-        error += weights[j, 1] ** 2 * ((u - pixels[j, 2]) ** 2 + (v - pixels[j, 3]) ** 2)
-        cost += cauchy_loss(error, loss_scale)
-    return cost
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from omniservo.estimation.essential_matrix import bearings_of_pixels
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Pixels with their bearings: rows of the kernels' arrays."""
+class Matches(NamedTuple):
+    """Pixels with their bearings, in the arrays that kernels read."""
 
     parameters: FloatArray
     """of the camera"""
@@ -27,8 +26,8 @@ class Matches:
     """(n, 6)"""
     jacobians: FloatArray
     """(n, 12) bearings by pixels, over the weight: by pixels of equal noise"""
-    noise_px: float | None = None
-    """σ₀ of a pixel coordinate of weight 1 [px]; None: not known"""
+    noise_px: float
+    """σ₀ of a pixel coordinate of weight 1 [px]; 0: not known"""
 
     @classmethod
     def of_pixels(cls, camera: UnifiedCamera, pixels: FloatArray, noise: FloatArray | None = None) -> Matches:
@@ -48,21 +47,24 @@ class Matches:
                 f" camera's domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
             )
         if noise is None:
-            return cls(camera.parameters, pixels, np.ones((n, 2)), bearings, jacobians)
+            return cls(camera.parameters, pixels, np.ones((n, 2)), bearings, jacobians, 0.0)
         usual = float(np.median(noise))
         weights = usual / noise
         jacobians /= np.repeat(weights, 6, axis=1)
         return cls(camera.parameters, pixels, weights, bearings, jacobians, usual)
 
+    @property
+    def size(self) -> int:
+        """How many matches."""
+        return len(self.pixels)
+
     def where(self, members: BoolArray) -> Matches:
         """Return the chosen rows."""
         if members.all():
             return self
-        return Matches(
-            self.parameters,
-            self.pixels[members],
-            self.weights[members],
-            self.bearings[members],
-            self.jacobians[members],
-            self.noise_px,
+        return self._replace(
+            pixels=self.pixels[members],
+            weights=self.weights[members],
+            bearings=self.bearings[members],
+            jacobians=self.jacobians[members],
         )

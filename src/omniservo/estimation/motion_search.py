@@ -9,16 +9,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.estimation.epipolar_refinement import essential_matrix, refine_epipolar
-from omniservo.estimation.essential_matrix import eight_point_span, linear_structure, motion_in_front
+from omniservo.estimation.epipolar_refinement import correct_bearings, essential_matrix, refine_epipolar
+from omniservo.estimation.essential_matrix import (
+    eight_point_span,
+    linear_structure,
+    motion_in_front,
+    turn_in_front,
+)
 from omniservo.estimation.joint_refinement import refine_jointly
 from omniservo.estimation.matches import Matches
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import kernel
 
-START_ANGLES = (0.0, 0.6, -0.6, 1.2, -1.2)
+START_ANGLES = np.array([0.0, 0.6, -0.6, 1.2, -1.2])
 """a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
 
 EPIPOLAR_STEPS = 20
@@ -30,6 +37,9 @@ APART = 0.05
 
 HOPELESS = 30.0
 """A start is dropped where its epipolar cost is this many times the best joint cost."""
+
+LEAST_NOISE_PX = 0.01
+"""No pixel is known better: below, a cost is rounding, and a larger one not worse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,67 +57,132 @@ class Minimum:
     converged: bool
 
 
-def search_motion(matches: Matches, kind: int, starts: list[FloatArray]) -> list[Minimum]:
-    """Return the minima that the essential matrices ``starts`` lead to, apart from each other, best first.
+class Minima(NamedTuple):
+    """Room for one minimum from each start."""
+
+    costs: FloatArray
+    """(s,) [px²], infinite where a start led to none of its own"""
+    rotations: FloatArray
+    """(s, 3, 3)"""
+    translations: FloatArray
+    """(s, 3)"""
+    points: FloatArray
+    """(s, n, 3)"""
+    converged: BoolArray
+    """(s,)"""
+
+
+def search_motion(matches: Matches, kind: int, starts: FloatArray) -> list[Minimum]:
+    """Return the minima that the essential matrices (s, 3, 3) lead to, apart from each other, best first.
 
     ``kind`` is the parametrisation s_R of the joint refinement.
     """
-    motions = [motion for start in starts if (motion := refined_motion(matches, start)) is not None]
-    motions.sort(key=lambda motion: motion[0])
-    minima: list[Minimum] = []
-    for cost, rotation, translation in motions:
-        if minima and cost > HOPELESS * minima[0].cost:
+    s, n = len(starts), matches.size
+    found = Minima(
+        np.empty(s), np.empty((s, 3, 3)), np.empty((s, 3)), np.empty((s, n, 3)), np.empty(s, dtype=np.bool_)
+    )
+    search_minima(matches, kind, starts, found)
+    return [
+        Minimum(
+            float(found.costs[k]),
+            found.rotations[k],
+            found.translations[k],
+            found.points[k],
+            bool(found.converged[k]),
+        )
+        for k in np.argsort(found.costs)
+        if found.costs[k] < math.inf
+    ]
+
+
+@kernel
+def search_minima(matches: Matches, kind: int, starts: FloatArray, found: Minima) -> None:
+    """Fill ``found``; see `search_motion`."""
+    count = starts.shape[0]
+    order = np.empty(count)
+    for k in range(count):
+        found.costs[k] = math.inf
+        order[k] = refined_motion(
+            matches.bearings, matches.jacobians, starts[k], found.rotations[k], found.translations[k]
+        )
+    essential, rays = np.empty((3, 3)), np.empty_like(matches.bearings)
+    floor = LEAST_NOISE_PX**2 * matches.bearings.shape[0]
+    best = math.inf
+    for k in np.argsort(order):
+        if not order[k] < math.inf or order[k] > HOPELESS * max(best, floor):
             break
-        if any(_same(rotation, translation, found) for found in minima):
+        if _twin(found, k, math.inf) >= 0:
             continue
-        found = _refined_jointly(matches, kind, rotation, translation)
-        twins = [other for other in minima if _same(found.rotation, found.translation, other)]
-        if math.isfinite(found.cost) and all(found.cost < other.cost for other in twins):
-            minima = [other for other in minima if not any(other is twin for twin in twins)] + [found]
-            minima.sort(key=lambda minimum: minimum.cost)
-    return minima
+        essential_matrix(found.rotations[k], found.translations[k], essential)
+        correct_bearings(matches.bearings, matches.jacobians, essential, rays)
+        linear_structure(rays, found.rotations[k], found.translations[k], found.points[k])
+        cost, converged = refine_jointly(
+            matches.parameters,
+            matches.pixels,
+            matches.weights,
+            kind,
+            math.inf,
+            found.rotations[k],
+            found.translations[k],
+            found.points[k],
+            JOINT_STEPS,
+        )
+        found.converged[k] = converged
+        if _twin(found, k, cost) >= 0:
+            continue
+        twin = _twin(found, k, math.inf)
+        while twin >= 0:
+            found.costs[twin] = math.inf
+            twin = _twin(found, k, math.inf)
+        found.costs[k] = cost
+        best = min(best, cost)
 
 
-def eight_point_starts(matches: Matches, angles: tuple[float, ...]) -> list[FloatArray]:
-    """Return E = cos a e₁ + sin a e₂ (3, 3) for each angle [rad]; a = 0 is the eight-point solution."""
-    first, second = eight_point_span(matches.bearings)
-    return [math.cos(a) * first + math.sin(a) * second for a in angles]
+@kernel
+def _twin(found: Minima, k: int, most: float) -> int:
+    """Return a minimum found before, of at most this cost, that the motion ``k`` belongs to; −1: none."""
+    r, t = found.rotations, found.translations
+    for other in range(found.costs.shape[0]):
+        if other == k or not found.costs[other] < math.inf or found.costs[other] > most:
+            continue
+        # ‖R − R'‖² = 8 sin²(angle/2), nearly 2·angle² for small angles.
+        chord, along = 0.0, 0.0
+        for i in range(3):
+            along += t[k, i] * t[other, i]
+            for c in range(3):
+                chord += (r[k, i, c] - r[other, i, c]) ** 2
+        if chord < 2.0 * APART**2 and along > math.cos(APART):
+            return other
+    return -1
 
 
-def refined_motion(matches: Matches, start: FloatArray) -> tuple[float, FloatArray, FloatArray] | None:
-    """Return (epipolar cost, R, t) that ``start`` leads to, with the signs that put the points in front."""
-    rotation, translation, essential = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    if motion_in_front(matches.bearings, start, rotation, translation) < 0:
-        return None
-    cost, _ = refine_epipolar(
-        matches.bearings, matches.jacobians, math.inf, rotation, translation, EPIPOLAR_STEPS
-    )
-    essential_matrix(rotation, translation, essential)
-    motion_in_front(matches.bearings, essential, rotation, translation)
-    return cost, rotation, translation
+@kernel
+def eight_point_starts(bearings: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return E = cos a e₁ + sin a e₂ (s, 3, 3) for each angle [rad]; a = 0 is the eight-point solution."""
+    span, starts = np.empty((2, 3, 3)), np.empty((angles.shape[0], 3, 3))
+    eight_point_span(bearings, np.ones(bearings.shape[0]), span)
+    for k in range(angles.shape[0]):
+        for i in range(9):
+            starts[k, i // 3, i % 3] = (
+                math.cos(angles[k]) * span[0, i // 3, i % 3] + math.sin(angles[k]) * span[1, i // 3, i % 3]
+            )
+    return starts
 
 
-def _refined_jointly(matches: Matches, kind: int, rotation: FloatArray, translation: FloatArray) -> Minimum:
-    points = np.empty((len(matches.pixels), 3))
-    linear_structure(matches.bearings, rotation, translation, points)
-    cost, converged = refine_jointly(
-        matches.parameters,
-        matches.pixels,
-        matches.weights,
-        kind,
-        math.inf,
-        rotation,
-        translation,
-        points,
-        JOINT_STEPS,
-    )
-    return Minimum(cost, rotation, translation, points, converged)
+@kernel
+def refined_motion(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    start: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+) -> float:
+    """Write (R, t) that ``start`` leads to, the points in front, and return its epipolar cost [px²].
 
-
-def _same(rotation: FloatArray, translation: FloatArray, other: Minimum) -> bool:
-    """Tell whether two motions belong to one minimum."""
-    # ‖R − R'‖² = 8 sin²(angle/2), nearly 2·angle² for small angles.
-    chord = rotation - other.rotation
-    return bool(
-        np.vdot(chord, chord) < 2.0 * APART**2 and np.vdot(translation, other.translation) > math.cos(APART)
-    )
+    Infinite where ``start`` has no motion.
+    """
+    if motion_in_front(bearings, start, rotation, translation) < 0:
+        return math.inf
+    cost, _ = refine_epipolar(bearings, jacobians, math.inf, rotation, translation, EPIPOLAR_STEPS)
+    turn_in_front(bearings, rotation, translation)
+    return cost

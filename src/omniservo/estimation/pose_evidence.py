@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, gammaln
 
-from omniservo.estimation.evidence import LEAST_NOISE_PX, largest_noise
+from omniservo.estimation.evidence import largest_noise
+from omniservo.estimation.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.pose_estimate import PoseStatus
 from omniservo.estimation.pose_fit import CHECKED_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT

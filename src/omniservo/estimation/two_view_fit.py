@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -9,14 +10,17 @@ import numpy as np
 from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.consensus import find_consensus
-from omniservo.estimation.epipolar_refinement import (
-    essential_matrix,
-    refine_epipolar,
-    sampson_distances,
-)
-from omniservo.estimation.essential_matrix import mark_in_front, motion_in_front
-from omniservo.estimation.joint_refinement import FARTHEST, write_residuals
+from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
+from omniservo.estimation.five_points import MOST_SOLUTIONS, five_point_essentials
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.members import (
+    GATE,
+    MOTION_PARAMETERS,
+    blended_noise,
+    mark_members,
+    members_of_consensus,
+    sampling_threshold,
+)
 from omniservo.estimation.motion_search import (
     START_ANGLES,
     Minimum,
@@ -26,25 +30,17 @@ from omniservo.estimation.motion_search import (
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
-LEAST_POINTS = 8
-"""of the eight-point algorithm."""
+LEAST_POINTS = 5
+"""of the five-point algorithm; no fewer determine a motion."""
 
-MOTION_PARAMETERS = 5
-"""Rotation and direction; every match leaves one equation after its point is eliminated."""
+EIGHT_POINTS = 8
+"""of the eight-point algorithm; fewer say nothing about their own noise."""
 
 FEW_POINTS = 40
 """Up to here five starts are worth their time; beyond, one finds the minimum."""
 
-SAMPLE_THRESHOLD_PX = 2.0
-"""Sampson distance at which a match stops to count while sampling, where no noise is stated."""
-
-GATE = 3.5
-"""A match farther than this many σ from the epipolar geometry of the others is rejected."""
-
-PRIOR_NOISE_PX = 0.5
-PRIOR_WEIGHT = 4.0
-"""While matches are chosen, σ is blended with this prior, worth so many matches: a handful of residuals
-that happen to be small must not reject the rest."""
+NEARLY_ALL = 0.9
+"""Where so many matches agree with the motion of all, none need be sampled."""
 
 SIGNIFICANCE = 1e-3
 """Few matches are only rejected where chance explains the better fit with less than this probability."""
@@ -72,56 +68,88 @@ class TwoViewFit:
 
 
 def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | None:
-    """Return the fit to all matches, or to those that agree; None where fewer than eight agree.
+    """Return the fit to all matches, or to those that agree; None where fewer than five agree.
 
-    Robust: few matches are first fitted all together; only if they do not agree, and always where they are
-    many, the members come from sampling. Not robust: many matches are only freed of those whose rays meet
-    behind a camera; no point can be that.
+    Robust: matches are first fitted all together; only if they do not agree the members come from sampling.
+    Not robust: many matches are only freed of those whose rays meet behind a camera; no point can be that.
     """
-    n = len(matches.pixels)
-    everyone = np.ones(n, dtype=np.bool_)
-    if not robust:
-        return _fit(matches, everyone if n <= FEW_POINTS else _possible(matches), kind, None)
-    whole = None
-    if n <= FEW_POINTS:
-        whole = _fit(matches, everyone, kind, None)
-        if _agree(whole, matches):
-            return whole
-    essential = np.empty((3, 3))
-    _, inliers = find_consensus(matches.bearings, matches.jacobians, _threshold(matches), 1, essential)
-    if inliers < LEAST_POINTS:  # every sample is degenerate: so are all matches together, and judged as that
-        return whole or _fit(matches, everyone, kind, None)
-    members = _members(matches, essential)
-    if members.sum() < LEAST_POINTS:
+    everyone = np.ones(matches.size, dtype=np.bool_)
+    if matches.size > FEW_POINTS:
+        nearly = _nearly_all(matches, robust)
+        if nearly is not None:
+            members, start = nearly
+            fit = _fit(matches, members, kind, start)
+            return _grown(matches, fit, kind) if robust and not members.all() else fit
+        return _sampled(matches, kind, None)
+    whole = _fit(matches, everyone, kind, None)
+    if not robust or matches.size < EIGHT_POINTS or _agree(whole, matches):
         return whole
-    if members.all() and whole is not None:
-        return whole
-    chosen = _grown(matches, _fit(matches, members, kind, essential), kind)
-    if whole is not None and not _significant(whole, chosen, matches.noise_px):
+    chosen = _sampled(matches, kind, whole)
+    if chosen is None or not _significant(whole, chosen, matches.noise_px):
         return whole
     return chosen
 
 
 def _fit(matches: Matches, members: BoolArray, kind: int, prior: FloatArray | None) -> TwoViewFit:
     chosen = matches.where(members)
-    starts = [] if prior is None else [prior]
-    if len(chosen.pixels) <= FEW_POINTS:
-        starts += eight_point_starts(chosen, START_ANGLES)
-    elif prior is None:
-        starts += eight_point_starts(chosen, START_ANGLES[:1])
-    return TwoViewFit(members, search_motion(chosen, kind, starts))
+    starts = [] if prior is None else [prior[None]]
+    if chosen.size < EIGHT_POINTS:
+        starts.append(_five_point_starts(chosen))
+    elif chosen.size <= FEW_POINTS:
+        starts.append(eight_point_starts(chosen.bearings, START_ANGLES))
+    return TwoViewFit(members, search_motion(chosen, kind, np.concatenate(starts)))
+
+
+def _five_point_starts(matches: Matches) -> FloatArray:
+    """Return the essential matrices (s, 3, 3) of all samples of five, of few matches."""
+    room, found = np.empty((MOST_SOLUTIONS, 3, 3)), []
+    for sample in itertools.combinations(range(matches.size), LEAST_POINTS):
+        count = five_point_essentials(matches.bearings, np.array(sample), room)
+        found.append(room[:count].copy())
+    return np.concatenate(found)
+
+
+def _nearly_all(matches: Matches, robust: bool) -> tuple[BoolArray, FloatArray] | None:
+    """Return the matches that agree with the motion of all, and its essential matrix; None: too few do."""
+    rotation, translation, essential = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    start = eight_point_starts(matches.bearings, START_ANGLES[:1])[0]
+    members = np.ones(matches.size, dtype=np.bool_)
+    cost = refined_motion(matches.bearings, matches.jacobians, start, rotation, translation)
+    if math.isinf(cost):
+        return None if robust else (members, start)
+    essential_matrix(rotation, translation, essential)
+    count, sigma = mark_members(matches, rotation, translation, GATE if robust else math.inf, members)
+    if robust:
+        least = NEARLY_ALL * matches.size
+        if sigma > _largest_unsuspicious(matches.noise_px) or count < least:
+            return None
+        if count < matches.size and members_of_consensus(matches, essential, members) < least:
+            return None
+    return members, essential
+
+
+def _sampled(matches: Matches, kind: int, whole: TwoViewFit | None) -> TwoViewFit | None:
+    """Return the fit to the members that sampling finds, ``whole`` where it finds none; None: too few."""
+    essential, members = np.empty((3, 3)), np.empty(matches.size, dtype=np.bool_)
+    threshold = sampling_threshold(matches.noise_px)
+    _, inliers = find_consensus(matches.bearings, matches.jacobians, threshold, 1, essential)
+    least = min(matches.size, EIGHT_POINTS)
+    if inliers < least or members_of_consensus(matches, essential, members) < least:
+        return whole
+    if members.all() and whole is not None:
+        return whole
+    return _grown(matches, _fit(matches, members, kind, essential), kind)
 
 
 def _grown(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
     """Return the fit after its own minimum, sharper than any sample's, has chosen the members once more."""
     if not fit.minima:
         return fit
-    best = fit.minima[0]
-    distances, essential = _distances(matches, best.rotation, best.translation)
-    near = np.abs(distances) <= GATE * _blended_noise(distances[fit.members], matches.noise_px)
-    near &= ~_behind(matches, best.rotation, best.translation)
-    if near.sum() <= fit.members.sum():
+    best, near, essential = fit.minima[0], fit.members.copy(), np.empty((3, 3))
+    count, _ = mark_members(matches, best.rotation, best.translation, GATE, near)
+    if count <= fit.members.sum():
         return fit
+    essential_matrix(best.rotation, best.translation, essential)
     return _fit(matches, near, kind, essential)
 
 
@@ -129,87 +157,21 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     """Tell whether no match lies beyond the gate of all, and σ is that of pixels and not of blunders."""
     if not fit.minima:
         return False
-    distances, _ = _distances(matches, fit.minima[0].rotation, fit.minima[0].translation)
-    sigma = _blended_noise(distances, matches.noise_px)
-    noise = math.sqrt(fit.cost / max(len(distances) - MOTION_PARAMETERS, 1))
-    most = UNSUSPICIOUS_NOISE_PX if matches.noise_px is None else SUSPICIOUS * matches.noise_px
+    best = fit.minima[0]
+    essential, distances = np.empty((3, 3)), np.empty(matches.size)
+    essential_matrix(best.rotation, best.translation, essential)
+    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
+    sigma = blended_noise(distances, fit.members, matches.noise_px)
+    noise = math.sqrt(fit.cost / max(matches.size - MOTION_PARAMETERS, 1))
+    most = _largest_unsuspicious(matches.noise_px)
     return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= most
 
 
-def _members(matches: Matches, essential: FloatArray) -> BoolArray:
-    """Return the matches near the epipolar geometry that a robust refinement makes of ``essential``."""
-    rotation, translation = np.empty((3, 3)), np.empty(3)
-    distances, weights = np.empty(len(matches.pixels)), np.empty(len(matches.pixels))
-    sampson_distances(matches.bearings, matches.jacobians, essential, distances, weights)
-    members = np.abs(distances) < _threshold(matches)
-    for _ in range(3):
-        if members.sum() < LEAST_POINTS:
-            break
-        chosen = matches.where(members)
-        sigma = _blended_noise(distances[members], matches.noise_px)
-        if motion_in_front(chosen.bearings, essential, rotation, translation) < 0:
-            break
-        refine_epipolar(chosen.bearings, chosen.jacobians, 2.0 * sigma, rotation, translation, 20)
-        distances, essential = _distances(matches, rotation, translation)
-        sigma = _blended_noise(distances[members], matches.noise_px)
-        near = np.abs(distances) <= GATE * sigma
-        if (near == members).all():
-            break
-        members = near
-    if motion_in_front(matches.bearings[members], essential, rotation, translation) >= 0:
-        members &= ~_behind(matches, rotation, translation)
-    return members
+def _largest_unsuspicious(stated: float) -> float:
+    return SUSPICIOUS * stated if stated > 0.0 else UNSUSPICIOUS_NOISE_PX
 
 
-def _possible(matches: Matches) -> BoolArray:
-    """Return the matches that can be points at all: those of which the rays do not meet behind a camera."""
-    motion = refined_motion(matches, eight_point_starts(matches, START_ANGLES[:1])[0])
-    if motion is None:
-        return np.ones(len(matches.pixels), dtype=np.bool_)
-    return ~_behind(matches, motion[1], motion[2])
-
-
-def _behind(matches: Matches, rotation: FloatArray, translation: FloatArray) -> BoolArray:
-    """Return which rays meet behind a camera, by more than a point at infinity seen with noise could."""
-    n = len(matches.pixels)
-    in_front = np.empty(n, dtype=np.bool_)
-    mark_in_front(matches.bearings, rotation, translation, in_front)
-    behind = ~in_front
-    if behind.any():
-        far, residuals = matches.bearings[:, :3] * FARTHEST, np.empty((n, 4))
-        write_residuals(matches.parameters, matches.pixels, rotation, translation, far, residuals)
-        behind &= ~(np.hypot(residuals[:, 2], residuals[:, 3]) < SAMPLE_THRESHOLD_PX)
-    return behind
-
-
-def _distances(
-    matches: Matches, rotation: FloatArray, translation: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the Sampson distances (n,) [px] under a motion, and its essential matrix."""
-    n = len(matches.pixels)
-    essential, distances, weights = np.empty((3, 3)), np.empty(n), np.empty(n)
-    essential_matrix(rotation, translation, essential)
-    sampson_distances(matches.bearings, matches.jacobians, essential, distances, weights)
-    return distances, essential
-
-
-def _threshold(matches: Matches) -> float:
-    """Return the Sampson distance [px] at which a match stops to count while sampling."""
-    return SAMPLE_THRESHOLD_PX if matches.noise_px is None else GATE * matches.noise_px
-
-
-def _blended_noise(distances: FloatArray, stated: float | None) -> float:
-    """Return σ [px]: what is stated, or from the median distance (so outliers do not enter) and the prior."""
-    if stated is not None:
-        return stated
-    n = len(distances)
-    robust = 1.4826 * float(np.median(np.abs(distances)))
-    freedom = max(n - MOTION_PARAMETERS, 1)
-    square = robust * robust * n
-    return math.sqrt((PRIOR_WEIGHT * PRIOR_NOISE_PX**2 + square) / (PRIOR_WEIGHT + freedom))
-
-
-def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float | None) -> bool:
+def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float) -> bool:
     """F test (χ² where σ is known): do members fit better, beyond what leaving out any few would bring?"""
     kept = int(chosen.members.sum())
     dropped = len(chosen.members) - kept
@@ -219,6 +181,6 @@ def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float | None) ->
     if not whole.minima:
         return True
     gain = whole.cost - chosen.cost
-    if stated is not None:
+    if stated > 0.0:
         return bool(gain > chdtri(dropped, SIGNIFICANCE) * stated**2)
     return bool(gain > dropped * fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)

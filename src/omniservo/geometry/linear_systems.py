@@ -7,6 +7,8 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 
+INVERSE_ITERATIONS = 6
+
 
 @kernel
 def factor_cholesky(matrix: FloatArray, size: int, least: float) -> bool:
@@ -104,3 +106,81 @@ def _rotate(a: FloatArray, v: FloatArray, i: int, j: int) -> None:
         p, q = v[k, i], v[k, j]
         v[k, i] = c * p - s * q
         v[k, j] = s * p + c * q
+
+
+@kernel
+def smallest_eigenvectors(matrix: FloatArray, vectors: FloatArray, values: FloatArray) -> None:
+    """Write eigenvectors (m, k), one a column, and values (k,), ascending, of a semidefinite matrix (m, m).
+
+    Inverse iteration of a subspace on the matrix, shifted by a rounding of its trace so that a singular one
+    will do, and Rayleigh-Ritz in it. Exact where the k smallest eigenvalues lie well below the next; where
+    they do not, such vectors are as good as any of that part of the spectrum.
+    """
+    m, k = vectors.shape
+    factor, column = np.empty((m, m)), np.empty(m)
+    shift = 0.0
+    for i in range(m):
+        shift += matrix[i, i]
+    shift = 1e-15 * shift + 1e-300
+    for i in range(m):
+        for j in range(i + 1):
+            factor[i, j] = matrix[i, j]
+        factor[i, i] += shift
+        for j in range(k):
+            vectors[i, j] = math.cos((i + 1.0) * (2 * j + 1.0))  # any full set without symmetry
+    if not factor_cholesky(factor, m, 0.0):
+        return
+    for _ in range(INVERSE_ITERATIONS):
+        for j in range(k):
+            for i in range(m):
+                column[i] = vectors[i, j]
+            solve_factored(factor, m, column)
+            for i in range(m):
+                vectors[i, j] = column[i]
+            _orthonormalise(vectors, j)
+    _rayleigh_ritz(matrix, vectors, values)
+
+
+@kernel
+def _orthonormalise(vectors: FloatArray, j: int) -> None:
+    """Make column ``j`` of length 1 and orthogonal to those before it, twice for the sake of rounding."""
+    m = vectors.shape[0]
+    for _ in range(2):
+        for before in range(j):
+            along = 0.0
+            for i in range(m):
+                along += vectors[i, before] * vectors[i, j]
+            for i in range(m):
+                vectors[i, j] -= along * vectors[i, before]
+        square = 0.0
+        for i in range(m):
+            square += vectors[i, j] * vectors[i, j]
+        scale = 1.0 / math.sqrt(square)
+        for i in range(m):
+            vectors[i, j] *= scale
+
+
+@kernel
+def _rayleigh_ritz(matrix: FloatArray, vectors: FloatArray, values: FloatArray) -> None:
+    """Turn orthonormal columns, in their span, to the eigenvectors of the matrix restricted to it."""
+    m, k = vectors.shape
+    small, product, old = np.zeros((k, k)), np.empty(m), vectors.copy()
+    for j in range(k):
+        for i in range(m):
+            product[i] = 0.0
+            for h in range(m):
+                product[i] += matrix[i, h] * old[h, j]
+        for b in range(k):
+            for i in range(m):
+                small[b, j] += old[i, b] * product[i]
+    for b in range(k):
+        for j in range(b):
+            small[b, j] = 0.5 * (small[b, j] + small[j, b])
+            small[j, b] = small[b, j]
+    found, turn = symmetric_eigen(small)
+    for j in range(k):
+        values[j] = found[j]
+        for i in range(m):
+            vectors[i, j] = 0.0
+            for b in range(k):
+                vectors[i, j] += old[i, b] * turn[b, j]

@@ -1,0 +1,148 @@
+"""The rotation or homography that most matches obey, wrong ones among them.
+
+A homography of bearings needs four matches, and they must agree on which side of the camera all is: most
+wrong samples are left at once.
+"""
+
+import math
+
+import numpy as np
+
+from omniservo.estimation.consensus import draw
+from omniservo.estimation.degenerate_motion import (
+    HOMOGRAPHY,
+    IDENTITY,
+    algebraic_map,
+    map_distance,
+    map_distances,
+    refine_linear_map,
+)
+from omniservo.estimation.matches import Matches
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+
+SAMPLE = 4
+ROBUST_STEPS = 6
+CONFIDENCE = 0.999
+
+
+@kernel
+def robust_map(
+    matches: Matches,
+    kind: int,
+    members: BoolArray,
+    gate: float,
+    least: float,
+    most_samples: int,
+    distances: FloatArray,
+) -> FloatArray:
+    """Return the map (3, 3) that most of the members obey.
+
+    A homography starts from the best sample of four members, a rotation from the algebraic solution; then a
+    Cauchy loss whose scale follows the median distance down to half of ``gate`` [px]. ``distances`` (n,) are
+    those of all matches to it, all infinite where no sample led to ``least`` of the members.
+    """
+    if kind == HOMOGRAPHY:
+        matrix = np.eye(3)
+        distances[:] = math.inf
+        if not _sampled_homography(matches, members, gate, least, most_samples, matrix):
+            return matrix
+    else:
+        matrix = algebraic_map(matches.bearings, members, kind)
+    map_distances(matches, matrix, distances)
+    before = math.inf
+    for _ in range(ROBUST_STEPS if kind != IDENTITY else 0):
+        middle = float(np.median(distances[members]))
+        if not middle < math.inf or (middle > gate and middle > 0.5 * before):
+            break  # no bulk that pulls the map to itself
+        before = middle
+        refine_linear_map(matches, kind, max(0.5 * gate, middle), math.inf, 1, matrix)
+        map_distances(matches, matrix, distances)
+        if middle < 0.5 * gate:
+            break
+    return matrix
+
+
+@kernel
+def _sampled_homography(
+    matches: Matches, members: BoolArray, gate: float, least: float, most_samples: int, best: FloatArray
+) -> bool:
+    """Write the homography of four members with the least MSAC score; False where none has enough inliers."""
+    places = np.flatnonzero(members)
+    n = places.shape[0]
+    if n < SAMPLE:
+        return False
+    trial, rows, chosen = np.empty((3, 3)), np.empty((2, 9)), np.empty(SAMPLE, dtype=np.int64)
+    score, found, needed, drawn, state = math.inf, False, float(most_samples), 0, 1
+    while drawn < needed:
+        drawn += 1
+        state = draw(state, n, chosen)
+        if not _homography_of_four(matches.bearings, places[chosen], trial):
+            continue
+        here, wrong = 0.0, 0
+        for k in range(n):
+            distance = map_distance(matches, int(places[k]), trial, rows)
+            wrong += distance >= gate
+            here += min(distance * distance, gate * gate)
+            if here >= score or wrong > n - least:
+                here = math.inf
+                break
+        if here < score:
+            score, found = here, True
+            for i in range(9):
+                best[i // 3, i % 3] = trial[i // 3, i % 3]
+            clean = min(((n - wrong) / n) ** SAMPLE, 1.0 - 1e-12)
+            needed = min(needed, math.log(1.0 - CONFIDENCE) / math.log(1.0 - clean) + 1.0)
+    return found
+
+
+@kernel
+def _homography_of_four(bearings: FloatArray, chosen: IntArray, g: FloatArray) -> bool:
+    """Write the G (3, 3) with G b* ∝ b for four matches; False where a factor is not positive.
+
+    With the first three as columns, B and B*, G = B diag(β/α) B*⁻¹ for α = B*⁻¹ b₄*, β = B⁻¹ b₄.
+    """
+    initial, goal = np.empty((3, 3)), np.empty((3, 3))
+    for k in range(3):
+        for i in range(3):
+            initial[i, k] = bearings[chosen[k], i]
+            goal[i, k] = bearings[chosen[k], 3 + i]
+    back, inverse = np.empty((3, 3)), np.empty((3, 3))
+    if not (_invert(initial, back) and _invert(goal, inverse)):
+        return False
+    last = chosen[3]
+    for k in range(3):
+        alpha, beta = 0.0, 0.0
+        for i in range(3):
+            alpha += inverse[k, i] * bearings[last, 3 + i]
+            beta += back[k, i] * bearings[last, i]
+        if not beta * alpha > 1e-12 * alpha * alpha or abs(alpha) < 1e-9:
+            return False
+        for i in range(3):
+            inverse[k, i] *= beta / alpha
+    norm = 0.0
+    for i in range(3):
+        for c in range(3):
+            g[i, c] = 0.0
+            for k in range(3):
+                g[i, c] += initial[i, k] * inverse[k, c]
+            norm += g[i, c] * g[i, c]
+    scale = 1.0 / math.sqrt(norm)
+    for i in range(9):
+        g[i // 3, i % 3] *= scale
+    return True
+
+
+@kernel
+def _invert(m: FloatArray, inverse: FloatArray) -> bool:
+    """Write the inverse of a 3×3 matrix; False where it is singular."""
+    for i in range(3):
+        for k in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (k + 1) % 3, (k + 2) % 3
+            inverse[k, i] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
+    determinant = m[0, 0] * inverse[0, 0] + m[0, 1] * inverse[1, 0] + m[0, 2] * inverse[2, 0]
+    if abs(determinant) < 1e-12:
+        return False
+    for i in range(9):
+        inverse[i // 3, i % 3] /= determinant
+    return True

@@ -1,0 +1,96 @@
+"""Wrong matches: found, and never taken for parallax."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from omniservo.estimation import estimate_two_view
+
+TURN = Rotation.from_rotvec([0.1, -0.3, 0.2])
+SHIFT = np.array([0.15, -0.05, 0.1])
+
+
+def spoilt(scene, rng, sigma, share):
+    """Both images with noise, and a share of the goal's pixels anywhere in the image."""
+    initial, goal = scene.noisy(rng, sigma)
+    wrong = rng.permutation(len(goal)) < share * len(goal)
+    size = (0.15 * scene.camera.width, 0.15 * scene.camera.height)
+    far = (0.85 * scene.camera.width, 0.85 * scene.camera.height)
+    goal[wrong] = rng.uniform(size, far, (wrong.sum(), 2))
+    return initial, goal, wrong
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_third_and_a_half_of_a_hundred_wrong_matches_are_found(make_scene, camera, share):
+    rng = np.random.default_rng(91)
+    good = 0
+    for _ in range(15):
+        scene = make_scene(rng, n=100, camera=camera, turn=0.2)
+        initial, goal, wrong = spoilt(scene, rng, 0.2, share)
+        estimate = estimate_two_view(camera, initial, goal)
+        if estimate.status != "ok":
+            continue
+        turn = (estimate.initial_T_goal.rotation.inv() * scene.rotation).magnitude()
+        sigma = math.sqrt(estimate.covariance[3:, 3:].trace())
+        good += turn < 5 * sigma and (estimate.inliers & ~wrong).sum() > 0.9 * (~wrong).sum()
+    assert good >= 14
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3])
+@pytest.mark.parametrize("kind", ["planar_points", "pure_rotation", "no_motion"])
+@pytest.mark.parametrize("n", [20, 100])
+def test_what_is_no_pose_stays_none_among_wrong_matches(fisheye, make_view, make_scene, kind, n, share):
+    rng = np.random.default_rng(92)
+    statuses = []
+    for _ in range(12):
+        points = make_scene(rng, n=n, turn=0.1).points
+        if kind == "planar_points":
+            flat = np.column_stack((0.12 * rng.uniform(-1, 1, (n, 2)), np.zeros(n)))
+            points = Rotation.from_rotvec([0.4, 0.2, 0.0]).apply(flat) + np.array([0, 0, 0.5])
+        turn = Rotation.identity() if kind == "no_motion" else TURN
+        scene = make_view(fisheye, points, turn, SHIFT if kind == "planar_points" else np.zeros(3))
+        initial, goal, _ = spoilt(scene, rng, 0.2, share)
+        statuses.append(estimate_two_view(fisheye, initial, goal).status)
+    assert "ok" not in statuses
+    assert statuses.count(kind) >= 10
+
+
+def test_a_scene_with_a_wall_behind_its_target_is_a_pose(fisheye, make_view):
+    """Two thirds of the matches on one plane, a few wrong: parallax of the others is real."""
+    rng = np.random.default_rng(93)
+    good = 0
+    for _ in range(10):
+        flat = np.column_stack((0.2 * rng.uniform(-1, 1, (60, 2)), np.zeros(60)))
+        flat[:20, 2] = rng.uniform(-0.2, -0.05, 20)
+        scene = make_view(fisheye, flat + np.array([0, 0, 0.6]), TURN, SHIFT)
+        initial, goal, _ = spoilt(scene, rng, 0.2, 0.1)
+        estimate = estimate_two_view(fisheye, initial, goal)
+        if estimate.status == "ok":
+            good += (estimate.initial_T_goal.rotation.inv() * TURN).magnitude() < math.radians(2.0)
+    assert good >= 9
+
+
+@pytest.mark.parametrize("n", [5, 6, 7])
+def test_fewer_than_eight_sharp_matches_give_the_pose_or_a_named_status(make_scene, n):
+    rng = np.random.default_rng(94)
+    counts = {"ok": 0}
+    for _ in range(25):
+        scene = make_scene(rng, n=n)
+        estimate = estimate_two_view(scene.camera, *scene.noisy(rng, 0.01), noise=0.01)
+        counts[estimate.status] = counts.get(estimate.status, 0) + 1
+        if estimate.status == "ok":
+            turn = (estimate.initial_T_goal.rotation.inv() * scene.rotation).magnitude()
+            assert turn < max(5 * math.sqrt(estimate.covariance[3:, 3:].trace()), 0.01)
+    assert set(counts) <= {"ok", "ambiguous", "planar_points", "not_converged", "pure_rotation"}
+    assert counts["ok"] >= {5: 3, 6: 12, 7: 18}[n]
+
+
+def test_five_matches_of_unknown_noise_are_hardly_ever_answered(make_scene):
+    rng = np.random.default_rng(95)
+    statuses = []
+    for _ in range(20):
+        scene = make_scene(rng, n=5)
+        statuses.append(estimate_two_view(scene.camera, *scene.noisy(rng, 0.3)).status)
+    assert statuses.count("ok") <= 6
