@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.essential_matrix import linear_structure, mark_in_front
+from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.evidence import judge
 from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
 from omniservo.estimation.matches import Matches
@@ -20,8 +21,8 @@ from omniservo.estimation.members import MOTION_PARAMETERS
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
+from omniservo.estimation.two_view_request import TwoViewRequest
 from omniservo.estimation.two_view_uncertainty import (
-    Length,
     Lens,
     Noise,
     Solution,
@@ -33,7 +34,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 
 Scale = float | tuple[tuple[int, int], float]
 
-METHODS = ("pixel", "virtual-plane")
+METHODS = ("pixel", "virtual-plane", "homography")
 ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
 MOST_STEPS = 100
 
@@ -47,7 +48,7 @@ def estimate_two_view(
     pixels_goal: npt.ArrayLike,
     *,
     scale: Scale | None = None,
-    method: Literal["pixel", "virtual-plane"] = "pixel",
+    method: Literal["pixel", "virtual-plane", "homography"] = "pixel",
     rotation: Literal["quaternion", "cayley"] = "quaternion",
     robust: bool = True,
     noise: float | npt.ArrayLike | None = None,
@@ -67,7 +68,8 @@ def estimate_two_view(
             the distance of the target points i and j [m]. t and every point are scaled together.
         method: "pixel" minimises the reprojection error in the real image, the maximum-likelihood cost;
             "virtual-plane" that of the paper, (19), which needs every pixel within 90° of the axis. Members
-            and status are decided on the real image for both.
+            and status are decided on the real image for both. "homography": the target is a plane; four
+            matches will do, and "pixel" refuses it.
         rotation: s_R as quaternion (17), (20) or Cayley vector (18), (21); the answer is the same.
         robust: reject matches that do not agree with the others.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
@@ -88,29 +90,22 @@ def estimate_two_view(
         if given not in legal:
             raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
     matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
+    lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
+    request = TwoViewRequest(kind, between, length, scale_sigma, lens)
+    if method == "homography":
+        return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
     if len(pixels) < LEAST_POINTS:
         words = f"{len(pixels)} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
-    fit = fit_two_views(matches, ROTATIONS[rotation], robust)
+    fit = fit_two_views(matches, kind, robust)
     if fit is None:
-        words = f"fewer than {LEAST_POINTS} of the {len(pixels)} matches agree"
+        words = f"fewer than {EIGHT_POINTS} of the {len(pixels)} matches agree"
         return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
     status, words = judge(fit, matches, robust)
     if status != "ok":
         return TwoViewEstimate.without_pose(len(pixels), status, words, started)
-    lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
-    return _with_pose(matches, plane, fit, _Asked(kind, between, length, scale_sigma, lens), started)
-
-
-class _Asked(NamedTuple):
-    """What a pose is finished with."""
-
-    kind: int
-    between: tuple[int, int] | None
-    length: float | None
-    scale_sigma: float
-    lens: Lens
+    return _with_pose(matches, plane, fit, request, started)
 
 
 def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
@@ -188,13 +183,13 @@ def _with_pose(
     matches: Matches,
     plane: tuple[Matches, FloatArray] | None,
     fit: TwoViewFit,
-    asked: _Asked,
+    request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
     """Finish a fit that is a pose: the chosen cost, the scale, residuals, uncertainty."""
-    lost = [i for i in asked.between or () if not fit.members[i]]
-    if lost:
-        words = f"point {lost[0]}, which the scale refers to, was rejected as a wrong match"
+    lost = request.rejected(fit.members)
+    if lost is not None:
+        words = f"point {lost}, which the scale refers to, was rejected as a wrong match"
         return TwoViewEstimate.without_pose(len(matches.pixels), "not_converged", words, started)
     members, best, n = matches.where(fit.members), fit.minima[0], len(matches.pixels)
     rotation, translation, structure = best.rotation.copy(), best.translation.copy(), best.points.copy()
@@ -202,11 +197,13 @@ def _with_pose(
     chosen = members
     if plane is not None:
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
-        if not _refined(chosen, asked.kind, rotation, translation, structure):
+        if not _refined(chosen, request.kind, rotation, translation, structure):
             words = "the refinement on the virtual plane found no minimum"
             return TwoViewEstimate.without_pose(n, "not_converged", words, started)
-    solution, places = Solution(rotation, translation, structure), _places(asked.between, fit)
-    response = linear_response(chosen.parameters, chosen.pixels, chosen.weights, noise, *solution, places)
+    solution, length = Solution(rotation, translation, structure), request.length(fit.members)
+    response = linear_response(
+        chosen.parameters, chosen.pixels, chosen.weights, noise, *solution, length.between
+    )
     if response is None:
         return TwoViewEstimate.without_pose(
             n, "not_converged", "the matches do not determine the motion", started
@@ -216,18 +213,18 @@ def _with_pose(
     square = (residuals[fit.members].reshape(-1, 2, 2) ** 2).sum(axis=2)
     weighted = float((members.weights**2 * square).sum())
     freedom = len(members.pixels) - MOTION_PARAMETERS
-    known, length = Noise.of(weighted, freedom, matches.noise_px or None), Length(places, asked.length or 1.0)
+    known = Noise.of(weighted, freedom, matches.noise_px or None)
     rivals = fit.minima[1:] if plane is None else None
-    law = two_view_uncertainty(members, rivals, response, solution, known, length, asked.lens)
+    law = two_view_uncertainty(members, rivals, response, solution, known, length, request.lens)
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
-    covariances = total_covariances(law, asked.scale_sigma, translation, points, fit.members)
+    covariances = total_covariances(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
         message="",
         initial_T_goal=_pose(rotation, translation),
         points=frozen(points),
-        is_metric=asked.length is not None,
+        is_metric=request.metres is not None,
         covariance=frozen(covariances[0]),
         points_covariance=frozen(covariances[1]),
         inliers=fit.members,
@@ -235,7 +232,7 @@ def _with_pose(
         noise_px=math.sqrt(weighted / max(freedom, 1)),
         residuals_px=frozen(residuals),
         seconds=time.perf_counter() - started,
-        scale_sigma=asked.scale_sigma,
+        scale_sigma=request.scale_sigma,
         uncertainty=law,
     )
 
@@ -263,13 +260,6 @@ def _refined(
         MOST_STEPS,
     )
     return bool(converged)
-
-
-def _places(between: tuple[int, int] | None, fit: TwoViewFit) -> tuple[int, int] | None:
-    """Return where two points stand among the members."""
-    if between is None:
-        return None
-    return int(fit.members[: between[0]].sum()), int(fit.members[: between[1]].sum())
 
 
 def _all_points(

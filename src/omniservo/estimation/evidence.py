@@ -23,6 +23,7 @@ matches; two of them can always be had.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.special import bdtrc, chdtri, fdtri
@@ -45,7 +46,7 @@ LARGEST_NOISE_PX = 5.0
 """Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
 LARGEST_MISSTATEMENT = 3.0
 """likewise, as a multiple of the noise that is stated"""
-CONFIDENCE = {"no_motion": 0.999, "pure_rotation": 0.999, "planar_points": 0.99}
+CONFIDENCE: Mapping[Status, float] = {"no_motion": 0.999, "pure_rotation": 0.999, "planar_points": 0.99}
 """Higher where no direction exists: the general model then takes the best of many, and F is too large."""
 
 
@@ -73,8 +74,8 @@ def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]
     """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
     members = matches.where(fit.members)
     freedom = members.size - MOTION_PARAMETERS
-    variance = _variance(fit.cost, freedom, members.noise_px)
-    simple = _simpler_model(members, variance, fit.cost)
+    variance = noise_variance(fit.cost, freedom, members.noise_px)
+    simple = simpler_model(members, variance, fit.cost)
     if simple is None and robust and matches.size >= EIGHT_POINTS:
         simple = _bulk_model(fit, matches, math.sqrt(variance))
     if simple is not None:
@@ -95,19 +96,21 @@ def largest_noise(stated: float | None) -> float:
     return LARGEST_MISSTATEMENT * stated if stated else LARGEST_NOISE_PX
 
 
-def _variance(cost: float, freedom: int, stated: float) -> float:
+def noise_variance(cost: float, freedom: int, stated: float) -> float:
     """Return σ² [px²] of a coordinate of weight 1: from the residuals, but never below what is known."""
     if not math.isfinite(cost):
         return stated**2 if stated > 0.0 else 100.0 * LEAST_NOISE_PX**2
     return max(cost / max(freedom, 1), (stated if stated > 0.0 else LEAST_NOISE_PX) ** 2)
 
 
-def _simpler_model(members: Matches, variance: float, cost: float) -> tuple[Status, str] | None:
+def simpler_model(
+    members: Matches, variance: float, cost: float, confidence: Mapping[Status, float] = CONFIDENCE
+) -> tuple[Status, str] | None:
     """Return the simplest model that explains the members as well as motion and structure do."""
     n = members.size
     limits = np.empty(3)
     for kind, parameters, status, _ in SIMPLER:
-        extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - CONFIDENCE[status]
+        extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - confidence[status]
         if members.noise_px > 0.0:
             limits[kind] = cost + chdtri(extra, chance) * variance
         else:

@@ -1,0 +1,31 @@
+"""What a caller wants of two views beside the motion."""
+
+from typing import NamedTuple
+
+from omniservo.estimation.two_view_uncertainty import Length, Lens
+from omniservo.geometry.arrays import BoolArray
+
+
+class TwoViewRequest(NamedTuple):
+    """How the answer is to be scaled, and what else is uncertain."""
+
+    kind: int
+    """s_R of the joint refinement"""
+    between: tuple[int, int] | None
+    """matches whose distance is known; None: the camera centres'"""
+    metres: float | None
+    """that distance; None where none is known"""
+    scale_sigma: float
+    """its standard deviation over itself"""
+    lens: Lens
+
+    def rejected(self, members: BoolArray) -> int | None:
+        """Return a match that the scale refers to and that is no member."""
+        return next((i for i in self.between or () if not members[i]), None)
+
+    def length(self, members: BoolArray) -> Length:
+        """Return what fixes the scale, among the members."""
+        if self.between is None:
+            return Length(None, self.metres or 1.0)
+        places = int(members[: self.between[0]].sum()), int(members[: self.between[1]].sum())
+        return Length(places, self.metres or 1.0)
