@@ -57,8 +57,9 @@ def estimate_two_view(
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, from the same points' pixels in two images.
 
-    Eight-point algorithm on bearings from several starts, cheirality by distances, linear structure, joint
-    refinement of s = (s_R, s_t, s_h₁ … s_hₙ), (13)-(22). Directions past 90° from the axis are members.
+    Eight-point algorithm on bearings from several starts (five to seven matches: all five-point solutions;
+    wrong matches: samples of five), cheirality by distances, linear structure, joint refinement of
+    s = (s_R, s_t, s_h₁ … s_hₙ), (13)-(22). Directions past 90° from the axis are members.
 
     Args:
         camera: took both images.
@@ -95,17 +96,7 @@ def estimate_two_view(
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
-    if len(pixels) < LEAST_POINTS:
-        words = f"{len(pixels)} matches given; at least {LEAST_POINTS} are needed"
-        return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
-    fit = fit_two_views(matches, kind, robust)
-    if fit is None:
-        words = f"fewer than {EIGHT_POINTS} of the {len(pixels)} matches agree"
-        return TwoViewEstimate.without_pose(len(pixels), "too_few_points", words, started)
-    status, words = judge(fit, matches, robust)
-    if status != "ok":
-        return TwoViewEstimate.without_pose(len(pixels), status, words, started)
-    return _with_pose(matches, plane, fit, request, started)
+    return _estimate_general(matches, plane, robust, request, started)
 
 
 def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
@@ -177,6 +168,27 @@ def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, Fl
     noise = matches.weights[:, :, None, None] * (slopes @ matches.jacobians.reshape(n, 2, 3, 2))
     seen = matches._replace(parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
     return seen, noise.reshape(n, 8)
+
+
+def _estimate_general(
+    matches: Matches,
+    plane: tuple[Matches, FloatArray] | None,
+    robust: bool,
+    request: TwoViewRequest,
+    started: float,
+) -> TwoViewEstimate:
+    """Return the estimate for a target that need not be a plane; ``plane`` is what `_virtual_plane` returns."""
+    if matches.size < LEAST_POINTS:
+        words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
+        return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
+    fit = fit_two_views(matches, request.kind, robust)
+    if fit is None:
+        words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
+        return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
+    status, words = judge(fit, matches, robust)
+    if status != "ok":
+        return TwoViewEstimate.without_pose(matches.size, status, words, started)
+    return _with_pose(matches, plane, fit, request, started)
 
 
 def _with_pose(

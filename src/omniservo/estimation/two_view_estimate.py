@@ -41,10 +41,11 @@ class TwoViewEstimate:
     """
 
     status: Status
-    """"ok"; "too_few_points": fewer than eight matches, or fewer than eight that agree; "no_motion",
-    "pure_rotation", "planar_points": the identity, a rotation, a homography explains the pixels as well as
-    motion and structure do; "ambiguous": a second motion, far from the first, is nearly as likely;
-    "not_converged": no minimum was found, or none that the matches agree with."""
+    """"ok"; "too_few_points": fewer than five matches (four before a plane), or fewer than eight of many that
+    agree; "no_motion", "pure_rotation", "planar_points": the identity, a rotation, a homography explains the
+    pixels as well as motion and structure do, wrong matches aside; "ambiguous": a second motion, far from
+    the first, is nearly as likely; "not_converged": no minimum was found, or none that the matches agree
+    with."""
     message: str
     """One sentence with the evidence; empty for "ok"."""
     initial_T_goal: RigidTransform | None
