@@ -177,7 +177,7 @@ def _estimate_general(
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
-    """Return the estimate for a target that need not be a plane; ``plane`` is what `_virtual_plane` returns."""
+    """Estimate a target that need not be a plane; ``plane`` is what `_virtual_plane` returns."""
     if matches.size < LEAST_POINTS:
         words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
