@@ -133,6 +133,8 @@ def test_examples_lists_the_shipped_tasks(capsys):
         "paper-example-1",
         "paper-example-2",
         "perspective-wall",
+        "tag-board",
+        "textured-object",
     ]
 
 

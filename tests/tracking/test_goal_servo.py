@@ -41,9 +41,9 @@ def test_the_camera_arrives_where_the_goal_image_was_taken():
     assert np.isnan(controller.report.w)
 
 
-def test_three_dots_are_a_feature_loss():
+def test_three_points_are_a_feature_loss():
     valid = np.arange(len(POINTS)) < 3
-    with pytest.raises(FeatureLoss, match="3 dots"):
+    with pytest.raises(FeatureLoss, match="3 points"):
         servo().step(0.0, seen_from(RigidTransform.identity()), valid)
 
 
