@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         PlanningProblem,
         improving_plans,
         plan_path,
+        plan_with_risk,
         replan,
     )
     from omniservo.targets import Target
@@ -66,6 +67,7 @@ _HOME = {
     "PlanningProblem": "planning",
     "improving_plans": "planning",
     "plan_path": "planning",
+    "plan_with_risk": "planning",
     "replan": "planning",
     "Target": "targets",
     "PathTracker": "tracking",
@@ -102,6 +104,7 @@ __all__ = [
     "load_camera",
     "load_model",
     "plan_path",
+    "plan_with_risk",
     "preset",
     "rectify",
     "replan",

@@ -36,10 +36,14 @@ class JointUncertainty:
     """(q, 6 + 3m) what each independent direction of the camera's parameters does to x [m], [rad]"""
     camera: FloatArray
     """(q, p) that direction, one σ of it: of fx, fy, cx, cy, ξ and, where p = 9, k1, k2, p1, p2"""
+    pixel_sigma: FloatArray | None = None
+    """(m, 2) σ of each inlier's pixel coordinates in either image [px], where ``noise`` is stretched over
+    curved valleys or rival minima: `TwoViewEstimate.sample` can then draw from the likelihood itself."""
 
     def __post_init__(self) -> None:
-        for name in ("noise", "own", "calibration", "camera"):
-            getattr(self, name).setflags(write=False)
+        for name in ("noise", "own", "calibration", "camera", "pixel_sigma"):
+            if getattr(self, name) is not None:
+                getattr(self, name).setflags(write=False)
 
     @property
     def inflation(self) -> float:
@@ -53,31 +57,29 @@ class JointUncertainty:
         each = self.inflation * self.own + points @ np.swapaxes(points, 1, 2)
         return rows[:, :6].T @ rows[:, :6], each
 
-    def draw(
-        self, rng: np.random.Generator, count: int, sources: tuple[Source, ...] = SOURCES
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return ``count`` samples of dx (count, 6 + 3m) and of the camera's parameters (count, p).
+    def taus(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Return samples of τ (count,)."""
+        if math.isinf(self.freedom):
+            return np.ones(count)
+        return np.asarray(np.sqrt(self.freedom / rng.chisquare(self.freedom, size=count)))
 
-        What is not among the sources stands still; the others are the same numbers as with all sources.
-        """
-        m, calibrated = len(self.own), "calibration" in sources
-        tau = np.ones((count, 1))
-        if not math.isinf(self.freedom):
-            tau = np.sqrt(self.freedom / rng.chisquare(self.freedom, size=(count, 1)))
-        shared = rng.standard_normal((count, len(self.noise)))
-        own = rng.standard_normal((count, m, 3))
+    def draw_noise(self, rng: np.random.Generator, tau: FloatArray) -> FloatArray:
+        """Return what pixel noise does to x (count, 6 + 3m), one sample for each τ."""
+        dx = rng.standard_normal((len(tau), len(self.noise))) @ self.noise
+        dx[:, 6:] += self.draw_own(rng, np.ones(len(tau))).reshape(len(tau), -1)
+        return tau[:, None] * dx
+
+    def draw_own(self, rng: np.random.Generator, tau: FloatArray) -> FloatArray:
+        """Return what pixel noise does to each point alone (count, m, 3), one sample for each τ."""
+        values, vectors = np.linalg.eigh(self.own)
+        half = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        normal = rng.standard_normal((len(tau), len(self.own), 3))
+        return np.asarray(tau[:, None, None] * np.einsum("kmi,mji->kmj", normal, half))
+
+    def draw_calibration(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
+        """Return what the camera does to x (count, 6 + 3m), and its parameters' deviations (count, p)."""
         lens = rng.standard_normal((count, len(self.calibration)))
-        dx = np.zeros((count, 6 + 3 * m))
-        if "noise" in sources:
-            values, vectors = np.linalg.eigh(self.own)
-            half = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-            alone = np.einsum("kmi,mji->kmj", own, half).reshape(count, 3 * m)
-            dx = shared @ self.noise
-            dx[:, 6:] += alone
-            dx *= tau
-        if not calibrated or not len(lens):
-            return dx, np.zeros((count, self.camera.shape[1]))
-        return dx + lens @ self.calibration, lens @ self.camera
+        return lens @ self.calibration, lens @ self.camera
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers; an infinite ``freedom`` becomes None."""
@@ -87,6 +89,7 @@ class JointUncertainty:
             "freedom": None if math.isinf(self.freedom) else self.freedom,
             "calibration": self.calibration.tolist(),
             "camera": self.camera.tolist(),
+            "pixel_sigma": None if self.pixel_sigma is None else self.pixel_sigma.tolist(),
         }
 
     @classmethod
@@ -97,15 +100,21 @@ class JointUncertainty:
             InputError: a field is missing, unknown or not legal.
         """
         names = ("noise", "own", "freedom", "calibration", "camera")
-        if not isinstance(fields, dict) or sorted(fields) != sorted(names):
+        if not isinstance(fields, dict) or sorted({*fields, "pixel_sigma"}) != sorted(
+            (*names, "pixel_sigma")
+        ):
             raise InputError(f"{source}: exactly the fields {', '.join(names)} are needed")
         freedom, width = fields["freedom"], 6 + 3 * inliers
+        sigma = fields.get("pixel_sigma")
         law = cls(
             noise=_rows(f"{source}: noise", fields["noise"], width),
             own=_rows(f"{source}: own", fields["own"], 3, 3),
             freedom=math.inf if freedom is None else finite_number(f"{source}: freedom", freedom, above=2.0),
             calibration=_rows(f"{source}: calibration", fields["calibration"], width),
             camera=_rows(f"{source}: camera", fields["camera"], None),
+            pixel_sigma=None
+            if sigma is None
+            else finite_array(f"{source}: pixel_sigma", sigma, (inliers, 2)),
         )
         if len(law.own) != inliers:
             raise InputError(f"{source}: own: {len(law.own)} points given; {inliers} inliers")

@@ -12,8 +12,11 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.joint_uncertainty import SOURCES, EstimateSamples, JointUncertainty, Source
+from omniservo.estimation.likelihood_samples import likelihood_samples
+from omniservo.estimation.matches import Matches
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
@@ -99,18 +102,23 @@ class TwoViewEstimate:
         )
 
     def sample(
-        self, rng: np.random.Generator, count: int, sources: tuple[Source, ...] = SOURCES
+        self,
+        rng: np.random.Generator,
+        count: int,
+        sources: tuple[Source, ...] = SOURCES,
+        camera: UnifiedCamera | None = None,
     ) -> EstimateSamples:
-        """Return ``count`` equally likely motions and structures, to first order: x + dx, times 1 + ε.
+        """Return ``count`` equally likely motions and structures: (x + dx)(1 + ε), see `JointUncertainty`.
 
         Args:
             rng: where the numbers come from.
             count: how many.
-            sources: what is uncertain: "noise" of the pixels, "scale", "calibration"; the rest stands still,
-                and the same ``rng`` gives the same numbers for what remains.
+            sources: what is uncertain: "noise" of the pixels, "scale", "calibration"; the rest stands still.
+            camera: that took both images: where few noisy points leave curved valleys, the samples are then
+                those of the likelihood; without it, of the normal law that is stretched over them.
 
         Raises:
-            InputError: there is no pose, or no uncertainty with it.
+            InputError: there is no pose, no uncertainty with it, or no such source.
         """
         pose, law = self.initial_T_goal, self.uncertainty
         if pose is None or law is None:
@@ -118,16 +126,27 @@ class TwoViewEstimate:
             raise InputError(f"estimate: status {self.status!r} with {what}; nothing can be sampled")
         if unknown := [s for s in sources if s not in SOURCES]:
             raise InputError(f"sources: {unknown[0]!r} given; legal: {', '.join(SOURCES)}")
-        dx, camera = law.draw(rng, count, sources)
-        factor = 1.0 + self.scale_sigma * rng.standard_normal(count)
-        if "scale" not in sources:
-            factor[:] = 1.0
+        streams = rng.spawn(3)
+        factor = 1.0 + self.scale_sigma * streams[0].standard_normal(count) * ("scale" in sources)
+        moved, lens = law.draw_calibration(streams[1], count)
+        if "calibration" not in sources:
+            moved, lens = 0.0 * moved, 0.0 * lens
+        if "noise" in sources:
+            tau = law.taus(streams[2], count)
+            if law.pixel_sigma is None or camera is None:
+                moved += law.draw_noise(streams[2], tau)
+            else:
+                views = [self.points[self.inliers], pose.inv().apply(self.points[self.inliers])]
+                fitted = np.concatenate([camera.project(p)[0] for p in views], axis=1)
+                pixels = fitted - self.residuals_px[self.inliers]
+                matches = Matches.of_pixels(camera, pixels, law.pixel_sigma)
+                moved += likelihood_samples(matches, pose, views[0], law, tau, streams[2])
         points = np.full((count, *self.points.shape), math.nan)
-        moved = self.points[self.inliers] + dx[:, 6:].reshape(count, -1, 3)
-        points[:, self.inliers] = factor[:, None, None] * moved
-        translation = factor[:, None] * (pose.translation + dx[:, :3])
-        rotation = pose.rotation * Rotation.from_rotvec(dx[:, 3:6])
-        return EstimateSamples(RigidTransform.from_components(translation, rotation), points, camera)
+        seen = self.points[self.inliers] + moved[:, 6:].reshape(count, -1, 3)
+        points[:, self.inliers] = factor[:, None, None] * seen
+        translation = factor[:, None] * (pose.translation + moved[:, :3])
+        rotation = pose.rotation * Rotation.from_rotvec(moved[:, 3:6])
+        return EstimateSamples(RigidTransform.from_components(translation, rotation), points, lens)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers; NaN becomes None. See :meth:`from_dict`."""

@@ -116,14 +116,17 @@ def two_view_uncertainty(
     unit = np.full(rows.shape[1], metres)
     unit[3:6] = 1.0
     noisy = math.sqrt(noise.variance) * unit * rows
+    sigma = None
     if rivals is not None:
-        noisy = np.concatenate((noisy, _stretched(members, rivals, response, solution, noise, length)))
+        stretched = _stretched(members, rivals, response, solution, noise, length)
+        noisy = np.concatenate((noisy, stretched))
+        sigma = math.sqrt(noise.variance) / members.weights if len(stretched) else None
     calibration = np.empty((0, rows.shape[1]))
     if len(lens.directions):
         weights = np.repeat(members.weights, 2, axis=1)
         calibration = np.array([response.answer(-weights * moves) for moves in lens.pixels(solution)])
     own = noise.variance * metres**2 * own
-    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions)
+    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma)
 
 
 def total_covariances(

@@ -14,6 +14,8 @@ from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import Degrees, PlanningProblem, Workspace
 from omniservo.planning.replan import replan
+from omniservo.planning.risk.plan_with_risk import plan_with_risk
+from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
 
 __all__ = [
     "Box",
@@ -27,11 +29,14 @@ __all__ = [
     "Mesh",
     "Plan",
     "PlanningProblem",
+    "RiskPlan",
     "Separator",
     "Sphere",
+    "UncertainMargin",
     "Workspace",
     "certify",
     "improving_plans",
     "plan_path",
+    "plan_with_risk",
     "replan",
 ]

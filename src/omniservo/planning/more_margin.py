@@ -12,22 +12,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.checks import LARGEST
 from omniservo.planning.end_poses import end_margins
-from omniservo.planning.obstacles.half_space import HalfSpace
-from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.plan import Plan
-from omniservo.planning.planning_problem import PlanningProblem, Workspace
+from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.search import FEW
 from omniservo.planning.time_budget import TimeBudget
+from omniservo.planning.widened import widened
 
 CAP = 0.9
 """The part of what the end poses leave that a path is asked to keep on its whole way."""
@@ -93,36 +89,4 @@ def tightened(problem: PlanningProblem, asked: Mapping[str, float]) -> PlanningP
     units = angle_units(problem)
     image = [value for name, value in asked.items() if name.startswith(("visibility", "dead_zone"))]
     metres = {name: value * units["m"] for name, value in asked.items()}
-    changes: dict[str, Any] = {
-        "obstacles": tuple(_larger(problem, o, i, metres) for i, o in enumerate(problem.obstacles)),
-        "least_distance": problem.least_distance + metres.get("least_distance", 0.0),
-        "visibility_margin": problem.visibility_margin + units["px"] * min(image, default=0.0),
-    }
-    if problem.workspace is not None:
-        changes["workspace"] = _smaller(problem.workspace, metres)
-    return replace(problem, **changes)
-
-
-def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mapping[str, float]) -> Obstacle:
-    """Return it with a larger clearance and, where it hides points and is round, a larger radius."""
-    own = problem.clearance if obstacle.clearance is None else obstacle.clearance
-    clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
-    radius = float(getattr(obstacle, "radius", 0.0))
-    grown = min(metres.get(f"occlusion obstacle {i}", 0.0), clearance) if radius > 0.0 else 0.0
-    changes: dict[str, Any] = {"clearance": min(clearance - grown, LARGEST)}
-    if grown > 0.0:
-        changes["radius"] = radius + grown
-    return replace(obstacle, **changes)
-
-
-def _smaller(workspace: Workspace, metres: Mapping[str, float]) -> Workspace:
-    """Return the workspace with every wall moved inward."""
-    sides = tuple(
-        HalfSpace(side.normal, side.offset + metres.get(f"workspace half-space {i}", 0.0))
-        for i, side in enumerate(workspace.half_spaces)
-    )
-    if workspace.min is None or workspace.max is None:
-        return Workspace(half_spaces=sides)
-    low = workspace.min + [metres.get(f"workspace {axis} min", 0.0) for axis in "xyz"]
-    high = workspace.max - [metres.get(f"workspace {axis} max", 0.0) for axis in "xyz"]
-    return Workspace(low, high, sides)
+    return widened(problem, metres, units["px"] * min(image, default=0.0))

@@ -1,0 +1,174 @@
+"""Do the ellipsoids cover what they say?
+
+Run: ``python -m benchmarks.coverage [SCENES]``. Random scenes (those of `benchmarks.estimation_speed`) of
+each of three cameras; a scene counts where the status is "ok". Counted is how often the truth lies in the 95%
+ellipsoid of the motion (rotation and direction, 5 numbers; with a known length between two points also ‖t‖,
+6), of the whole structure (3n numbers at once) and of its points one by one, and in the 95% interval of the
+scale. Ellipsoids are those of `TwoViewEstimate.uncertainty`: F where σ comes from the residuals, χ² where it
+was given.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from benchmarks.estimation_speed import Scene, random_scene
+from scipy.special import chdtri, fdtri
+
+from omniservo.cameras import UnifiedCamera, preset
+from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.geometry.arrays import FloatArray
+
+CAMERAS = ("fe185", "perspective", "para-catadioptric")
+LEVEL = 0.95
+SCALE_SIGMA = 0.03
+
+SETTINGS = (
+    (20, 0.1, False),
+    (20, 0.1, True),
+    (50, 0.1, False),
+    (9, 0.5, False),
+    (9, 0.5, True),
+    (9, 0.1, False),
+)
+"""points, noise [px], whether the noise is given"""
+
+
+def coverage(name: str, n: int, noise: float, given: bool, scenes: int) -> dict[str, float]:
+    """Return the share of scenes that each 95% region covers, and the share with status "ok"."""
+    camera, rng = preset(name), np.random.default_rng([20120601, n])
+    hits: Counter[str] = Counter()
+    for _ in range(scenes):
+        scene = random_scene(rng, camera, n, noise)
+        known = (0, 1), float(np.linalg.norm(scene.points[0] - scene.points[1]))
+        factor = 1.0 + SCALE_SIGMA * rng.standard_normal()
+        stated = float(np.linalg.norm(scene.initial_T_goal.translation)) / factor
+        hits["scenes"] += 1
+        plain = _estimate(camera, scene, noise if given else None, stated, SCALE_SIGMA)
+        if plain.initial_T_goal is None:
+            continue
+        hits["ok"] += 1
+        hits["motion, 5"] += _covered(_error(plain, scene, factor), _motion(plain))
+        error = (plain.points - scene.points / factor).ravel()
+        law = plain.uncertainty
+        assert law is not None
+        hits["structure, 3n"] += _covered_structure(error, plain)
+        hits["points"] += _points_covered(error, plain)
+        hits["stated scale"] += abs(factor - 1.0) < 1.96 * plain.scale_sigma
+        metric = _estimate(camera, scene, noise if given else None, known, 0.0)
+        if metric.initial_T_goal is not None:
+            hits["with length"] += 1
+            hits["motion, 6"] += _covered(_error(metric, scene, 1.0), _motion(metric, 6))
+            hits["length of t"] += _length_covered(metric, scene)
+    return {
+        k: v / (hits["with length"] if k in ("motion, 6", "length of t") else hits["ok"])
+        for k, v in hits.items()
+    }
+
+
+def _estimate(
+    camera: UnifiedCamera, scene: Scene, noise: float | None, scale: object, sigma: float
+) -> TwoViewEstimate:
+    return estimate_two_view(
+        camera,
+        scene.pixels_initial,
+        scene.pixels_goal,
+        scale=scale,
+        scale_sigma=sigma,
+        noise=noise,
+        robust=False,
+    )  # type: ignore[arg-type]
+
+
+def _error(estimate: TwoViewEstimate, scene: Scene, factor: float) -> FloatArray:
+    """Return (t, δ) of the estimate less the truth, in the estimate's scale."""
+    pose, truth = estimate.initial_T_goal, scene.initial_T_goal
+    assert pose is not None
+    turn = (truth.rotation.inv() * pose.rotation).as_rotvec()
+    return np.concatenate((pose.translation - truth.translation / factor, turn))
+
+
+def _motion(estimate: TwoViewEstimate, size: int = 5) -> tuple[FloatArray, FloatArray, float]:
+    """Return a basis of what is free, the noise's scale matrix in it, and its degrees of freedom."""
+    law, pose = estimate.uncertainty, estimate.initial_T_goal
+    assert law is not None
+    assert pose is not None
+    basis = np.eye(6)
+    if size == 5:
+        across = np.linalg.svd(pose.translation[None])[2][1:].T
+        basis = np.zeros((6, 5))
+        basis[:3, :2], basis[3:, 2:] = across, np.eye(3)
+    rows = law.noise[:, :6] @ basis
+    return basis, rows.T @ rows, law.freedom
+
+
+def _covered(error: FloatArray, law: tuple[FloatArray, FloatArray, float]) -> bool:
+    basis, matrix, freedom = law
+    inner = basis.T @ error
+    return bool(inner @ np.linalg.solve(matrix, inner) < _quantile(len(inner), freedom))
+
+
+def _covered_structure(error: FloatArray, estimate: TwoViewEstimate) -> bool:
+    law = estimate.uncertainty
+    assert law is not None
+    rows, n = law.noise[:, 6:], len(law.own)
+    matrix = rows.T @ rows
+    for j in range(n):
+        matrix[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += law.own[j]
+    return bool(error @ np.linalg.solve(matrix, error) < _quantile(3 * n, law.freedom))
+
+
+def _points_covered(error: FloatArray, estimate: TwoViewEstimate) -> float:
+    """Return the share of points whose own 95% ellipsoid covers them."""
+    law = estimate.uncertainty
+    assert law is not None
+    rows = law.noise[:, 6:].reshape(len(law.noise), -1, 3)
+    matrices = law.own + np.einsum("kmi,kmj->mij", rows, rows)
+    gaps = error.reshape(-1, 3)
+    squares = np.einsum("mi,mi->m", gaps, np.linalg.solve(matrices, gaps[..., None])[..., 0])
+    return float(np.mean(squares < _quantile(3, law.freedom)))
+
+
+def _length_covered(estimate: TwoViewEstimate, scene: Scene) -> bool:
+    pose, law = estimate.initial_T_goal, estimate.uncertainty
+    assert pose is not None
+    assert law is not None
+    length = float(np.linalg.norm(pose.translation))
+    along = law.noise[:, :3] @ pose.translation / length
+    gap = length - float(np.linalg.norm(scene.initial_T_goal.translation))
+    return gap * gap < _quantile(1, law.freedom) * float(along @ along)
+
+
+def _quantile(size: int, freedom: float) -> float:
+    if math.isinf(freedom):
+        return float(chdtri(size, 1.0 - LEVEL))
+    return float(size * fdtri(size, freedom, LEVEL))
+
+
+NAMES = ("motion, 5", "motion, 6", "length of t", "structure, 3n", "points", "stated scale")
+
+
+def lines(scenes: int = 2000) -> Iterator[str]:
+    """Measure and give a Markdown table, row by row."""
+    yield "| points | noise [px] | camera | ok | " + " | ".join(NAMES) + " |"
+    yield "|" + "---|" * (4 + len(NAMES))
+    for n, noise, given in SETTINGS:
+        for name in CAMERAS:
+            found = coverage(name, n, noise, given, scenes)
+            said = f"{noise:g}, {'given' if given else 'estimated'}"
+            shares = " | ".join(f"{100 * found.get(k, math.nan):.1f}" for k in NAMES)
+            yield f"| {n} | {said} | {name} | {100 / found['scenes']:.1f} | {shares} |"
+
+
+def main() -> None:
+    """Print the table."""
+    for line in lines(*(int(a) for a in sys.argv[1:2])):
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""Plans whose margins are as wide as an uncertain estimate needs them."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.estimation import TwoViewEstimate
+from omniservo.estimation.joint_uncertainty import SOURCES, Source
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.risk.advice import sources_of, what_dominates, what_would_help
+from omniservo.planning.risk.executions import IMAGE, Executions
+from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
+from omniservo.planning.risk.safe_path import SafePath, critical_places, safe_path, upper_bound
+
+LEAST_RISK = 1e-4
+MOST_RISK = 0.5
+
+SAMPLES = 2000
+RARE = 20
+"""At least so many samples are drawn for one expected violation."""
+
+FEW_SAMPLES = 400
+"""for the part that each source has"""
+
+PLANNED_PLACES = 101
+"""Places where the planned margins are looked at."""
+
+STRICTER = (1.0, 0.75, 0.5)
+"""Parts of the risk that are searched for, until fresh samples agree that it is small enough."""
+
+
+def plan_with_risk(
+    problem: PlanningProblem, estimate: TwoViewEstimate, *, risk: float = 0.01, seed: int = 0
+) -> RiskPlan:
+    """Return a certified plan that the servo, led by an uncertain estimate, violates with at most ``risk``.
+
+    The estimate's goal and inliers take the place of the problem's. Samples of what the points may truly be
+    (`TwoViewEstimate.sample`) are executed: the servo keeps the points it sees where the plan sees the
+    estimated ones, so the camera goes another way than planned. A sample is violated where that way, or what
+    is seen from it, leaves a demand of the problem unmet. Margins are widened until few enough are.
+
+    Args:
+        problem: what to keep; obstacles in the initial camera frame, as exact as stated.
+        estimate: metric, of status "ok", with its uncertainty.
+        risk: probability that any demand is violated, 0.0001 to 0.5.
+        seed: of the samples, and of planning.
+
+    Raises:
+        InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, or what planning
+            refuses.
+    """
+    begin = time.perf_counter()
+    finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
+    asked = problem_of_estimate(problem, estimate)
+    count = max(SAMPLES, math.ceil(RARE / risk))
+    search = _executions(asked, estimate, count, seed)
+    check = _executions(asked, estimate, count, seed + 1)
+    for share in STRICTER:
+        found = safe_path(search, share * risk, seed)
+        path = found.plan.path
+        if path is None or not len(found.margins):
+            advice = "there is none without uncertainty either"
+            return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, {}, advice, _since(begin))
+        margins = check.margins(path, critical_places(found.plan))
+        predicted = float((margins < 0.0).any(axis=1).mean())
+        bound = upper_bound(round(predicted * count), count)
+        ok = bound <= risk
+        if ok or not found.ok:
+            break
+    report = _uncertain_margins(check, path, found, margins, estimate, risk, seed) if path else {}
+    plan, advice = found.plan, what_dominates(report)
+    if not ok:
+        advice = what_would_help(
+            sources_of(estimate),
+            report,
+            lambda kept: safe_path(_executions(asked, estimate, count // 2, seed, kept), risk, seed).ok,
+        )
+        plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
+    extra = dict(zip(search.demands, found.extra.tolist(), strict=True))
+    image = extra.pop(IMAGE)
+    most = max(extra.values(), default=0.0)
+    return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
+
+
+def _since(begin: float) -> float:
+    return time.perf_counter() - begin
+
+
+def _reason(report: dict[str, UncertainMargin], predicted: float, risk: float) -> str:
+    """Say by how much the best attempt fails, and where."""
+    worst = min(report, key=lambda name: report[name].left)
+    found, digits = report[worst], 1e3 if report[worst].unit == "m" else 1.0
+    unit = "mm" if found.unit == "m" else "px"
+    return (
+        f"no path was found with a risk of {risk:g}: the best one violates a demand in {100 * predicted:.2g}%"
+        f" of the samples; {worst}: {digits * found.planned:.3g} {unit} planned,"
+        f" {digits * found.executed:.3g} {unit} left at that risk"
+    )
+
+
+def problem_of_estimate(problem: PlanningProblem, estimate: TwoViewEstimate) -> PlanningProblem:
+    """Return the problem with the estimate's goal and inliers instead of its own.
+
+    Raises:
+        InputError: the estimate has no pose, or no metric scale.
+    """
+    if estimate.initial_T_goal is None:
+        raise InputError(f"estimate: status {estimate.status!r}: no pose to plan to; {estimate.message}")
+    if not estimate.is_metric:
+        raise InputError("estimate: not metric; obstacles are in metres, so a scale is needed")
+    points = estimate.points[estimate.inliers]
+    return replace(problem, points=points, initial_T_goal=estimate.initial_T_goal)
+
+
+def _executions(
+    problem: PlanningProblem,
+    estimate: TwoViewEstimate,
+    count: int,
+    seed: int,
+    sources: tuple[Source, ...] = SOURCES,
+) -> Executions:
+    samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera)
+    return Executions.of(problem, samples, estimate.inliers)
+
+
+def _uncertain_margins(
+    check: Executions,
+    path: CameraPath,
+    found: SafePath,
+    margins: FloatArray,
+    estimate: TwoViewEstimate,
+    risk: float,
+    seed: int,
+) -> dict[str, UncertainMargin]:
+    """Return what uncertainty, and each source alone, does to every demand."""
+    critical = critical_places(found.plan)
+    places = np.unique(np.concatenate((np.linspace(0.0, 1.0, PLANNED_PLACES), critical)))
+    planned, left = check.planned(path, places), _left(margins, risk)
+    parts: dict[str, FloatArray] = {}
+    sources = sources_of(estimate)
+    for source in sources:
+        alone = margins
+        if len(sources) > 1:
+            few = _executions(check.problem, estimate, FEW_SAMPLES, seed + 2, (source,))
+            alone = few.margins(path, critical)
+        parts[source] = planned - _left(alone, risk)
+    return {
+        name: UncertainMargin(
+            "px" if name == IMAGE else "m",
+            float(planned[g]),
+            float(left[g]),
+            float(found.extra[g]),
+            {source: float(taken[g]) for source, taken in parts.items()},
+        )
+        for g, name in enumerate(check.demands)
+        if math.isfinite(planned[g])
+    }
+
+
+def _left(margins: FloatArray, risk: float) -> FloatArray:
+    """Return what is left of each demand (d,) but for a share ``risk`` of the samples (K, d)."""
+    return np.asarray(np.quantile(margins, risk, axis=0, method="lower"))

@@ -1,0 +1,84 @@
+"""A plan with what is known of its risk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from omniservo.planning.plan import Plan
+
+
+@dataclass(frozen=True)
+class UncertainMargin:
+    """What uncertainty does to one demand of the problem."""
+
+    unit: str
+    """"m" or "px\""""
+    planned: float
+    """smallest margin along the planned path, beyond what the problem asks for"""
+    executed: float
+    """the same along the executed path; less is left only with the stated risk"""
+    extra: float
+    """by how much more the plan was asked for than the problem asks for"""
+    parts: Mapping[str, float]
+    """source → what it alone takes of the planned margin at the stated risk"""
+
+    @property
+    def left(self) -> float:
+        """``executed`` over what uncertainty takes: below 0 it takes more than there is."""
+        return self.executed / max(self.planned - self.executed, 1e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class RiskPlan:
+    """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none."""
+
+    ok: bool
+    """the executed path violates a demand with at most the stated risk: the 95% upper bound on ``predicted``
+    by Clopper and Pearson, from samples that had no part in the search, is not above it"""
+    plan: Plan
+    """its problem asks for the widened margins: certificate and verifier prove those. Of status "not_found"
+    or "infeasible" where ``ok`` is False: then the best attempt"""
+    risk: float
+    """as stated"""
+    predicted: float
+    """share of the samples whose executed path violates a demand of the problem"""
+    predicted_bound: float
+    """its upper bound, see ``ok``"""
+    samples: int
+    """how many"""
+    extra_clearance: float
+    """most that was added to a demand in metres [m]"""
+    extra_visibility: float
+    """added to the visibility margin [px]"""
+    margins: Mapping[str, UncertainMargin]
+    """demand → what uncertainty does to it; "image" are all image limits together"""
+    advice: str
+    """where ``ok`` is False: what would help, found by planning without each source; else what dominates"""
+    seconds: float
+    """wall time [s]"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report without the plan, as plain numbers."""
+        return {
+            "ok": self.ok,
+            "risk": self.risk,
+            "predicted": self.predicted,
+            "predicted_bound": self.predicted_bound,
+            "samples": self.samples,
+            "extra_clearance": self.extra_clearance,
+            "extra_visibility": self.extra_visibility,
+            "margins": {
+                name: {
+                    "unit": m.unit,
+                    "planned": m.planned,
+                    "executed": m.executed,
+                    "extra": m.extra,
+                    "parts": dict(m.parts),
+                }
+                for name, m in self.margins.items()
+            },
+            "advice": self.advice,
+            "seconds": self.seconds,
+        }

@@ -1,0 +1,60 @@
+"""A problem that asks for more of what it asks for already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from omniservo.planning.checks import LARGEST
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.planning_problem import PlanningProblem, Workspace
+
+
+def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) -> PlanningProblem:
+    """Return the problem with more asked for: ``metres`` by name of the constraint, ``px`` of all limits.
+
+    A line of sight keeps more from an obstacle that is made larger, its clearance that much smaller, if
+    it has so much; lines of sight past meshes, the domain and ‖φ‖ stay as they are.
+
+    Raises:
+        InputError: nothing is left of the workspace.
+    """
+    changes: dict[str, Any] = {
+        "obstacles": tuple(_larger(problem, o, i, metres) for i, o in enumerate(problem.obstacles)),
+        "least_distance": problem.least_distance + metres.get("least_distance", 0.0),
+        "visibility_margin": problem.visibility_margin + px,
+    }
+    if problem.workspace is not None:
+        changes["workspace"] = _smaller(problem.workspace, metres)
+    return replace(problem, **changes)
+
+
+def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mapping[str, float]) -> Obstacle:
+    """Return it with a larger clearance and, where it hides points, larger itself."""
+    own = problem.clearance if obstacle.clearance is None else obstacle.clearance
+    clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
+    grown = metres.get(f"occlusion obstacle {i}", 0.0)
+    changes: dict[str, Any] = {}
+    if grown > 0.0 and isinstance(obstacle, Box):
+        changes["half_extents"] = obstacle.half_extents + grown
+    elif grown > 0.0 and float(getattr(obstacle, "radius", 0.0)) > 0.0:
+        changes["radius"] = float(getattr(obstacle, "radius", 0.0)) + grown
+    else:
+        grown = 0.0
+    return replace(obstacle, clearance=min(max(clearance - grown, 0.0), LARGEST), **changes)
+
+
+def _smaller(workspace: Workspace, metres: Mapping[str, float]) -> Workspace:
+    """Return the workspace with every wall moved inward."""
+    sides = tuple(
+        HalfSpace(side.normal, side.offset + metres.get(f"workspace half-space {i}", 0.0))
+        for i, side in enumerate(workspace.half_spaces)
+    )
+    if workspace.min is None or workspace.max is None:
+        return Workspace(half_spaces=sides)
+    low = workspace.min + [metres.get(f"workspace {axis} min", 0.0) for axis in "xyz"]
+    high = workspace.max - [metres.get(f"workspace {axis} max", 0.0) for axis in "xyz"]
+    return Workspace(low, high, sides)
