@@ -21,6 +21,7 @@ from scipy.special import chdtri, fdtri
 
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.estimation.estimate_two_view import Scale
 from omniservo.geometry.arrays import FloatArray
 
 CAMERAS = ("fe185", "perspective", "para-catadioptric")
@@ -71,7 +72,7 @@ def coverage(name: str, n: int, noise: float, given: bool, scenes: int) -> dict[
 
 
 def _estimate(
-    camera: UnifiedCamera, scene: Scene, noise: float | None, scale: object, sigma: float
+    camera: UnifiedCamera, scene: Scene, noise: float | None, scale: Scale | None, sigma: float
 ) -> TwoViewEstimate:
     return estimate_two_view(
         camera,
@@ -81,7 +82,7 @@ def _estimate(
         scale_sigma=sigma,
         noise=noise,
         robust=False,
-    )  # type: ignore[arg-type]
+    )
 
 
 def _error(estimate: TwoViewEstimate, scene: Scene, factor: float) -> FloatArray:

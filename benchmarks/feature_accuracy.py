@@ -65,8 +65,8 @@ def raw(detector: Any, norm: int) -> Callable[[Image, Image], Pixels]:
             if m.distance < 0.8 * n.distance and back[m.trainIdx] == m.queryIdx
         ]
         rows = np.array(good, dtype=np.int64).reshape(-1, 2)
-        places = (np.array([p.pt for p in k]) for k in (ka, kb))
-        return tuple(p[r] for p, r in zip(places, rows.T, strict=True))  # type: ignore[return-value]
+        here, there = (np.array([p.pt for p in keys]) for keys in (ka, kb))
+        return here[rows[:, 0]], there[rows[:, 1]]
 
     return matched
 
@@ -88,8 +88,8 @@ def pictures(angle: float, turn: float, seed: int) -> tuple[list[Any], Any, Any,
     about = np.array([-np.sin(np.radians(30.0 * seed)), np.cos(np.radians(30.0 * seed)), 0.0])
     here = scenes.pose([0.0, 0.0, 0.0])
     there = scenes.pose([0.04, -0.03, 0.03], turn * about)
-    images = (scenes.picture(CAMERA, plates, w, rng) for w in (here, there))
-    return plates, here, there, *images  # type: ignore[return-value]
+    first, second = (scenes.picture(CAMERA, plates, w, rng) for w in (here, there))
+    return plates, here, there, first, second
 
 
 def matching_rows(turn_of: Callable[[float], float]) -> Iterator[str]:

@@ -10,10 +10,11 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point
+from omniservo.estimation.consensus import draw
 from omniservo.estimation.pose_refinement import minimise_pose
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, quaternion_from_matrix
 from omniservo.estimation.three_point_pose import three_point_poses
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 
 LEAST_SAMPLES = 3
@@ -58,7 +59,7 @@ def find_pose(
     best, count, needed, drawn, state = math.inf, -1, MOST_SAMPLES, 0, n
     while drawn < needed:
         drawn += 1
-        state = draw_triple(state, n, chosen)
+        state = draw(state, n, chosen)
         for i in range(three_point_poses(bearings, points, chosen, rotations, translations)):
             q, t = quaternion_from_matrix(rotations[i]), translations[i].copy()
             score, inliers = pose_score(parameters, points, pixels, weights, threshold, q, t, squares)
@@ -227,18 +228,3 @@ def _copy_pose(q: FloatArray, t: FloatArray, quaternion: FloatArray, translation
         quaternion[i] = q[i]
     for i in range(3):
         translation[i] = t[i]
-
-
-@kernel
-def draw_triple(state: int, n: int, chosen: IntArray) -> int:
-    """Write three different numbers below n; return the next state (48-bit linear congruence)."""
-    for i in range(3):
-        fresh = False
-        while not fresh:
-            state = (state * 25214903917 + 11) & ((1 << 48) - 1)
-            chosen[i] = (state >> 17) % n
-            fresh = True
-            for k in range(i):
-                if chosen[k] == chosen[i]:
-                    fresh = False
-    return state

@@ -53,7 +53,7 @@ def find_features(image: ByteArray, camera: UnifiedCamera) -> Features:
 def _in_view(camera: UnifiedCamera, image: ByteArray, view: FieldView) -> FloatArray:
     """Features (n, 135) of a view's own: bearing (3), axis (3), descriptor (128), strength."""
     # without the last flag, places are shifted by a quarter of a pixel
-    sift = cv2.SIFT_create(contrastThreshold=CONTRAST, enable_precise_upscale=True)  # type: ignore[attr-defined]
+    sift = cv2.SIFT.create(contrastThreshold=CONTRAST, enable_precise_upscale=True)
     mask = (view.own & (view.room > CLEARANCE)).astype(np.uint8)
     keys, histograms = sift.detectAndCompute(view.image(image), mask)
     if not keys:
