@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
@@ -17,7 +17,6 @@ from omniservo.estimation.pose_evidence import FAR_ROTATION, judge_pose, rotatio
 from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.pose_refinement import inverse_information
 from omniservo.estimation.pose_search import write_pose_residuals
-from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 
@@ -51,10 +50,10 @@ def estimate_pose(
     n = len(known.points)
     if n < LEAST_POINTS:
         words = f"{n} points given; at least {LEAST_POINTS} are needed"
-        return _without_pose(n, "too_few_points", words, (), (), started)
+        return _without_pose(n, "too_few_points", words, np.empty((0, 7)), (), started)
     fit = fit_pose(known, robust)
     verdict = judge_pose(fit, known)
-    poses = tuple(pose_of(minimum) for minimum in fit.minima[: len(verdict.odds)])
+    poses = frozen(fit.minima[: len(verdict.odds), :7])
     odds = tuple(float(x) for x in verdict.odds)
     if verdict.status != "ok":
         return _without_pose(n, verdict.status, verdict.message, poses, odds, started)
@@ -67,8 +66,7 @@ def estimate_pose(
     return PoseEstimate(
         status="ok",
         message="",
-        reference_T_camera=poses[0],
-        poses=poses,
+        minima=poses,
         odds=odds,
         covariance=frozen(covariance),
         inliers=fit.members,
@@ -148,27 +146,18 @@ def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:
     return residuals
 
 
-def pose_of(minimum: FloatArray) -> RigidTransform:
-    """Return the pose of a row that begins with quaternion and translation."""
-    matrix = np.eye(4)
-    matrix_from_quaternion(minimum[0], minimum[1], minimum[2], minimum[3], matrix)
-    matrix[:3, 3] = minimum[4:7]
-    return RigidTransform(matrix, normalize=False)
-
-
 def _without_pose(
     n: int,
     status: PoseStatus,
     message: str,
-    poses: tuple[RigidTransform, ...],
+    poses: FloatArray,
     odds: tuple[float, ...],
     started: float,
 ) -> PoseEstimate:
     return PoseEstimate(
         status=status,
         message=message,
-        reference_T_camera=None,
-        poses=poses,
+        minima=poses,
         odds=odds,
         covariance=frozen(np.full((6, 6), math.nan)),
         inliers=np.zeros(n, dtype=np.bool_),

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 PoseStatus = Literal["ok", "too_few_points", "collinear_points", "ambiguous", "not_converged"]
+
+
+def pose_of(row: FloatArray) -> RigidTransform:
+    """Return the pose of a row that begins with quaternion and translation."""
+    matrix = np.eye(4)
+    matrix_from_quaternion(row[0], row[1], row[2], row[3], matrix)
+    matrix[:3, 3] = row[4:7]
+    return RigidTransform(matrix, normalize=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +37,10 @@ class PoseEstimate:
     pose that the points, or enough of them, agree with."""
     message: str
     """One sentence with the evidence; empty for "ok"."""
-    reference_T_camera: RigidTransform | None
-    """{R, t}: coordinates in the camera to those in the points' frame, c = Rᵀ(h − t). None unless "ok"."""
-    poses: tuple[RigidTransform, ...]
-    """Every pose that the pixels do not rule out, the likeliest first: one, or two of a plane, up to four of
-    three points. Empty where there is none, or none was found."""
+    minima: FloatArray
+    """(m, 7) ``poses`` as numbers: quaternion (x, y, z, w) and translation [m]."""
     odds: tuple[float, ...]
-    """Likelihood of each of ``poses`` beside the first, at least 0.001."""
+    """(m,) likelihood of each of ``poses`` beside the first, at least 0.001."""
     covariance: FloatArray
     """(6, 6) of (translation in the points' frame [m], rotation vector applied on the right [rad]). With the
     noise stated σ²(JᵀJ)⁻¹, σ being that, or what the residuals say where they prove it too small; else
@@ -49,6 +57,19 @@ class PoseEstimate:
     """(n, 2) projection minus pixel [px]; NaN where the point is outside the camera's domain."""
     seconds: float
     """Wall time of the estimation [s]."""
+
+    @property
+    def reference_T_camera(self) -> RigidTransform | None:
+        """{R, t}: coordinates in the camera to those in the points' frame, c = Rᵀ(h − t); None if not "ok"."""
+        return self.poses[0] if self.status == "ok" else None
+
+    @cached_property
+    def poses(self) -> tuple[RigidTransform, ...]:
+        """Every pose that the pixels do not rule out, the likeliest first; empty where none was found.
+
+        One; two of a plane; up to four of three points.
+        """
+        return tuple(pose_of(row) for row in self.minima)
 
     @property
     def alternative(self) -> RigidTransform | None:

@@ -5,9 +5,11 @@ as the best one of cost S; with σ stated exp((S − S')/2σ²). Where ν ≤ 2 
 they are joined with a prior of 0.5 px, worth four of them, and the odds are ((1 + S)/(1 + S'))^(2 + ν/2) with
 S in px².
 
-Points left out make a pose doubtful. That k of n points lie within the gate of some pose by chance is to be
-expected C(n, 3) · 4 · C(n − 3, k − 3) · p^(k − 3) times, p the gate's part of the image that the points cover
-(an a-contrario bound: Moisan, Stival 2004); and those left out must not hold a pose of their own.
+Points left out make a pose doubtful. That k of n points agree as well with some pose by chance is to be
+expected C(n, 3) · 4 · C(n − 3, k − 3) · p^(k − 3) times, p the part of the image that the points cover within
+the largest distance of the k from their pixels, k/(k − 3) times its square since the pose was fitted to them
+(an a-contrario bound: Moisan, Stival 2004). Few points must moreover be the clear majority, and those left
+out must not hold a pose of their own.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ from scipy.special import chdtri, gammaln
 from omniservo.estimation.evidence import largest_noise
 from omniservo.estimation.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.pose_estimate import PoseStatus
-from omniservo.estimation.pose_fit import CHECKED_POINTS, KnownPixels, PoseFit, fit_pose
-from omniservo.estimation.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT
+from omniservo.estimation.pose_fit import CHECKED_POINTS, FEW_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.pose_search import PRIOR_NOISE_PX, PRIOR_WEIGHT, pose_score
 from omniservo.geometry.arrays import FloatArray
 
 NEARLY_AS_LIKELY = 0.1
@@ -34,9 +36,11 @@ NEGLIGIBLE = 1e-3
 FAR_ROTATION = math.radians(5.0)
 """Minima nearer than this are one answer with an uncertainty."""
 
-FALSE_ALARMS = 1e-5
-"""Most poses that chance may be expected to offer with as many points; few, since a pose that is refined is
-more than one try."""
+FALSE_ALARMS = 1e-3
+"""Most poses that chance may be expected to offer with as many points as near their pixels."""
+
+LEAST_PART = 0.6
+"""of the points must agree where they are fewer than twelve"""
 
 SIGNIFICANCE = 1e-3
 """Residuals overrule a stated σ where chance makes them so large less often than this."""
@@ -89,13 +93,14 @@ def refusal(fit: PoseFit, known: KnownPixels) -> tuple[PoseStatus, str] | None:
     noise = noise_of(float(fit.minima[0, 7]), 2 * k - 6, known.noise_px)
     if noise > largest_noise(known.noise_px):
         return "not_converged", f"the best pose leaves {noise:.2g} px of noise: the points do not agree"
-    if k < n and chance_poses(known, k) > FALSE_ALARMS:
+    few = k < FEW_POINTS and k < LEAST_PART * n
+    if k < n and (few or chance_poses(fit, known) > FALSE_ALARMS):
         return "not_converged", f"only {k} of the {n} points agree, which chance could bring about"
     if n - k >= max(CHECKED_POINTS, RIVAL_PART * k):
         others = known.where(~fit.members)
         rival = fit_pose(others, True)
         support = int(rival.members.sum()) if len(rival.minima) else 0
-        if support >= RIVAL_PART * k and chance_poses(others, support) <= FALSE_ALARMS:
+        if support >= RIVAL_PART * k and chance_poses(rival, others) <= FALSE_ALARMS:
             return (
                 "ambiguous",
                 f"{k} of the {n} points agree with one pose, {support} others with another one",
@@ -145,14 +150,18 @@ def rotation_between(one: FloatArray, other: FloatArray) -> float:
     return 2.0 * math.acos(min(1.0, abs(float(one[:4] @ other[:4]))))
 
 
-def chance_poses(known: KnownPixels, agreeing: int) -> float:
-    """Return how many poses with so many agreeing points are to be expected of points without any."""
-    n = len(known.points)
+def chance_poses(fit: PoseFit, known: KnownPixels) -> float:
+    """Return how many poses agree as well with as many points, to be expected of points that have none."""
+    n, k = len(fit.members), int(fit.members.sum())
+    squares, best = np.empty(n), fit.minima[0]
+    pose_score(
+        known.parameters, known.points, known.pixels, known.weights, math.inf, best[:4], best[4:7], squares
+    )
     width, height = np.maximum(np.ptp(known.pixels, axis=0), 1.0)
-    gate = GATE * (PRIOR_NOISE_PX if known.noise_px is None else known.noise_px)
-    part = min(1.0, math.pi * gate**2 / float(width * height))
+    square = max(float(squares[fit.members].max()), LEAST_NOISE_PX**2) * k / (k - 3)
+    part = min(1.0, math.pi * square / float(width * height))
     tries = math.log(4.0) + _log_choose(n, 3)
-    return math.exp(min(tries + _log_choose(n - 3, agreeing - 3) + (agreeing - 3) * math.log(part), 50.0))
+    return math.exp(min(tries + _log_choose(n - 3, k - 3) + (k - 3) * math.log(part), 50.0))
 
 
 def _log_choose(n: int, k: int) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.estimation.pose_minima import LEAST_WIDTH, MOST_MINIMA, pose_minima, principal_axes
-from omniservo.estimation.pose_search import GATE, choose_members, find_pose, noise_of_all
+from omniservo.estimation.pose_search import GATE, choose_members, find_pose, grow_members, noise_of_all
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 LEAST_POINTS = 3
@@ -84,7 +84,10 @@ def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
     if not agreed:
         threshold = GATE * noise if noise > 0.0 else SAMPLE_THRESHOLD_PX
         find_pose(*rows, known.bearings, weights, threshold, q, t)
-        if choose_members(*rows, weights, noise, threshold, q, t, members) < CHECKED_POINTS:
+        count = choose_members(*rows, weights, noise, threshold, q, t, members)
+        if CHECKED_POINTS <= count <= FEW_POINTS:
+            count = grow_members(*rows, weights, noise, q, t, members)
+        if count < CHECKED_POINTS:
             return PoseFit(members, minima[:0], False)
         weights = np.where(members, weights, 0.0)
         if principal_axes(known.points, weights, middle, normal)[0] < LEAST_WIDTH:

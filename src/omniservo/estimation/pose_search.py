@@ -26,6 +26,12 @@ MEMBER_ROUNDS = 4
 GATE = 4.0
 """A point whose distance from its pixel exceeds this many σ is rejected: one of 3 000 good ones."""
 
+OUTER_GATE = 10.0
+"""Farther points are not even tried."""
+
+LARGEST_GROWTH = 2.0
+"""No point is added that raises σ beyond so many times the prior, or what is stated."""
+
 PRIOR_NOISE_PX = 0.5
 PRIOR_WEIGHT = 4.0
 """While members are chosen, an unknown σ is blended with this prior, worth so many residuals."""
@@ -172,6 +178,53 @@ def choose_members(
             count += 1 if near else 0
         if not changed:
             break
+    return count
+
+
+@kernel
+def grow_members(
+    parameters: FloatArray,
+    points: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    noise: float,
+    quaternion: FloatArray,
+    translation: FloatArray,
+    members: BoolArray,
+) -> int:
+    """Add points that all agree once they are fitted too, the nearest first; return how many members.
+
+    A pose of few points predicts another one's pixel much worse than it fits their own: a good point may lie
+    beyond the gate only because it was left out.
+    """
+    n = points.shape[0]
+    squares, inner, wider = np.empty(n), np.empty(n), members.copy()
+    count = 0
+    for j in range(n):
+        count += 1 if members[j] else 0
+    while count < n:
+        pose_score(parameters, points, pixels, weights, math.inf, quaternion, translation, squares)
+        sigma = noise if noise > 0.0 else _blended_noise(squares, members, count)
+        nearest = -1
+        for j in range(n):
+            wider[j] = members[j]
+            if not members[j] and (nearest < 0 or squares[j] < squares[nearest]):
+                nearest = j
+        if not squares[nearest] < (OUTER_GATE * sigma) ** 2:
+            break
+        wider[nearest] = True
+        for j in range(n):
+            inner[j] = weights[j] if wider[j] else 0.0
+        q, t, _, ok = minimise_pose(parameters, points, pixels, inner, math.inf, quaternion, translation)
+        pose_score(parameters, points, pixels, weights, math.inf, q, t, squares)
+        sigma = noise if noise > 0.0 else _blended_noise(squares, wider, count + 1)
+        for j in range(n):
+            ok = ok and (not wider[j] or squares[j] <= (GATE * sigma) ** 2)
+        if not ok or sigma > max(PRIOR_NOISE_PX, noise) * LARGEST_GROWTH:
+            break
+        members[nearest] = True
+        count += 1
+        _copy_pose(q, t, quaternion, translation)
     return count
 
 

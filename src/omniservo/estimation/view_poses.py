@@ -66,10 +66,9 @@ class PlacedViews:
         """Give a view the pose that these points have in it; return why not, or nothing."""
         # The points err more than the pixels, so the noise that is stated is not that of these residuals.
         found = estimate_pose(self.camera, points, self.pixels[view, rows])
-        if found.reference_T_camera is None:
+        if found.status != "ok":
             return found.message
-        self.poses[view, :4] = found.reference_T_camera.rotation.as_quat()
-        self.poses[view, 4:] = found.reference_T_camera.translation
+        self.poses[view] = found.minima[0]
         self.placed[view] = True
         return ""
 
