@@ -60,7 +60,7 @@ class PoseEstimate:
 
     @property
     def reference_T_camera(self) -> RigidTransform | None:
-        """{R, t}: coordinates in the camera to those in the points' frame, c = Rᵀ(h − t); None if not "ok"."""
+        """{R, t} takes coordinates from the camera to the points' frame, c = Rᵀ(h − t). None unless "ok"."""
         return self.poses[0] if self.status == "ok" else None
 
     @cached_property
