@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -12,10 +15,12 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.estimation.deferred import later
 from omniservo.estimation.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.evidence import judge
-from omniservo.estimation.joint_refinement import refine_jointly, write_residuals
+from omniservo.estimation.joint_refinement import refine_jointly, residual_sums, write_residuals
+from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION
@@ -30,7 +35,7 @@ from omniservo.estimation.two_view_uncertainty import (
     two_view_uncertainty,
 )
 from omniservo.estimation.uncertainty import linear_response
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
 Scale = float | tuple[tuple[int, int], float]
 
@@ -205,7 +210,8 @@ def _with_pose(
         return TwoViewEstimate.without_pose(len(matches.pixels), "not_converged", words, started)
     members, best, n = matches.where(fit.members), fit.minima[0], len(matches.pixels)
     rotation, translation, structure = best.rotation.copy(), best.translation.copy(), best.points.copy()
-    noise = np.tile(np.array([1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]), (len(members.pixels), 1))
+    noise = np.empty((members.size, 8))
+    noise[:] = (1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
     chosen = members
     if plane is not None:
         chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
@@ -221,32 +227,61 @@ def _with_pose(
             n, "not_converged", "the matches do not determine the motion", started
         )
     points = _all_points(matches, fit, *solution)
-    residuals = _residuals(matches, rotation, translation, points)
-    square = (residuals[fit.members].reshape(-1, 2, 2) ** 2).sum(axis=2)
-    weighted = float((members.weights**2 * square).sum())
-    freedom = len(members.pixels) - MOTION_PARAMETERS
+    residuals = np.empty_like(matches.pixels)
+    write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
+    square, weighted = residual_sums(residuals, matches.weights, fit.members)
+    freedom = members.size - MOTION_PARAMETERS
     known = Noise.of(weighted, freedom, matches.noise_px or None)
     rivals = fit.minima[1:] if plane is None else None
-    law = two_view_uncertainty(members, rivals, response, solution, known, length, request.lens)
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
-    covariances = total_covariances(law, request.scale_sigma, translation, points, fit.members)
+    # Reading what is uncertain costs more than all before; not every estimate is asked for it.
+    law = partial(two_view_uncertainty, members, rivals, response, solution, known, length, request.lens)
+    uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
         message="",
         initial_T_goal=_pose(rotation, translation),
         points=frozen(points),
         is_metric=request.metres is not None,
-        covariance=frozen(covariances[0]),
-        points_covariance=frozen(covariances[1]),
+        covariance=later(uncertain.of_motion),
+        points_covariance=later(uncertain.of_points),
         inliers=fit.members,
-        rms_px=math.sqrt(float(square.sum()) / (2 * len(members.pixels))),
+        rms_px=math.sqrt(square / (2 * members.size)),
         noise_px=math.sqrt(weighted / max(freedom, 1)),
         residuals_px=frozen(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=request.scale_sigma,
-        uncertainty=law,
+        uncertainty=later(uncertain.joint),
     )
+
+
+@dataclass
+class _Uncertainty:
+    """Worked out once, when one of its parts is read."""
+
+    law: Callable[[], JointUncertainty]
+    scale_sigma: float
+    translation: FloatArray
+    points: FloatArray
+    members: BoolArray
+
+    @cached_property
+    def _joint(self) -> JointUncertainty:
+        return self.law()
+
+    def joint(self) -> JointUncertainty:
+        return self._joint
+
+    def of_motion(self) -> FloatArray:
+        return frozen(self._covariances[0])
+
+    def of_points(self) -> FloatArray:
+        return frozen(self._covariances[1])
+
+    @cached_property
+    def _covariances(self) -> tuple[FloatArray, FloatArray]:
+        return total_covariances(self._joint, self.scale_sigma, self.translation, self.points, self.members)
 
 
 def _pose(rotation: FloatArray, translation: FloatArray) -> RigidTransform:
@@ -287,12 +322,3 @@ def _all_points(
     points[~in_front] = math.nan
     points[fit.members] = structure
     return points
-
-
-def _residuals(
-    matches: Matches, rotation: FloatArray, translation: FloatArray, points: FloatArray
-) -> FloatArray:
-    """Return projection minus pixel (n, 4) in the real images [px]."""
-    residuals = np.empty_like(matches.pixels)
-    write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
-    return residuals

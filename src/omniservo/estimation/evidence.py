@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import bdtrc, chdtri, fdtri
@@ -34,7 +35,7 @@ from omniservo.estimation.degenerate_motion import (
     ROTATION,
     simpler_costs,
 )
-from omniservo.estimation.map_consensus import robust_map
+from omniservo.estimation.map_consensus import count_others
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.motion_search import LEAST_NOISE_PX, Minimum
@@ -112,10 +113,10 @@ def simpler_model(
     for kind, parameters, status, _ in SIMPLER:
         extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - confidence[status]
         if members.noise_px > 0.0:
-            limits[kind] = cost + chdtri(extra, chance) * variance
+            limits[kind] = cost + _chi_square(extra, chance) * variance
         else:
-            bound = extra * fdtri(extra, n - MOTION_PARAMETERS, 1.0 - chance) * variance
-            limits[kind] = min(cost + bound, PLAUSIBLE_NOISE_PX**2 * chdtri(2 * n - parameters, chance))
+            bound = extra * _fisher(extra, n - MOTION_PARAMETERS, chance) * variance
+            limits[kind] = min(cost + bound, PLAUSIBLE_NOISE_PX**2 * _chi_square(2 * n - parameters, chance))
     costs = simpler_costs(members, limits)
     for kind, _, status, words in SIMPLER:
         if costs[kind] < limits[kind]:
@@ -124,19 +125,30 @@ def simpler_model(
     return None
 
 
+@lru_cache(maxsize=4096)
+def _chi_square(freedom: int, chance: float) -> float:
+    """Return what χ² exceeds by this chance."""
+    return float(chdtri(freedom, chance))
+
+
+@lru_cache(maxsize=4096)
+def _fisher(extra: int, freedom: int, chance: float) -> float:
+    """Return what F exceeds by this chance."""
+    return float(fdtri(extra, freedom, 1.0 - chance))
+
+
 def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status, str] | None:
     """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
-    n = matches.size
-    extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
-    band = min(1.0, 4.0 * GATE * sigma / extent)
-    wrong = (n - int(fit.members.sum()) + 1) / (n + 2)
-    distances, least = np.empty(n), BULK * float(fit.members.sum())
+    n, inside = matches.size, int(np.count_nonzero(fit.members))
+    least = BULK * inside
+    counts = count_others(matches, fit.members, GATE * sigma, least, BULK_SAMPLES)
+    wrong = (n - inside + 1) / (n + 2)
     for kind, _, status, words in SIMPLER:
-        robust_map(matches, kind, fit.members, GATE * sigma, least, BULK_SAMPLES, distances)
-        others = ~(distances < GATE * sigma)
-        m, k = int(others.sum()), int((others & fit.members).sum())
-        if int(fit.members.sum()) - k < least:
+        m, k = int(counts[kind, 0]), int(counts[kind, 1])
+        if inside - k < least:
             continue
+        extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
+        band = min(1.0, 4.0 * GATE * sigma / extent)
         chance = math.comb(m, 2) * (float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0) if m > 2 else 1.0
         if chance * (wrong / (1.0 - wrong)) ** k > SIGNIFICANCE:
             return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"

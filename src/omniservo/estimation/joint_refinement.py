@@ -23,7 +23,7 @@ from omniservo.estimation.rotation_parameters import (
     rotation_differential,
     rotation_from_parameters,
 )
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
@@ -163,6 +163,19 @@ def write_residuals(
         else:
             for i in range(4):
                 residuals[j, i] = math.nan
+
+
+@kernel
+def residual_sums(residuals: FloatArray, weights: FloatArray, members: BoolArray) -> tuple[float, float]:
+    """Return Σ r² and Σ w²r² of the members' residuals (n, 4) [px²]."""
+    plain, weighted = 0.0, 0.0
+    for j in range(residuals.shape[0]):
+        if members[j]:
+            for view in range(2):
+                square = residuals[j, 2 * view] ** 2 + residuals[j, 2 * view + 1] ** 2
+                plain += square
+                weighted += weights[j, view] ** 2 * square
+    return plain, weighted
 
 
 @kernel

@@ -27,6 +27,22 @@ CONFIDENCE = 0.999
 
 
 @kernel
+def count_others(
+    matches: Matches, members: BoolArray, gate: float, least: float, most_samples: int
+) -> IntArray:
+    """Return (3, 2): how many matches, and members, disobey identity, rotation and homography."""
+    n = members.shape[0]
+    counts, distances = np.zeros((3, 2), dtype=np.int64), np.empty(n)
+    for kind in range(3):
+        robust_map(matches, kind, members, gate, least, most_samples, distances)
+        for j in range(n):
+            if not distances[j] < gate:
+                counts[kind, 0] += 1
+                counts[kind, 1] += members[j]
+    return counts
+
+
+@kernel
 def robust_map(
     matches: Matches,
     kind: int,

@@ -56,6 +56,16 @@ def sampling_threshold(stated: float) -> float:
 
 
 @kernel
+def farthest_match(matches: Matches, rotation: FloatArray, translation: FloatArray) -> tuple[float, float]:
+    """Return the largest Sampson distance [px] of all matches to a motion, and their σ."""
+    essential, distances = np.empty((3, 3)), np.empty(matches.pixels.shape[0])
+    essential_matrix(rotation, translation, essential)
+    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
+    everyone = np.ones(distances.shape[0], dtype=np.bool_)
+    return float(np.abs(distances).max()), blended_noise(distances, everyone, matches.noise_px)
+
+
+@kernel
 def mark_members(
     matches: Matches, rotation: FloatArray, translation: FloatArray, gate: float, members: BoolArray
 ) -> tuple[int, float]:

@@ -29,8 +29,12 @@ START_ANGLES = np.array([0.0, 0.6, -0.6, 1.2, -1.2])
 """a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
 
 EPIPOLAR_STEPS = 20
+FIRST_STEPS = 8
 JOINT_STEPS = 200
-"""Flat valleys at half a pixel of noise need them; otherwise five to ten are enough."""
+"""Flat valleys at half a pixel of noise need them; otherwise five are enough."""
+
+WORTHWHILE = 2.0
+"""A minimum that is still so many times above the best one after its first steps is left as it is."""
 
 APART = 0.05
 """Two motions are the same minimum if rotation and direction both differ by less than this [rad]."""
@@ -116,17 +120,9 @@ def search_minima(matches: Matches, kind: int, starts: FloatArray, found: Minima
         essential_matrix(found.rotations[k], found.translations[k], essential)
         correct_bearings(matches.bearings, matches.jacobians, essential, rays)
         linear_structure(rays, found.rotations[k], found.translations[k], found.points[k])
-        cost, converged = refine_jointly(
-            matches.parameters,
-            matches.pixels,
-            matches.weights,
-            kind,
-            math.inf,
-            found.rotations[k],
-            found.translations[k],
-            found.points[k],
-            JOINT_STEPS,
-        )
+        cost, converged = _joint(matches, kind, found, k, FIRST_STEPS)
+        if not converged and cost < WORTHWHILE * max(best, floor):
+            cost, converged = _joint(matches, kind, found, k, JOINT_STEPS)
         found.converged[k] = converged
         if _twin(found, k, cost) >= 0:
             continue
@@ -136,6 +132,22 @@ def search_minima(matches: Matches, kind: int, starts: FloatArray, found: Minima
             twin = _twin(found, k, math.inf)
         found.costs[k] = cost
         best = min(best, cost)
+
+
+@kernel
+def _joint(matches: Matches, kind: int, found: Minima, k: int, most_steps: int) -> tuple[float, bool]:
+    """Refine motion and structure of place ``k``; return (cost [px²], converged)."""
+    return refine_jointly(
+        matches.parameters,
+        matches.pixels,
+        matches.weights,
+        kind,
+        math.inf,
+        found.rotations[k],
+        found.translations[k],
+        found.points[k],
+        most_steps,
+    )
 
 
 @kernel

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.estimation.deferred import deferring
 from omniservo.estimation.joint_uncertainty import SOURCES, EstimateSamples, JointUncertainty, Source
 from omniservo.estimation.likelihood_samples import likelihood_samples
 from omniservo.estimation.matches import Matches
@@ -35,6 +36,7 @@ _ADDED = {"scale_sigma", "uncertainty"}
 """Fields that older files of this format do not have."""
 
 
+@deferring("covariance", "points_covariance", "uncertainty")
 @dataclass(frozen=True, eq=False)
 class TwoViewEstimate:
     """Motion and structure from n matched pixels, or the reason why there is none.

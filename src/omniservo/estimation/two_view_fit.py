@@ -10,13 +10,13 @@ import numpy as np
 from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.consensus import find_consensus
-from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
+from omniservo.estimation.epipolar_refinement import essential_matrix
 from omniservo.estimation.five_points import MOST_SOLUTIONS, five_point_essentials
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import (
     GATE,
     MOTION_PARAMETERS,
-    blended_noise,
+    farthest_match,
     mark_members,
     members_of_consensus,
     sampling_threshold,
@@ -158,13 +158,9 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
     if not fit.minima:
         return False
     best = fit.minima[0]
-    essential, distances = np.empty((3, 3)), np.empty(matches.size)
-    essential_matrix(best.rotation, best.translation, essential)
-    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
-    sigma = blended_noise(distances, fit.members, matches.noise_px)
+    farthest, sigma = farthest_match(matches, best.rotation, best.translation)
     noise = math.sqrt(fit.cost / max(matches.size - MOTION_PARAMETERS, 1))
-    most = _largest_unsuspicious(matches.noise_px)
-    return bool(np.abs(distances).max() <= GATE * sigma) and max(sigma, noise) <= most
+    return farthest <= GATE * sigma and max(sigma, noise) <= _largest_unsuspicious(matches.noise_px)
 
 
 def _largest_unsuspicious(stated: float) -> float:
