@@ -2,7 +2,8 @@
 
 Run: ``python -m benchmarks.board_corners``. The real images are read from ``../shared/data`` beside the
 project; where they are absent the table says so. Stated corners are another measurement, not the truth: the
-table gives distances. ``--crops FOLDER`` saves the largest ones as pictures, ours green, the stated one red.
+table gives distances; ``python -m benchmarks.corner_agreement`` asks how small they could be. ``--crops
+FOLDER`` saves the largest ones as pictures, ours green, the stated one red.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ BOARDS: dict[str, Board] = {
 CAMERAS = ("fe185", "para-catadioptric", "hyper-catadioptric", "perspective")
 POSES = 10
 _WORST = 16
-_NEAR = 0.3
-"""px"""
+NEAR = 0.3
+"""[px] that is asked for"""
 
 
 def stated_views(folder: str) -> Iterator[tuple[Path, Board, Array]]:
@@ -133,7 +134,7 @@ def calibrated_rows() -> Iterator[str]:
             targets.append(np.asarray(view.object_points))
             size = (image.shape[1], image.shape[0])
         fits = [calibrate_camera(c, targets, size, distortion="none") for c in (ours, stated)]
-        near = [_share_near(np.concatenate(list(fit.residuals.values()))) for fit in fits]
+        near = [share_near(np.concatenate(list(fit.residuals.values()))) for fit in fits]
         yield f"{folder} | {fits[0].rms_px:.3f} | {near[0]} | {fits[1].rms_px:.3f} | {near[1]}"
 
 
@@ -153,11 +154,11 @@ def stated_fit_rows() -> Iterator[str]:
             ours = found[np.linalg.norm(found[None] - stated[:, None], axis=2).argmin(axis=1)]
             stated_errors.append(stated - fitted)
             errors.append(ours - fitted)
-            apart.append(np.linalg.norm(ours - stated, axis=1) > _NEAR)
+            apart.append(np.linalg.norm(ours - stated, axis=1) > NEAR)
         theirs, mine, far = np.concatenate(stated_errors), np.concatenate(errors), np.concatenate(apart)
         nearer = np.linalg.norm(mine, axis=1)[far] < np.linalg.norm(theirs, axis=1)[far]
         yield (
-            f"{folder} | {kind} | {_share_near(theirs)} | {_share_near(mine)} | {far.sum()} | {nearer.sum()}"
+            f"{folder} | {kind} | {share_near(theirs)} | {share_near(mine)} | {far.sum()} | {nearer.sum()}"
         )
 
 
@@ -168,8 +169,9 @@ def _stated_camera(fit: Any, size: list[int]) -> UnifiedCamera | KannalaBrandt:
     return UnifiedCamera(*intrinsics, fit["xi"], *size, distortion=tuple(fit["D"]))
 
 
-def _share_near(errors: Array) -> str:
-    return f"{100 * (np.linalg.norm(errors, axis=1) <= _NEAR).mean():.1f}%"
+def share_near(errors: Array) -> str:
+    """Give the share of (n, 2) differences of at most 0.3 px."""
+    return f"{100 * (np.linalg.norm(errors, axis=1) <= NEAR).mean():.1f}%"
 
 
 def rendered_rows(seed: int = 1) -> Iterator[str]:
@@ -180,7 +182,7 @@ def rendered_rows(seed: int = 1) -> Iterator[str]:
             errors, biased, found, seen = [], [], 0, 0
             for k in range(POSES):
                 camera = preset(name)
-                pose = _draw_pose(camera, board, rng)
+                pose = draw_pose(camera, board, rng)
                 camera = rendered_boards.around(camera, board, pose)
                 blur, noise = rng.uniform(0.5, 1.2), rng.uniform(1.0, 5.0)
                 image = rendered_boards.render(camera, board, pose, blur=blur, noise=noise, seed=k)
@@ -197,7 +199,7 @@ def rendered_rows(seed: int = 1) -> Iterator[str]:
             )
 
 
-def _draw_pose(camera: UnifiedCamera, board: Board, rng: np.random.Generator) -> Any:
+def draw_pose(camera: UnifiedCamera, board: Board, rng: np.random.Generator) -> Any:
     """Draw poses until the whole board is in the image; boards with markers: 80% of it."""
     size = float(np.ptp(board.points, axis=0).max())
     reach = min(camera.usable_angle, camera.max_angle or 0.6)
@@ -231,21 +233,22 @@ def main() -> None:
     crops = Path(sys.argv[2]) if sys.argv[1:2] == ["--crops"] and len(sys.argv) > 2 else None
     if DATA.exists():
         head = "| images | views | corners found | median [px] | p95 | max | ≤ 0.3 px | s/image |"
-        _print_table(head, real_rows(crops))
+        print_table(head, real_rows(crops))
         print()
         plain = "rms of a plain calibration from these corners [px]"
-        _print_table(f"| images | {plain} | ≤ 0.3 px | from the stated ones | ≤ 0.3 px |", calibrated_rows())
+        print_table(f"| images | {plain} | ≤ 0.3 px | from the stated ones | ≤ 0.3 px |", calibrated_rows())
         print()
         far = "more than 0.3 px apart | of these, ours nearer the fit"
-        _print_table(f"| images | stated fit | stated ≤ 0.3 px of it | ours | {far} |", stated_fit_rows())
+        print_table(f"| images | stated fit | stated ≤ 0.3 px of it | ours | {far} |", stated_fit_rows())
     else:
         print(f"real images: {DATA} is absent")
     print()
     head = "| board | camera | points found | median [px] | p95 | max | median without the camera |"
-    _print_table(head, rendered_rows())
+    print_table(head, rendered_rows())
 
 
-def _print_table(head: str, rows: Iterable[str]) -> None:
+def print_table(head: str, rows: Iterable[str]) -> None:
+    """Print rows as Markdown as they come."""
     print(head)
     print("|---" * (head.count("|") - 1) + "|")
     for row in rows:
