@@ -13,15 +13,15 @@ Times are the median over the scenes of the shortest of three calls from Python.
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter
+from functools import partial
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from benchmarks.peers import on_plane, peer, plane_focal, shortest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo import PoseEstimate, UnifiedCamera, estimate_pose, preset
@@ -91,9 +91,8 @@ def random_picture(
         bearings, valid = camera.unproject(pixels)
         if valid.all() and bearings[:, 2].min() > math.cos(math.radians(70.0)):
             pose = RigidTransform.from_components(middle, rotation).inv()
-            focal = camera.fx / (1.0 + camera.xi)
-            plane = np.ascontiguousarray(focal * bearings[:, :2] / bearings[:, 2:])
-            return Picture(camera, points, pixels, plane, np.diag([focal, focal, 1.0]), pose)
+            matrix = np.diag([plane_focal(camera), plane_focal(camera), 1.0])
+            return Picture(camera, points, pixels, on_plane(camera, bearings), matrix, pose)
 
 
 def ours(picture: Picture, noise: float | None = None) -> PoseEstimate:
@@ -142,9 +141,8 @@ def _of_opencv(found: Any) -> Answer:
 
 def poselib_method() -> Method | None:
     """Return PoseLib's LO-RANSAC with refinement; None where it is not installed."""
-    try:
-        poselib = importlib.import_module("poselib")
-    except ImportError:
+    poselib = peer("poselib")
+    if poselib is None:
         return None
 
     def solve(picture: Picture) -> Any:
@@ -178,9 +176,9 @@ def methods(flat: bool, wrong: float) -> dict[str, Method]:
         chosen["OpenCV EPNP + LM"] = opencv(cv2.SOLVEPNP_EPNP)
         if flat:
             chosen["OpenCV IPPE + LM"] = opencv(cv2.SOLVEPNP_IPPE)
-    peer = poselib_method()
-    if peer is not None:
-        chosen["PoseLib"] = peer
+    poselib = poselib_method()
+    if poselib is not None:
+        chosen["PoseLib"] = poselib
     return chosen
 
 
@@ -193,12 +191,8 @@ def compare(camera: UnifiedCamera, n: int, flat: bool, wrong: float, scenes: int
         picture = random_picture(rng, camera, n, flat, wrong)
         for name, method in chosen.items():
             pose, status = method.read(method.call(picture))
-            best = math.inf
-            for _ in range(3):
-                before = perf_counter()
-                method.call(picture)
-                best = min(best, perf_counter() - before)
-            _add(scores[name], picture, pose, status, 1e6 * best)
+            time = shortest(partial(method.call, picture))
+            _add(scores[name], picture, pose, status, time)
     return scores
 
 

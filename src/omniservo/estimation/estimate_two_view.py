@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -34,7 +34,7 @@ from omniservo.estimation.two_view_uncertainty import (
     total_covariances,
     two_view_uncertainty,
 )
-from omniservo.estimation.uncertainty import linear_response
+from omniservo.estimation.uncertainty import determines_motion, linear_response
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
 Scale = float | tuple[tuple[int, int], float]
@@ -219,10 +219,8 @@ def _with_pose(
             words = "the refinement on the virtual plane found no minimum"
             return TwoViewEstimate.without_pose(n, "not_converged", words, started)
     solution, length = Solution(rotation, translation, structure), request.length(fit.members)
-    response = linear_response(
-        chosen.parameters, chosen.pixels, chosen.weights, noise, *solution, length.between
-    )
-    if response is None:
+    arrays = (chosen.parameters, chosen.pixels, chosen.weights)
+    if not determines_motion(*arrays, *solution):
         return TwoViewEstimate.without_pose(
             n, "not_converged", "the matches do not determine the motion", started
         )
@@ -235,8 +233,12 @@ def _with_pose(
     rivals = fit.minima[1:] if plane is None else None
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
+
+    def law() -> JointUncertainty:
+        response = linear_response(*arrays, noise, *solution, length.between)
+        return two_view_uncertainty(members, rivals, response, solution, known, length, request.lens)
+
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
-    law = partial(two_view_uncertainty, members, rivals, response, solution, known, length, request.lens)
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",

@@ -145,7 +145,7 @@ def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status
     wrong = (n - inside + 1) / (n + 2)
     for kind, _, status, words in SIMPLER:
         m, k = int(counts[kind, 0]), int(counts[kind, 1])
-        if inside - k < least:
+        if k == inside:
             continue
         extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
         band = min(1.0, 4.0 * GATE * sigma / extent)

@@ -131,8 +131,8 @@ def linear_response(
     translation: FloatArray,
     points: FloatArray,
     between: tuple[int, int] | None,
-) -> LinearResponse | None:
-    """Return how the estimate answers pixel noise at its optimum.
+) -> LinearResponse:
+    """Return how the estimate answers pixel noise at its optimum, which `determines_motion`.
 
     Args:
         parameters: of the camera whose pixels the cost is measured in.
@@ -145,13 +145,13 @@ def linear_response(
         points: (n, 3) the optimum.
         between: indices of the points whose distance is known; None: ‖t‖ is.
 
-    Returns:
-        None where the normal equations are singular: the data do not determine the motion.
+    Raises:
+        ValueError: the normal equations are singular.
     """
     n = len(points)
     motion, own, follow = np.empty((n, 6, 4)), np.empty((n, 3, 4)), np.empty((n, 3, 6))
     if not _responses(parameters, pixels, weights, noise, rotation, translation, points, motion, own, follow):
-        return None
+        raise ValueError("the normal equations are singular")
     flat = np.ascontiguousarray(np.swapaxes(motion, 0, 1)).reshape(6, -1)
     unscaled = flat @ flat.T
     if between is None:
@@ -169,6 +169,54 @@ def linear_response(
 
 
 @kernel
+def determines_motion(
+    parameters: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+    points: FloatArray,
+) -> bool:
+    """Tell whether the normal equations at this optimum are regular; arguments as `linear_response`."""
+    room = _room(points.shape[0])
+    return _factor_motion(parameters, pixels, weights, rotation, translation, points, room)
+
+
+@kernel
+def _room(n: int) -> NormalBlocks:
+    return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
+
+
+@kernel
+def _factor_motion(
+    parameters: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+    points: FloatArray,
+    blocks: NormalBlocks,
+) -> bool:
+    """Fill the blocks, and the motion's with the Cholesky factor of the Schur complement, ‖t‖ held."""
+    if not linearise(parameters, pixels, weights, math.inf, rotation, translation, points, blocks) < math.inf:
+        return False
+    inverse, product = np.empty(6), np.empty(18)
+    for j in range(points.shape[0]):
+        if not invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse):
+            return False
+        eliminate_point(inverse, blocks.mixed[j], product)
+        for a in range(6):
+            for b in range(a + 1):
+                for i in range(3):
+                    blocks.motion[a, b] -= product[3 * a + i] * blocks.mixed[j, 3 * b + i]
+    weight = blocks.motion[0, 0] + blocks.motion[1, 1] + blocks.motion[2, 2]
+    for i in range(3):
+        for k in range(i + 1):
+            blocks.motion[i, k] += weight * translation[i] * translation[k]
+    return factor_cholesky(blocks.motion, 6, 1e-13)
+
+
+@kernel
 def _responses(
     parameters: FloatArray,
     pixels: FloatArray,
@@ -183,24 +231,18 @@ def _responses(
 ) -> bool:
     """Fill M (n, 6, 4), P (n, 3, 4), K (n, 3, 6); return False where a system is singular."""
     n = points.shape[0]
-    blocks = NormalBlocks(
-        np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
-    )
-    if not linearise(parameters, pixels, weights, math.inf, rotation, translation, points, blocks) < math.inf:
+    blocks = _room(n)
+    if not _factor_motion(parameters, pixels, weights, rotation, translation, points, blocks):
         return False
     inverse, product = np.empty(6), np.empty(18)
     b4, a2, e, column = np.empty((4, 3)), np.empty((2, 6)), np.empty(4), np.empty(6)
     for j in range(n):
-        if not invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse):
-            return False
+        invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse)
         eliminate_point(inverse, blocks.mixed[j], product)
         linearise_point(parameters, pixels, weights, j, rotation, translation, points, b4, a2, e)
         for a in range(6):
             for i in range(3):
                 follow[j, i, a] = product[3 * a + i]
-            for b in range(a + 1):
-                for i in range(3):
-                    blocks.motion[a, b] -= product[3 * a + i] * blocks.mixed[j, 3 * b + i]
         _own_response(inverse, b4, noise[j], own[j])
         for c in range(4):
             for a in range(6):
@@ -211,12 +253,6 @@ def _responses(
                 for i in range(3):
                     goal -= blocks.mixed[j, 3 * a + i] * own[j, i, c]
                 motion[j, a, c] = goal
-    weight = blocks.motion[0, 0] + blocks.motion[1, 1] + blocks.motion[2, 2]
-    for i in range(3):
-        for k in range(i + 1):
-            blocks.motion[i, k] += weight * translation[i] * translation[k]
-    if not factor_cholesky(blocks.motion, 6, 1e-13):
-        return False
     for j in range(n):
         for c in range(4):
             for a in range(6):
