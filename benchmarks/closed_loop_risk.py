@@ -140,7 +140,7 @@ def run(seed: int, mode: str) -> Outcome:
             extra_px=answer.extra_visibility, seconds=answer.seconds, advice=answer.advice,
         )  # fmt: skip
     elif mode == "plain":
-        plan = plan_path(problem_of_estimate(asked, estimate), seed=seed)
+        plan = plan_path(problem_of_estimate(asked, estimate, np.flatnonzero(estimate.inliers)), seed=seed)
     else:
         plan, rows = plan_path(asked, seed=seed), np.arange(POINTS)
     if plan.status != "certified":

@@ -204,6 +204,21 @@ def test_what_cannot_be_planned_with_is_named(paper, change, said):
         plan_with_risk(problem, estimate, **options)
 
 
+def test_points_that_are_not_followed_may_leave_the_image(paper):
+    problem = paper(1)
+    estimate = estimated(problem, noise=0.02)
+    some = np.array([0, 2, 5, 7])
+    found = plan_with_risk(problem, estimate, risk=0.05, points=some)
+    assert found.ok
+    np.testing.assert_array_equal(found.plan.problem.points, estimate.points[some])
+
+
+@pytest.mark.parametrize("points", [[], [0.5, 1.0], [[0, 1]], [0, 99], [-1]])
+def test_points_to_follow_are_rows_of_inliers(paper, points):
+    with pytest.raises(InputError, match="points: "):
+        plan_with_risk(paper(1), estimated(paper(1)), points=points)
+
+
 def test_the_command_takes_an_estimate_and_reports_the_risk(paper, tmp_path, capsys):
     from omniservo.cli.main import main
 

@@ -136,6 +136,7 @@ def build(name="paper-example-1", method="certified", steps=40):
         followed=np.arange(len(initial_dots)),
         estimate=estimate,
         plan=plan,
+        risk=None,
         log=log,
         final_image=picture(task.camera, goal_dots, 2),
         outside_initial=outside_picture(0.0),

@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 import pytest
 
 from omniservo.errors import InputError
+from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
 from omniservo.reporting.spelling import significant, spell
@@ -80,6 +81,27 @@ def test_report_contains_every_constraint_of_the_certificate(report, run):
     _, structure = report
     for constraint in run.plan.certificate.constraints:
         assert constraint.name in structure.words
+
+
+def test_what_uncertainty_takes_stands_in_the_report(run, tmp_path):
+    margin = UncertainMargin("m", 0.004, 0.001, 0.003, {"noise": 0.002, "scale": 0.0025})
+    found = RiskPlan(
+        True,
+        run.plan,
+        0.01,
+        0.0035,
+        0.0066,
+        2000,
+        0.003,
+        0.5,
+        {"clearance obstacle 0": margin},
+        "most of it scale",
+        1.0,
+    )
+    write_report(tmp_path, [replace(run, risk=found)])
+    words = " ".join(read(tmp_path)[1].words)
+    for expected in ("0.66%", "noise 2.00 mm, scale 2.50 mm", "most of it scale", "left at that risk"):
+        assert expected in words
 
 
 def test_verdict_comes_before_every_figure_and_table(report):
@@ -171,6 +193,7 @@ def test_numbers_keep_the_digits_that_matter(value, words):
         (None, "px", "–"),
         (float("nan"), "m", "–"),
         (0.99, "1", "0.990"),
+        (0.00525, "share", "0.525%"),
     ],
 )
 def test_quantities_are_given_in_units_people_read(value, unit, words):

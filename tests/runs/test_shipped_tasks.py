@@ -22,11 +22,11 @@ def prepared(request):
     task = load_task(request.param)
     found = estimate_simulated(request.param)
     followed = followed_points(found.estimate, found.seen.matched.initial)
-    return task, found.estimate, plan_task(task, found.estimate, followed, "certified", 0)
+    return task, found.estimate, *plan_task(task, found.estimate, followed, "certified", 0)
 
 
 def test_the_two_pictures_give_the_taught_motion(prepared):
-    task, estimate, _ = prepared
+    task, estimate, *_ = prepared
     true = task.teach.initial_T_goal.transform
     error = true.inv() * estimate.initial_T_goal
     assert estimate.inliers.mean() > (0.9 if task.target.textures else 0.999)
@@ -40,7 +40,7 @@ def test_the_plan_is_certified_and_independently_verified(prepared):
 
 
 def test_the_arm_follows_the_plan_with_room_to_every_obstacle(prepared):
-    task, _, plan = prepared
+    task, _, plan, _ = prepared
     scene = scene_of_task(task)
     world = World(scene)
     for joints in joint_path(task, scene, plan.path, np.linspace(0, 1, 41)):
@@ -50,9 +50,20 @@ def test_the_arm_follows_the_plan_with_room_to_every_obstacle(prepared):
 
 
 def test_an_obstacle_stands_in_the_straight_way(prepared):
-    task, _, plan = prepared
+    task, _, plan, _ = prepared
     goal = task.teach.initial_T_goal.transform.translation
     straight = np.linspace(0, 1, 201)[:, None] * goal
     gaps = [o.obstacle.distance(straight).min() for o in task.planning.obstacles if o.clearance is None]
     assert min(gaps) < task.planning.clearance
     assert len(plan.path.translation[0]) > 2
+
+
+def test_a_task_with_a_stated_risk_is_planned_with_more_than_it_asks_for(prepared):
+    task, _, plan, risk = prepared
+    assert (risk is None) == (task.planning.risk is None)
+    if risk is not None:
+        assert risk.ok
+        assert risk.predicted_bound <= task.planning.risk
+        asked = task.planning.clearance + task.planning.tracking_margin
+        assert plan.least_clearance(task.planning.common_obstacles) > asked + 0.001
+        assert plan.least_visibility() >= task.planning.visibility_margin + risk.extra_visibility

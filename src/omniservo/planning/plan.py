@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -40,6 +40,26 @@ class Plan:
     """"certified" or "paper\""""
     reason: str = ""
     """why the plan is not certified, or what to know of it, in one sentence; else empty"""
+
+    def least_clearance(self, obstacles: Iterable[int]) -> float | None:
+        """Return the path's smallest distance to the surfaces of these obstacles [m], by its certificate.
+
+        Guaranteed where the status is "certified". None: no certificate, or no such obstacle.
+        """
+        margins, kept = self._margins(), []
+        for i in obstacles:
+            asked, margin = self.problem.obstacles[i].clearance, margins.get(f"clearance obstacle {i}")
+            if margin is not None:
+                kept.append(margin + (self.problem.clearance if asked is None else asked))
+        return min(kept, default=None)
+
+    def least_visibility(self) -> float | None:
+        """Return the points' smallest distance to the image's limits [px], as `least_clearance`."""
+        kept = [m for name, m in self._margins().items() if name.startswith(("visibility", "dead_zone"))]
+        return self.problem.visibility_margin + min(kept) if kept else None
+
+    def _margins(self) -> dict[str, float]:
+        return {} if self.certificate is None else {c.name: c.margin for c in self.certificate.constraints}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of a plan file; the problem is in it with its camera resolved."""

@@ -29,7 +29,7 @@ def clearance(result: RunResult) -> Drawing | None:
     if not obstacles:
         return None
     planned, executed = planned_curve(result), executed_curve(result)
-    common = [i for i, o in enumerate(obstacles) if o.clearance is None]
+    common = result.task.planning.common_obstacles
     own = [i for i, o in enumerate(obstacles) if o.clearance is not None]
     figure = new_figure(5.8, 3.9)
     axes = figure.subplots()
@@ -119,28 +119,16 @@ def arm_gap(result: RunResult) -> Drawing | None:
 
 def certified_clearance(result: RunResult) -> float | None:
     """Return the guaranteed smallest distance [m] to the obstacles without a clearance of their own."""
-    common = [i for i, o in enumerate(result.task.planning.obstacles) if o.clearance is None]
-    margins = _margins(result, tuple(f"clearance obstacle {i}" for i in common))
-    return None if result.plan is None or not margins else result.plan.problem.clearance + min(margins)
+    if result.plan is None or result.plan.status != "certified":
+        return None
+    return result.plan.least_clearance(result.task.planning.common_obstacles)
 
 
 def certified_visibility(result: RunResult) -> float | None:
     """Return the guaranteed smallest distance [px] of any dot to an image limit."""
-    margins = _margins(result, ("visibility", "dead_zone"))
-    return (
-        None if result.plan is None or not margins else result.plan.problem.visibility_margin + min(margins)
-    )
-
-
-def _margins(result: RunResult, prefixes: Sequence[str]) -> list[float]:
-    """Return the margins of a certified plan's constraints whose name is, or begins with, a prefix."""
-    if result.plan is None or result.plan.status != "certified" or result.plan.certificate is None:
-        return []
-    return [
-        c.margin
-        for c in result.plan.certificate.constraints
-        if any(c.name == p or c.name.startswith(f"{p} ") for p in prefixes)
-    ]
+    if result.plan is None or result.plan.status != "certified":
+        return None
+    return result.plan.least_visibility()
 
 
 def _group(

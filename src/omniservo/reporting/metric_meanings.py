@@ -14,7 +14,7 @@ class Meaning:
 
     label: str
     unit: str
-    """as in metrics.json: "m", "rad", "px", "s", or "" where it is not a quantity"""
+    """as in metrics.json: "m", "rad", "px", "s", "share" (of 1), or "" where it is not a quantity"""
 
 
 _MEANINGS = {
@@ -40,6 +40,11 @@ _MEANINGS = {
     "estimate_rms_px": Meaning("Residual of motion and structure, rms", "px"),
     "perception_seconds": Meaning("Time: finding and matching the points", "s"),
     "estimation_seconds": Meaning("Time: motion and structure", "s"),
+    "risk_asked": Meaning("Risk asked for: a demand is unmet because the estimate is uncertain", "share"),
+    "risk_predicted": Meaning("Risk predicted from samples of the estimate", "share"),
+    "risk_predicted_bound": Meaning("… its 95% upper bound", "share"),
+    "clearance_for_uncertainty_m": Meaning("Most that was added to a distance for uncertainty", "m"),
+    "visibility_for_uncertainty_px": Meaning("Added to the visibility margin for uncertainty", "px"),
     "planning_seconds": Meaning("Time: planning", "s"),
     "control_seconds_median": Meaning("Time: one control step, median", "s"),
     "whole_seconds": Meaning("Time: the whole job, simulation included", "s"),

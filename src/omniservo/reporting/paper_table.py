@@ -117,7 +117,7 @@ def _markdown_row(cells: Sequence[str]) -> str:
 def _smallest_planned(result: RunResult) -> float | None:
     """Return the smallest planned distance [m] to the obstacles without a clearance of their own."""
     curve = planned_curve(result)
-    common = [i for i, o in enumerate(result.task.planning.obstacles) if o.clearance is None]
+    common = result.task.planning.common_obstacles
     return None if curve is None or not common else float(curve.clearances[:, common].min())
 
 

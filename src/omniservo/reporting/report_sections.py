@@ -141,6 +141,30 @@ def certificate(result: RunResult) -> Markup | None:
     return joined([lead, table(["constraint", "margin", "at w"], rows)])
 
 
+def risk(result: RunResult) -> Markup | None:
+    """Return what uncertainty takes of every demand; None where the task states no risk."""
+    if result.risk is None:
+        return None
+    rows: list[list[Cell]] = [
+        [
+            name,
+            spell(margin.planned, margin.unit),
+            spell(margin.executed, margin.unit),
+            spell(margin.extra, margin.unit),
+            ", ".join(f"{source} {spell(taken, margin.unit)}" for source, taken in margin.parts.items()),
+        ]
+        for name, margin in result.risk.margins.items()
+    ]
+    lead = tag(
+        "p",
+        f"{100 * result.risk.predicted:.2g}% of {result.risk.samples} samples of what the estimate may truly "
+        f"be violate a demand (95% upper bound {100 * result.risk.predicted_bound:.2g}%, asked "
+        f"{100 * result.risk.risk:g}%). Margins are what is left beyond what the problem asks for.",
+    )
+    columns = ["demand", "planned", "left at that risk", "asked in addition", "taken by"]
+    return joined([lead, table(columns, rows), tag("p", result.risk.advice, class_="quiet")])
+
+
 def timings(result: RunResult) -> Markup:
     """Return how long each stage took."""
     names = {

@@ -8,6 +8,7 @@ _UNITS = {
     "m": (1e3, "mm"),
     "rad": (180.0 / math.pi, "°"),
     "1": (1.0, ""),
+    "share": (100.0, "%"),
 }
 _TIMES = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"))
 
@@ -16,7 +17,7 @@ NOTHING = "–"
 
 
 def spell(value: float | None, unit: str) -> str:
-    """Return a value with a readable unit: m in mm, rad in degrees, s in s, ms or µs; others as they are."""
+    """Return a value with a readable unit: m in mm, rad in °, a share in %, s in s, ms or µs; others stay."""
     if value is None or math.isnan(value):
         return NOTHING
     if unit == "s":
@@ -24,7 +25,7 @@ def spell(value: float | None, unit: str) -> str:
         return f"{significant(value / factor)} {name}"
     factor, name = _UNITS.get(unit, (1.0, unit))
     number = significant(value * factor)
-    return f"{number}{name}" if name == "°" else f"{number} {name}".rstrip()
+    return f"{number}{name}" if name in ("°", "%") else f"{number} {name}".rstrip()
 
 
 def significant(value: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omniservo.planning import RiskPlan
 from omniservo.reporting.metric_meanings import spell_contacts
 from omniservo.reporting.spelling import spell
 from omniservo.simulation.run_result import RunResult
@@ -43,9 +44,17 @@ def plan_sentence(result: RunResult) -> str:
     if result.plan is None:
         return "Nothing was planned: the classical image-based servo goes its own way."
     if result.plan.status == "certified":
-        return "The path was certified: every constraint is proven for the whole path, not sampled."
+        proven = "The path was certified: every constraint is proven for the whole path, not sampled."
+        return proven if result.risk is None else f"{proven} {_risk_sentence(result.risk)}"
     why = f" {_capital(result.plan.reason)}." if result.plan.reason else ""
     return f"The path was followed although its certificate says: {result.plan.status}.{why}"
+
+
+def _risk_sentence(risk: RiskPlan) -> str:
+    return (
+        f"Its margins are so wide that an estimate as uncertain as this one leaves a demand unmet with at "
+        f"most {100 * risk.predicted_bound:.2g}% (asked: {100 * risk.risk:g}%)."
+    )
 
 
 def _capital(sentence: str) -> str:

@@ -120,10 +120,11 @@ def _is_wide(drawing: Drawing) -> bool:
 
 def _details(result: RunResult, several: bool) -> Markup:
     """Return the tables for those who want to know exactly."""
-    proof = section.certificate(result)
+    proof, risk = section.certificate(result), section.risk(result)
     parts = [
         tag("details", tag("summary", "All metrics"), section.metrics(result)),
         *([tag("details", tag("summary", "Certificate"), proof)] if proof is not None else []),
+        *([tag("details", tag("summary", "Uncertainty and risk"), risk)] if risk is not None else []),
         tag("details", tag("summary", "Motion and structure"), estimate_table(result.estimate)),
         tag("details", tag("summary", "Computing times"), section.timings(result)),
     ]

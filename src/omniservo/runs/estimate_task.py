@@ -44,7 +44,14 @@ def estimate_task(
             "numbered from 0, top to bottom, then left to right in the initial picture"
         )
     return _with_pose(
-        estimate_two_view(task.camera, matched.initial, matched.goal, scale=scale, noise=matched.noise)
+        estimate_two_view(
+            task.camera,
+            matched.initial,
+            matched.goal,
+            scale=scale,
+            noise=matched.noise,
+            scale_sigma=task.scale.sigma,
+        )
     )
 
 

@@ -10,7 +10,15 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import AnswerIsNo
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_path
+from omniservo.planning import (
+    Degrees,
+    Plan,
+    PlanningProblem,
+    RiskPlan,
+    Workspace,
+    plan_path,
+    plan_with_risk,
+)
 from omniservo.tasks import Task
 
 
@@ -41,11 +49,11 @@ def plan_task(
     followed: IntArray,
     method: Literal["certified", "paper"],
     seed: int,
-) -> Plan:
-    """Return the plan to follow, for the ``followed`` rows (m,) of the estimated points.
+) -> tuple[Plan, RiskPlan | None]:
+    """Return the plan to follow, for the ``followed`` rows (m,) of the estimated points, and its risk.
 
     The paper's method promises nothing between its samples, so its path is followed whatever the
-    certificate says of it.
+    certificate says of it; it knows no risk either.
 
     Raises:
         AnswerIsNo: there is no path to follow.
@@ -53,7 +61,12 @@ def plan_task(
     pose = estimate.initial_T_goal
     if pose is None:
         raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
-    plan = plan_path(problem_of(task, pose, estimate.points[followed]), method=method, seed=seed)
+    problem, risk = problem_of(task, pose, estimate.points[followed]), None
+    if task.planning.risk is not None and method == "certified":
+        risk = plan_with_risk(problem, estimate, risk=task.planning.risk, points=followed, seed=seed)
+        plan = risk.plan
+    else:
+        plan = plan_path(problem, method=method, seed=seed)
     if plan.path is None or (method == "certified" and plan.status != "certified"):
         raise AnswerIsNo(f"no path: {plan.status}: {plan.reason}")
-    return plan
+    return plan, risk

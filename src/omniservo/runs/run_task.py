@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import FeatureTracker, MatchedPoints
-from omniservo.planning import Plan
+from omniservo.planning import Plan, RiskPlan
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
@@ -83,9 +83,10 @@ def run_task(
     estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
     followed = followed_points(estimate, seen.matched.initial)
     progress("planning")
-    plan = None
+    plan, risk = None, None
     if method != "ibvs":
-        plan, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
+        planned, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
+        plan, risk = planned
     progress("servoing")
     matched = seen.matched.where(followed)
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
@@ -98,7 +99,7 @@ def run_task(
     final, outside = take_picture(robot).pixels, _outside(robot)
     seconds["whole"] = perf_counter() - started
     result = RunResult(
-        task, method, goal, seen, estimate, followed, plan, log, final, *outside, film, truth, seconds
+        task, method, goal, seen, estimate, followed, plan, risk, log, final, *outside, film, truth, seconds
     )
     return replace(result, metrics=_metrics(result, seed))
 
@@ -184,8 +185,21 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **score(result.task, result.plan, result.log, result.truth),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
+        **_risk_metrics(result.risk),
         "planning_seconds": None,  # unless planned
         **seconds,
+    }
+
+
+def _risk_metrics(risk: RiskPlan | None) -> dict[str, object]:
+    if risk is None:
+        return {}
+    return {
+        "risk_asked": risk.risk,
+        "risk_predicted": risk.predicted,
+        "risk_predicted_bound": risk.predicted_bound,
+        "clearance_for_uncertainty_m": risk.extra_clearance,
+        "visibility_for_uncertainty_px": risk.extra_visibility,
     }
 
 

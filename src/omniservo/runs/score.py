@@ -23,10 +23,10 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
         "status": _status(log),
         "reason": log.stop_message,
         "clearance_asked_m": task.planning.clearance,
-        "clearance_planned_m": _planned(plan, "clearance", task),
+        "clearance_planned_m": None if plan is None else plan.least_clearance(task.planning.common_obstacles),
         "clearance_executed_m": _least_clearance(task, positions),
         "arm_clearance_executed_m": float(np.min(log.column("arm_clearance"))) if log.rows else None,
-        "visibility_planned_px": _planned(plan, "visibility", task),
+        "visibility_planned_px": None if plan is None else plan.least_visibility(),
         "visibility_executed_px": _least_visibility(task, log),
         **_final_errors(log, truth),
         "path_deviation_m": _deviation(plan, log),
@@ -57,20 +57,6 @@ def _least_visibility(task: Task, log: RunLog) -> float | None:
         return None
     least = float(np.min(image_distance(task.camera, log.column("true_pixels"))))
     return None if np.isnan(least) else least
-
-
-def _planned(plan: Plan | None, family: str, task: Task) -> float | None:
-    """The certified lower bound of a family: what was asked plus the smallest certified margin."""
-    if plan is None or plan.certificate is None:
-        return None
-    names = {f"clearance obstacle {i}" for i, o in enumerate(task.planning.obstacles) if o.clearance is None}
-    margins = [
-        c.margin
-        for c in plan.certificate.constraints
-        if (c.name in names if family == "clearance" else c.name.startswith((family, "dead_zone")))
-    ]
-    asked = plan.problem.clearance if family == "clearance" else plan.problem.visibility_margin
-    return asked + min(margins) if margins else None
 
 
 def _final_errors(log: RunLog, truth: Truth) -> dict[str, object]:

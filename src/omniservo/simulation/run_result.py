@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
-from omniservo.planning import Plan
+from omniservo.planning import Plan, RiskPlan
 from omniservo.simulation.run_log import RunLog
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
@@ -64,6 +64,8 @@ class RunResult:
     """(m,) rows of the points that are planned for and servoed on"""
     plan: Plan | None
     """None for "ibvs", which plans nothing"""
+    risk: RiskPlan | None
+    """what is known of the plan's risk, where the task states one"""
     log: RunLog
     final_image: ByteArray
     outside_initial: ByteArray

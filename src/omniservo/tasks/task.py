@@ -108,7 +108,7 @@ class KnownLength(Section):
 
 
 class Scale(Section):
-    """What makes the estimate metric: exactly one of the four."""
+    """What makes the estimate metric: exactly one of the first four."""
 
     displacement: PositiveLength | None = None
     """distance between initial and goal camera centre [m], the paper's α"""
@@ -117,12 +117,16 @@ class Scale(Section):
     """the displacement follows from the arm's joint readings at both poses"""
     tags: bool = False
     """sizes and places of the target's tags are known as the task states them"""
+    sigma: Annotated[FiniteFloat, Field(ge=0, le=0.5)] = 0.0
+    """standard deviation of the displacement or length over itself; plans with a risk count with it"""
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Scale:
         given = (self.displacement is not None, self.known_length is not None, self.odometry, self.tags)
         if sum(given) != 1:
             raise ValueError("give exactly one of displacement, known_length, odometry: true, tags: true")
+        if self.tags and self.sigma > 0.0:
+            raise ValueError("sigma goes with a displacement, a known_length or odometry, not with tags")
         return self
 
 
@@ -162,6 +166,14 @@ class Planning(Section):
     occlusion: bool = False
     workspace: Workspace | None = None
     degrees: Degrees = Degrees()
+    risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
+    """probability that the executed path leaves any of these unmet because the estimate is uncertain: margins
+    are widened for it; where absent the estimate is planned with as if it were exact"""
+
+    @property
+    def common_obstacles(self) -> tuple[int, ...]:
+        """Indices of the obstacles that ask for `clearance`, not for one of their own."""
+        return tuple(i for i, section in enumerate(self.obstacles) if section.clearance is None)
 
 
 class Servo(Section):

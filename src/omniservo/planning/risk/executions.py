@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.estimation import EstimateSamples
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import asked_of
@@ -37,15 +37,15 @@ class Executions:
     """(K, p) parameters' deviations"""
 
     @classmethod
-    def of(cls, problem: PlanningProblem, samples: EstimateSamples, inliers: BoolArray) -> Executions:
-        """Return those of an estimate's samples; the problem's points are its inliers.
+    def of(cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray) -> Executions:
+        """Return those of an estimate's samples; the problem's points are these rows of its.
 
         Raises:
             InputError: a distorted camera with a mask, whose pixels are not looked at.
         """
         if problem.camera.is_distorted and problem.camera.mask:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
-        return cls(problem, np.ascontiguousarray(samples.points[:, inliers]), samples.camera.copy())
+        return cls(problem, np.ascontiguousarray(samples.points[:, rows]), samples.camera.copy())
 
     @property
     def demands(self) -> tuple[str, ...]:

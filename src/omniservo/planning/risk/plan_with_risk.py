@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
 from omniservo.estimation.joint_uncertainty import SOURCES, Source
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.risk.advice import sources_of, what_dominates, what_would_help
@@ -37,11 +40,16 @@ STRICTER = (1.0, 0.75, 0.5)
 
 
 def plan_with_risk(
-    problem: PlanningProblem, estimate: TwoViewEstimate, *, risk: float = 0.01, seed: int = 0
+    problem: PlanningProblem,
+    estimate: TwoViewEstimate,
+    *,
+    risk: float = 0.01,
+    points: npt.ArrayLike | None = None,
+    seed: int = 0,
 ) -> RiskPlan:
     """Return a certified plan that the servo, led by an uncertain estimate, violates with at most ``risk``.
 
-    The estimate's goal and inliers take the place of the problem's. Samples of what the points may truly be
+    The estimate's goal and points take the place of the problem's. Samples of what the points may truly be
     (`TwoViewEstimate.sample`) are executed: the servo keeps the points it sees where the plan sees the
     estimated ones, so the camera goes another way than planned. A sample is violated where that way, or what
     is seen from it, leaves a demand of the problem unmet. Margins are widened until few enough are.
@@ -50,18 +58,21 @@ def plan_with_risk(
         problem: what to keep; obstacles in the initial camera frame, as exact as stated.
         estimate: metric, of status "ok", with its uncertainty.
         risk: probability that any demand is violated, 0.0001 to 0.5.
+        points: rows (m,) of the estimated points that the servo follows and that stay in view; None: all
+            inliers.
         seed: of the samples, and of planning.
 
     Raises:
-        InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, or what planning
-            refuses.
+        InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, a point that is
+            no inlier, or what planning refuses.
     """
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
-    asked = problem_of_estimate(problem, estimate)
+    rows = _followed(estimate, points)
+    asked = problem_of_estimate(problem, estimate, rows)
     count = max(SAMPLES, math.ceil(RARE / risk))
-    search = _executions(asked, estimate, count, seed)
-    check = _executions(asked, estimate, count, seed + 1)
+    draw = partial(_executions, asked, estimate, rows)
+    search, check = draw(count, seed), draw(count, seed + 1)
     for share in STRICTER:
         found = safe_path(search, share * risk, seed)
         path = found.plan.path
@@ -74,13 +85,14 @@ def plan_with_risk(
         ok = bound <= risk
         if ok or not found.ok:
             break
-    report = _uncertain_margins(check, path, found, margins, estimate, risk, seed) if path else {}
+    parts = {s: draw(FEW_SAMPLES, seed + 2, (s,)) for s in sources_of(estimate)}
+    report = _uncertain_margins(check, path, found, margins, parts, risk) if path else {}
     plan, advice = found.plan, what_dominates(report)
     if not ok:
         advice = what_would_help(
             sources_of(estimate),
             report,
-            lambda kept: safe_path(_executions(asked, estimate, count // 2, seed, kept), risk, seed).ok,
+            lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed).ok,
         )
         plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
     extra = dict(zip(search.demands, found.extra.tolist(), strict=True))
@@ -105,8 +117,23 @@ def _reason(report: dict[str, UncertainMargin], predicted: float, risk: float) -
     )
 
 
-def problem_of_estimate(problem: PlanningProblem, estimate: TwoViewEstimate) -> PlanningProblem:
-    """Return the problem with the estimate's goal and inliers instead of its own.
+def _followed(estimate: TwoViewEstimate, points: npt.ArrayLike | None) -> IntArray:
+    """Return the rows of the points to plan for, checked."""
+    if points is None:
+        return np.flatnonzero(estimate.inliers)
+    rows = np.asarray(points)
+    if rows.ndim != 1 or not len(rows) or rows.dtype.kind not in "iu":
+        raise InputError(f"points: {spelled(points)} given; row numbers of the estimated points are needed")
+    known = np.isin(rows, np.flatnonzero(estimate.inliers))
+    if not known.all():
+        raise InputError(f"points: row {rows[~known][0]} given, which is no inlier of the estimate")
+    return rows.astype(np.int64)
+
+
+def problem_of_estimate(
+    problem: PlanningProblem, estimate: TwoViewEstimate, rows: IntArray
+) -> PlanningProblem:
+    """Return the problem with the estimate's goal and these of its points instead of its own.
 
     Raises:
         InputError: the estimate has no pose, or no metric scale.
@@ -115,19 +142,19 @@ def problem_of_estimate(problem: PlanningProblem, estimate: TwoViewEstimate) -> 
         raise InputError(f"estimate: status {estimate.status!r}: no pose to plan to; {estimate.message}")
     if not estimate.is_metric:
         raise InputError("estimate: not metric; obstacles are in metres, so a scale is needed")
-    points = estimate.points[estimate.inliers]
-    return replace(problem, points=points, initial_T_goal=estimate.initial_T_goal)
+    return replace(problem, points=estimate.points[rows], initial_T_goal=estimate.initial_T_goal)
 
 
 def _executions(
     problem: PlanningProblem,
     estimate: TwoViewEstimate,
+    rows: IntArray,
     count: int,
     seed: int,
     sources: tuple[Source, ...] = SOURCES,
 ) -> Executions:
     samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera)
-    return Executions.of(problem, samples, estimate.inliers)
+    return Executions.of(problem, samples, rows)
 
 
 def _uncertain_margins(
@@ -135,22 +162,17 @@ def _uncertain_margins(
     path: CameraPath,
     found: SafePath,
     margins: FloatArray,
-    estimate: TwoViewEstimate,
+    alone: Mapping[Source, Executions],
     risk: float,
-    seed: int,
 ) -> dict[str, UncertainMargin]:
-    """Return what uncertainty, and each source alone, does to every demand."""
+    """Return what uncertainty, and each source ``alone``, does to every demand."""
     critical = critical_places(found.plan)
     places = np.unique(np.concatenate((np.linspace(0.0, 1.0, PLANNED_PLACES), critical)))
     planned, left = check.planned(path, places), _left(margins, risk)
-    parts: dict[str, FloatArray] = {}
-    sources = sources_of(estimate)
-    for source in sources:
-        alone = margins
-        if len(sources) > 1:
-            few = _executions(check.problem, estimate, FEW_SAMPLES, seed + 2, (source,))
-            alone = few.margins(path, critical)
-        parts[source] = planned - _left(alone, risk)
+    parts = {
+        source: planned - _left(few.margins(path, critical) if len(alone) > 1 else margins, risk)
+        for source, few in alone.items()
+    }
     return {
         name: UncertainMargin(
             "px" if name == IMAGE else "m",
