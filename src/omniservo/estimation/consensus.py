@@ -46,7 +46,7 @@ def find_consensus(
         state = draw(state, n, chosen)
         better = -1
         for k in range(five_point_essentials(bearings, chosen, trials)):
-            score, inliers = _score(bearings, jacobians, trials[k], threshold, best)
+            score, inliers = msac_score(bearings, jacobians, trials[k], threshold, best)
             if score < best:
                 best, count, better = score, inliers, k
         if better < 0:
@@ -55,7 +55,7 @@ def find_consensus(
         for _ in range(LOCAL_ROUNDS):
             if not _improve(bearings, jacobians, essential, threshold, near, slopes, trials[0]):
                 break
-            score, inliers = _score(bearings, jacobians, trials[0], threshold, best)
+            score, inliers = msac_score(bearings, jacobians, trials[0], threshold, best)
             if not score < best:
                 break
             best, count = score, inliers
@@ -75,7 +75,7 @@ def _copy(source: FloatArray, target: FloatArray) -> None:
 
 
 @kernel
-def _score(
+def msac_score(
     bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, threshold: float, best: float
 ) -> tuple[float, int]:
     """Return the MSAC score [px²] and the inliers; what cannot beat ``best`` any more is left early."""

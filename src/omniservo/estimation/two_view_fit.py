@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from omniservo.estimation.consensus import find_consensus
+from omniservo.estimation.consensus import find_consensus, msac_score
 from omniservo.estimation.epipolar_refinement import essential_matrix
 from omniservo.estimation.five_points import MOST_SOLUTIONS, five_point_essentials
 from omniservo.estimation.matches import Matches
@@ -37,7 +37,8 @@ EIGHT_POINTS = 8
 """of the eight-point algorithm; fewer say nothing about their own noise."""
 
 FEW_POINTS = 40
-"""Up to here five starts are worth their time; beyond, one finds the minimum."""
+"""Up to here five starts are worth their time; beyond, one finds the minimum, if it is that of all matches
+and not of a sample."""
 
 NEARLY_ALL = 0.9
 """Where so many matches agree with the motion of all, none need be sampled."""
@@ -90,12 +91,15 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
     return chosen
 
 
-def _fit(matches: Matches, members: BoolArray, kind: int, prior: FloatArray | None) -> TwoViewFit:
+def _fit(
+    matches: Matches, members: BoolArray, kind: int, prior: FloatArray | None, sampled: bool = False
+) -> TwoViewFit:
+    """Return the minima that ``prior`` and starts of the members' own lead to."""
     chosen = matches.where(members)
     starts = [] if prior is None else [prior[None]]
     if chosen.size < EIGHT_POINTS:
         starts.append(_five_point_starts(chosen))
-    elif chosen.size <= FEW_POINTS:
+    elif sampled or chosen.size <= FEW_POINTS:
         starts.append(eight_point_starts(chosen.bearings, START_ANGLES))
     return TwoViewFit(members, search_motion(chosen, kind, np.concatenate(starts)))
 
@@ -138,10 +142,32 @@ def _sampled(matches: Matches, kind: int, whole: TwoViewFit | None) -> TwoViewFi
         return whole
     if members.all() and whole is not None:
         return whole
-    return _grown(matches, _fit(matches, members, kind, essential), kind)
+    fit = _fit(matches, members, kind, essential, sampled=True)
+    if len(fit.minima) > 1:
+        fit = _of_all_matches(matches, fit, kind)
+    return _grown(matches, fit, kind, sampled=True)
 
 
-def _grown(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
+def _of_all_matches(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
+    """Return the fit to the members of the minimum that all matches, rejected ones too, agree with best.
+
+    Members that a false minimum has chosen speak for it: their cost alone does not tell.
+    """
+    threshold, essential, members = sampling_threshold(matches.noise_px), np.empty((3, 3)), fit.members.copy()
+    scores = []
+    for minimum in fit.minima:
+        essential_matrix(minimum.rotation, minimum.translation, essential)
+        scores.append(msac_score(matches.bearings, matches.jacobians, essential, threshold, math.inf)[0])
+    best = fit.minima[int(np.argmin(scores))]
+    if best is fit.minima[0]:
+        return fit
+    essential_matrix(best.rotation, best.translation, essential)
+    if members_of_consensus(matches, essential, members) < EIGHT_POINTS:
+        return fit
+    return _fit(matches, members, kind, essential, sampled=True)
+
+
+def _grown(matches: Matches, fit: TwoViewFit, kind: int, sampled: bool = False) -> TwoViewFit:
     """Return the fit after its own minimum, sharper than any sample's, has chosen the members once more."""
     if not fit.minima:
         return fit
@@ -150,7 +176,7 @@ def _grown(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
     if count <= fit.members.sum():
         return fit
     essential_matrix(best.rotation, best.translation, essential)
-    return _fit(matches, near, kind, essential)
+    return _fit(matches, near, kind, essential, sampled)
 
 
 def _agree(fit: TwoViewFit, matches: Matches) -> bool:
