@@ -54,6 +54,8 @@ def judged(estimate: TwoViewEstimate, truth: RigidTransform | None) -> Answer:
         return "ok", True
     turn = (truth.rotation.inv() * pose.rotation).as_rotvec()
     length = np.linalg.norm(pose.translation) / np.linalg.norm(truth.translation)
+    if estimate.is_metric:  # else the covariance knows nothing along the translation
+        length = 1.0
     shift = pose.translation - length * truth.translation
     cosine = pose.translation @ truth.translation
     swing = math.atan2(float(np.linalg.norm(np.cross(pose.translation, truth.translation))), float(cosine))

@@ -236,7 +236,7 @@ def accumulate_distances(
     gradient[:] = 0.0
     cost = 0.0
     for j in range(bearings.shape[0]):
-        distance = _sampson_row(bearings, jacobians, j, rotation, essential, tangents, row)
+        distance = sampson_row(bearings, jacobians, j, rotation, essential, tangents, row)
         square = distance * distance
         weight = 1.0
         if loss_scale == math.inf:
@@ -253,7 +253,7 @@ def accumulate_distances(
 
 
 @kernel
-def _sampson_row(
+def sampson_row(
     bearings: FloatArray,
     jacobians: FloatArray,
     j: int,

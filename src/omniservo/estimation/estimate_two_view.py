@@ -35,6 +35,7 @@ from omniservo.estimation.two_view_uncertainty import (
     two_view_uncertainty,
 )
 from omniservo.estimation.uncertainty import determines_motion, linear_response
+from omniservo.estimation.vouched_fit import vouched_fit
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
 Scale = float | tuple[tuple[int, int], float]
@@ -191,6 +192,13 @@ def _estimate_general(
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     status, words = judge(fit, matches, robust)
+    vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust else fit
+    if vouched is None:
+        words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree and vouch for each other"
+        return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
+    if vouched is not fit:
+        fit = vouched
+        status, words = judge(fit, matches, robust)
     if status != "ok":
         return TwoViewEstimate.without_pose(matches.size, status, words, started)
     return _with_pose(matches, plane, fit, request, started)

@@ -18,6 +18,8 @@ few of them. So where nearly all matches obey a simpler model and k of the m oth
 motion stands only if chance and wrong matches do not explain that as well: C(m, 2) P(X ≥ k − 2) (f/(1 − f))ᵏ
 < 10⁻³, X binomial among m − 2 with the chance to lie in twice the epipolar band, f the share of wrong
 matches; two of them can always be had.
+
+Whether the matches come from this camera and from one rigid scene: `camera_evidence`.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import bdtrc, chdtri, fdtri
 
+from omniservo.estimation.camera_evidence import foreign_evidence
 from omniservo.estimation.degenerate_motion import (
     HOMOGRAPHY,
     IDENTITY,
@@ -89,6 +92,9 @@ def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]
         if members.noise_px > 0.0:
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
+    foreign = foreign_evidence(fit, matches, math.sqrt(variance))
+    if foreign is not None:
+        return "not_converged", foreign
     return _rival(fit, members, variance) or ("ok", "")
 
 

@@ -43,6 +43,10 @@ and not of a sample."""
 NEARLY_ALL = 0.9
 """Where so many matches agree with the motion of all, none need be sampled."""
 
+NARROW = 2.0
+"""Few matches are sampled within so many σ, where it is stated: the wider the gate, the more a motion gains
+that bends to a wrong match and leaves all others half out."""
+
 SIGNIFICANCE = 1e-3
 """Few matches are only rejected where chance explains the better fit with less than this probability."""
 
@@ -50,7 +54,7 @@ UNSUSPICIOUS_NOISE_PX = 1.0
 """Few points can hide a wrong match in a bad motion; more noise than this makes them suspicious."""
 
 SUSPICIOUS = 2.0
-"""likewise, as a multiple of the noise that is stated"""
+"""likewise of many matches, as a multiple of the noise that is stated"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +83,10 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
         nearly = _nearly_all(matches, robust)
         if nearly is not None:
             members, start = nearly
-            fit = _fit(matches, members, kind, start)
+            fit = fit_members(matches, members, kind, start)
             return _grown(matches, fit, kind) if robust and not members.all() else fit
         return _sampled(matches, kind, None)
-    whole = _fit(matches, everyone, kind, None)
+    whole = fit_members(matches, everyone, kind, None)
     if not robust or matches.size < EIGHT_POINTS or _agree(whole, matches):
         return whole
     chosen = _sampled(matches, kind, whole)
@@ -91,7 +95,7 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
     return chosen
 
 
-def _fit(
+def fit_members(
     matches: Matches, members: BoolArray, kind: int, prior: FloatArray | None, sampled: bool = False
 ) -> TwoViewFit:
     """Return the minima that ``prior`` and starts of the members' own lead to."""
@@ -136,13 +140,15 @@ def _sampled(matches: Matches, kind: int, whole: TwoViewFit | None) -> TwoViewFi
     """Return the fit to the members that sampling finds, ``whole`` where it finds none; None: too few."""
     essential, members = np.empty((3, 3)), np.empty(matches.size, dtype=np.bool_)
     threshold = sampling_threshold(matches.noise_px)
+    if whole is not None and matches.noise_px > 0.0:
+        threshold = NARROW * matches.noise_px
     _, inliers = find_consensus(matches.bearings, matches.jacobians, threshold, 1, essential)
     least = min(matches.size, EIGHT_POINTS)
     if inliers < least or members_of_consensus(matches, essential, members) < least:
         return whole
     if members.all() and whole is not None:
         return whole
-    fit = _fit(matches, members, kind, essential, sampled=True)
+    fit = fit_members(matches, members, kind, essential, sampled=True)
     if len(fit.minima) > 1:
         fit = _of_all_matches(matches, fit, kind)
     return _grown(matches, fit, kind, sampled=True)
@@ -164,7 +170,7 @@ def _of_all_matches(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
     essential_matrix(best.rotation, best.translation, essential)
     if members_of_consensus(matches, essential, members) < EIGHT_POINTS:
         return fit
-    return _fit(matches, members, kind, essential, sampled=True)
+    return fit_members(matches, members, kind, essential, sampled=True)
 
 
 def _grown(matches: Matches, fit: TwoViewFit, kind: int, sampled: bool = False) -> TwoViewFit:
@@ -176,7 +182,7 @@ def _grown(matches: Matches, fit: TwoViewFit, kind: int, sampled: bool = False) 
     if count <= fit.members.sum():
         return fit
     essential_matrix(best.rotation, best.translation, essential)
-    return _fit(matches, near, kind, essential, sampled)
+    return fit_members(matches, near, kind, essential, sampled)
 
 
 def _agree(fit: TwoViewFit, matches: Matches) -> bool:
@@ -185,8 +191,12 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
         return False
     best = fit.minima[0]
     farthest, sigma = farthest_match(matches, best.rotation, best.translation)
-    noise = math.sqrt(fit.cost / max(matches.size - MOTION_PARAMETERS, 1))
-    return farthest <= GATE * sigma and max(sigma, noise) <= _largest_unsuspicious(matches.noise_px)
+    if farthest > GATE * sigma:
+        return False
+    freedom = max(matches.size - MOTION_PARAMETERS, 1)
+    if matches.noise_px > 0.0:
+        return bool(fit.cost <= chdtri(freedom, SIGNIFICANCE) * matches.noise_px**2)
+    return max(sigma, math.sqrt(fit.cost / freedom)) <= UNSUSPICIOUS_NOISE_PX
 
 
 def _largest_unsuspicious(stated: float) -> float:
@@ -204,5 +214,5 @@ def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float) -> bool:
         return True
     gain = whole.cost - chosen.cost
     if stated > 0.0:
-        return bool(gain > chdtri(dropped, SIGNIFICANCE) * stated**2)
+        return bool(gain > chdtri(dropped, SIGNIFICANCE) * max(stated**2, chosen.cost / freedom))
     return bool(gain > dropped * fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)
