@@ -158,9 +158,11 @@ def points_behind(rng: np.random.Generator) -> Answer:
         seen = goal.inv().apply(points)
         seen[: int(rng.uniform(0.1, 0.45) * n)] *= -1.0
         images = [WIDE.project(points), WIDE.project(seen)]
-        if all(valid.all() and WIDE.in_image(pixels).all() for pixels, valid in images):
+        if not all(valid.all() and WIDE.in_image(pixels).all() for pixels, valid in images):
+            continue
+        noisy = [pixels + 0.2 * rng.standard_normal(pixels.shape) for pixels, _ in images]
+        if all(WIDE.unproject(pixels)[1].all() for pixels in noisy):
             break
-    noisy = [pixels + 0.2 * rng.standard_normal(pixels.shape) for pixels, _ in images]
     return judged(estimate_two_view(WIDE, *noisy, noise=0.2), goal)
 
 
