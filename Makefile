@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench bench-planning readme lock clean clean-cache wheel
+.PHONY: demo test check bench bench-planning bench-estimation readme lock clean clean-cache wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -29,6 +29,11 @@ bench: $(STAMP)
 bench-planning: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
 	$(BIN)/python -m benchmarks.planning $(ARGS)
+
+# Motion and pose beside pycolmap, PoseLib and OpenCV, into docs/benchmark-estimation.md.
+bench-estimation: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
+	$(BIN)/python -m benchmarks.estimation_page $(ARGS)
 
 # The README's table and animation, from runs made now.
 readme: $(STAMP)

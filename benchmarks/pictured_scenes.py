@@ -13,9 +13,6 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.simulation.textures import texture, texture_kinds
 
-RAYS = 2
-"""per side of a pixel"""
-
 LENS = UnifiedCamera(150.0, 150.0, 159.5, 119.5, 1.0, 320, 240, max_angle=np.radians(95.0))
 """A fisheye of 190°, small for speed."""
 
@@ -74,21 +71,25 @@ def picture_of(
     rng: np.random.Generator,
     *,
     noise: float = 2.0,
+    rays: int = 2,
 ) -> ByteArray:
-    """Return the grey values (height, width): every pixel the mean of its rays, lens blur, sensor noise."""
-    offsets = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+    """Return the grey values (height, width): every pixel the mean of its rays, lens blur, sensor noise.
+
+    ``rays`` are those per side of a pixel; straight edges, as of tags, need four.
+    """
+    offsets = (np.arange(rays) + 0.5) / rays - 0.5
     u, v = np.meshgrid(
         (np.arange(camera.width)[:, None] + offsets).ravel(),
         (np.arange(camera.height)[:, None] + offsets).ravel(),
     )
     bearings, valid = camera.unproject(np.stack((u, v), axis=-1))
-    rays = initial_T_camera.rotation.apply(np.where(valid[..., None], bearings, 1.0).reshape(-1, 3))
-    grey = np.full(len(rays), 0.25)
-    nearest = np.full(len(rays), np.inf)
+    directions = initial_T_camera.rotation.apply(np.where(valid[..., None], bearings, 1.0).reshape(-1, 3))
+    grey = np.full(len(directions), 0.25)
+    nearest = np.full(len(directions), np.inf)
     for face in faces:
-        _paint(face, initial_T_camera, rays, grey, nearest)
+        _paint(face, initial_T_camera, directions, grey, nearest)
     grey = np.where(valid, grey.reshape(valid.shape), 0.02)
-    image = grey.reshape(camera.height, RAYS, camera.width, RAYS).mean(axis=(1, 3))
+    image = grey.reshape(camera.height, rays, camera.width, rays).mean(axis=(1, 3))
     seen = gaussian_filter(255.0 * image, 0.5) + noise * rng.standard_normal(image.shape)
     return np.asarray(np.clip(np.rint(seen), 0, 255).astype(np.uint8))
 

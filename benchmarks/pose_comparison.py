@@ -228,22 +228,28 @@ def row(name: str, score: Score) -> str:
     return f"| {name} | " + " | ".join(cells) + " |"
 
 
+def table(name: str, n: int, flat: bool, wrong: float, scenes: int) -> str:
+    """Return the table of one camera and case."""
+    kind = "flat" if flat else "not flat"
+    scores = compare(preset(name), n, flat, wrong, scenes)
+    return "\n".join(
+        [
+            f"\n{name}, {n} points, {kind}, {100 * wrong:.0f}% wrong, {scenes} scenes:\n",
+            "| | rotation, median / p90 [deg] | place [% of distance] | gross | named | gross, ok | µs |",
+            "|---|---|---|---|---|---|---|",
+            *(row(method, score) for method, score in scores.items()),
+        ]
+    )
+
+
 def main() -> None:
     """Print a table for each camera and case."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=500)
     scenes = parser.parse_args().scenes
     for name in CAMERAS:
-        camera = preset(name)
-        for n, flat, wrong in CASES:
-            kind = "flat" if flat else "not flat"
-            print(f"\n{name}, {n} points, {kind}, {100 * wrong:.0f}% wrong, {scenes} scenes\n")
-            print(
-                "| | rotation, median / p90 [deg] | place [% of distance] | gross | named | gross, ok | µs |"
-            )
-            print("|---|---|---|---|---|---|---|")
-            for method, score in compare(camera, n, flat, wrong, scenes).items():
-                print(row(method, score), flush=True)
+        for case in CASES:
+            print(table(name, *case, scenes), flush=True)
 
 
 if __name__ == "__main__":

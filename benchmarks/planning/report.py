@@ -45,7 +45,7 @@ def page(
     missing: Mapping[str, str],
 ) -> str:
     """Return the page as Markdown. ``hardest``: set → problems, straight path's failures, checksum."""
-    parts = ["# Planning benchmark\n", _where(command), _how(), "## Targets\n", _targets(wanted)]
+    parts = ["# Planning benchmark\n", where(command), _how(), "## Targets\n", _targets(wanted)]
     parts += ["![Success against time](images/benchmark-planning.svg)\n"]
     parts += ["## In short\n", "Feasible of the solvable problems; median time [ms].\n", _short(found)]
     for name, facts in hardest.items():
@@ -58,16 +58,17 @@ def page(
     return "\n".join(parts)
 
 
-def _where(command: str) -> str:
+def where(command: str, libraries: tuple[str, ...] = LIBRARIES) -> str:
+    """Return when, on what machine and with what versions a page was written."""
     versions = []
-    for name in LIBRARIES:
+    for name in libraries:
         try:
             versions.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             continue
     machine = f"{processor()}, {os.cpu_count()} cores (one used), {platform.system()}"
-    libraries = f"Python {platform.python_version()}, {', '.join(versions)}"
-    return f"Written by `{command}` on {date.today().isoformat()}: {machine}; {libraries}.\n"
+    with_these = f"Python {platform.python_version()}, {', '.join(versions)}"
+    return f"Written by `{command}` on {date.today().isoformat()}: {machine}; {with_these}.\n"
 
 
 def processor() -> str:

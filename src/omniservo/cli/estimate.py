@@ -46,6 +46,7 @@ def estimate(
     displacement: Annotated[
         float | None, typer.Option("--displacement", help="Between the two camera centres [m].")
     ] = None,
+    planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None,
     seed: SeedOption = 0,
@@ -63,14 +64,14 @@ def estimate(
         if path is not None:
             writable(path, force=force)
     images = initial is not None or goal is not None
-    of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement))
+    of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
     with output.working("estimating"):
         if task is not None and not images and not of_images:
             found = estimate_simulated(task, camera=camera, camera_name=camera_name, seed=seed)
         elif task is None and camera is not None and initial is not None and goal is not None:
             found = estimate_images(
                 camera, initial, goal, camera_name=camera_name, features=features, dictionary=dictionary,
-                target=target, displacement=displacement,
+                target=target, displacement=displacement, planar=planar,
             )  # fmt: skip
         else:
             raise InputError("estimate: give a TASK alone, or --camera, --initial and --goal")

@@ -57,7 +57,12 @@ CONFIDENCE: Mapping[Status, float] = {"no_motion": 0.999, "pure_rotation": 0.999
 SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
     (IDENTITY, 0, "no_motion", "both images are the same"),
     (ROTATION, 3, "pure_rotation", "a rotation without translation explains both images"),
-    (HOMOGRAPHY, 8, "planar_points", "a plane explains both images; points off that plane are needed"),
+    (
+        HOMOGRAPHY,
+        8,
+        "planar_points",
+        "a plane explains both images; points off that plane are needed, or the planar method",
+    ),
 )
 """(map, parameters, status, words), from the simplest."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
@@ -43,6 +44,7 @@ def estimate_images(
     dictionary: str | None = None,
     target: Path | None = None,
     displacement: float | None = None,
+    planar: bool = False,
 ) -> EstimatedImages:
     """Return what two image files say.
 
@@ -55,6 +57,7 @@ def estimate_images(
         dictionary: of the tags.
         target: a target file: tags whose sizes and places are known make the estimate metric.
         displacement: distance between the two camera centres [m].
+        planar: the target is a plane: motion from its homography.
 
     Raises:
         InputError: a file that is not what it should be, or too few features.
@@ -64,12 +67,17 @@ def estimate_images(
     known = None if target is None else Target.load(target)
     if known is not None and displacement is not None:
         raise InputError("displacement, target: both given; one of them gives the scale")
+    if known is not None and planar:
+        raise InputError("planar, target: both given; a known target need not be told to be flat")
     kind = feature_kind(features, dictionary, known)
     seen = see(kind, model, read_image(initial, model), read_image(goal, model))
     if known is not None:
         return EstimatedImages(seen, estimate_on_target(model, seen.matched, known, dictionary))
     matched = seen.matched
-    found = estimate_two_view(model, matched.initial, matched.goal, scale=displacement, noise=matched.noise)
+    method: Literal["pixel", "homography"] = "homography" if planar else "pixel"
+    found = estimate_two_view(
+        model, matched.initial, matched.goal, scale=displacement, noise=matched.noise, method=method
+    )
     return EstimatedImages(seen, found)
 
 
