@@ -44,8 +44,8 @@ SMALL_STEP = 1e-4
 """of φ; longer, so that every pixel stays in the camera's domain"""
 
 CHANCE_ALIKE = 1e-4
-CHANCE_FOCAL = 1e-9
-"""Errors of natural features have longer tails than a normal law, and neighbours share some."""
+CHANCE_FOCAL = 1e-6
+"""Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
 
 
 def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float) -> str | None:

@@ -19,6 +19,7 @@ from omniservo.estimation.deferred import later
 from omniservo.estimation.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.evidence import judge
+from omniservo.estimation.heavy_tails import tail_of
 from omniservo.estimation.joint_refinement import refine_jointly, residual_sums, write_residuals
 from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.matches import Matches
@@ -229,15 +230,14 @@ def _with_pose(
     solution, length = Solution(rotation, translation, structure), request.length(fit.members)
     arrays = (chosen.parameters, chosen.pixels, chosen.weights)
     if not determines_motion(*arrays, *solution):
-        return TwoViewEstimate.without_pose(
-            n, "not_converged", "the matches do not determine the motion", started
-        )
+        words = "the matches do not determine the motion"
+        return TwoViewEstimate.without_pose(n, "not_converged", words, started)
     points = _all_points(matches, fit, *solution)
     residuals = np.empty_like(matches.pixels)
     write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
     square, weighted = residual_sums(residuals, matches.weights, fit.members)
     freedom = members.size - MOTION_PARAMETERS
-    known = Noise.of(weighted, freedom, matches.noise_px or None)
+    known = _noise_with_tails(matches, fit, weighted, freedom)
     rivals = fit.minima[1:] if plane is None else None
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
@@ -264,6 +264,13 @@ def _with_pose(
         scale_sigma=request.scale_sigma,
         uncertainty=later(uncertain.joint),
     )
+
+
+def _noise_with_tails(matches: Matches, fit: TwoViewFit, weighted: float, freedom: int) -> Noise:
+    """Return what the members' Σ w²r² [px²] tells of the noise, and rejected matches that belong to it."""
+    sigma = math.sqrt(max(weighted / max(freedom, 1), matches.noise_px**2))
+    tail, more = tail_of(matches, fit, sigma)
+    return Noise.of(weighted + tail, freedom + more, matches.noise_px or None)
 
 
 @dataclass

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+from scipy.special import chdtrc, chdtri, fdtrc
 
 from omniservo.estimation.consensus import find_consensus, msac_score
 from omniservo.estimation.epipolar_refinement import essential_matrix
@@ -47,11 +47,17 @@ NARROW = 2.0
 """Few matches are sampled within so many σ, where it is stated: the wider the gate, the more a motion gains
 that bends to a wrong match and leaves all others half out."""
 
+THING = 4
+"""Matches that are wrong together: the corners of a tag"""
+
 SIGNIFICANCE = 1e-3
 """Few matches are only rejected where chance explains the better fit with less than this probability."""
 
 UNSUSPICIOUS_NOISE_PX = 1.0
 """Few points can hide a wrong match in a bad motion; more noise than this makes them suspicious."""
+
+SUSPICION = 0.01
+"""Few matches with more noise than stated, by a chance below this, may hide a wrong one."""
 
 SUSPICIOUS = 2.0
 """likewise of many matches, as a multiple of the noise that is stated"""
@@ -89,10 +95,10 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
     whole = fit_members(matches, everyone, kind, None)
     if not robust or matches.size < EIGHT_POINTS or _agree(whole, matches):
         return whole
-    chosen = _sampled(matches, kind, whole)
-    if chosen is None or not _significant(whole, chosen, matches.noise_px):
-        return whole
-    return chosen
+    found = [_sampled(matches, kind, whole), _without_one_thing(matches, kind)]
+    chances = [1.0 if fit is None else _chance(whole, fit, matches.noise_px) for fit in found]
+    chosen = found[int(np.argmin(chances))]
+    return whole if chosen is None or min(chances) >= SIGNIFICANCE else chosen
 
 
 def fit_members(
@@ -154,6 +160,26 @@ def _sampled(matches: Matches, kind: int, whole: TwoViewFit | None) -> TwoViewFi
     return _grown(matches, fit, kind, sampled=True)
 
 
+def _without_one_thing(matches: Matches, kind: int) -> TwoViewFit | None:
+    """Return the best fit that one match and its nearest, the corners of a tag perhaps, are left out of.
+
+    A motion that bends to all four of them does so in samples too: those are not free of them by chance.
+    """
+    best, tried = None, set()
+    for pixels in matches.pixels[:, :2]:
+        apart = np.square(matches.pixels[:, :2] - pixels).sum(axis=1)
+        thing = np.argpartition(apart, THING - 1)[:THING]
+        if matches.size - THING < EIGHT_POINTS or frozenset(thing.tolist()) in tried:
+            continue
+        tried.add(frozenset(thing.tolist()))
+        members = np.ones(matches.size, dtype=np.bool_)
+        members[thing] = False
+        fit = fit_members(matches, members, kind, None)
+        if best is None or fit.cost < best.cost:
+            best = fit
+    return best
+
+
 def _of_all_matches(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit:
     """Return the fit to the members of the minimum that all matches, rejected ones too, agree with best.
 
@@ -195,7 +221,7 @@ def _agree(fit: TwoViewFit, matches: Matches) -> bool:
         return False
     freedom = max(matches.size - MOTION_PARAMETERS, 1)
     if matches.noise_px > 0.0:
-        return bool(fit.cost <= chdtri(freedom, SIGNIFICANCE) * matches.noise_px**2)
+        return bool(fit.cost <= chdtri(freedom, SUSPICION) * matches.noise_px**2)
     return max(sigma, math.sqrt(fit.cost / freedom)) <= UNSUSPICIOUS_NOISE_PX
 
 
@@ -203,16 +229,16 @@ def _largest_unsuspicious(stated: float) -> float:
     return SUSPICIOUS * stated if stated > 0.0 else UNSUSPICIOUS_NOISE_PX
 
 
-def _significant(whole: TwoViewFit, chosen: TwoViewFit, stated: float) -> bool:
-    """F test (χ² where σ is known): do members fit better, beyond what leaving out any few would bring?"""
+def _chance(whole: TwoViewFit, chosen: TwoViewFit, stated: float) -> float:
+    """Return by what chance leaving out any few brings so much: F, or χ² where σ is known."""
     kept = int(chosen.members.sum())
     dropped = len(chosen.members) - kept
     freedom = kept - MOTION_PARAMETERS
     if dropped == 0 or not chosen.minima:
-        return False
+        return 1.0
     if not whole.minima:
-        return True
-    gain = whole.cost - chosen.cost
+        return 0.0
+    gain, variance = whole.cost - chosen.cost, chosen.cost / freedom
     if stated > 0.0:
-        return bool(gain > chdtri(dropped, SIGNIFICANCE) * max(stated**2, chosen.cost / freedom))
-    return bool(gain > dropped * fdtri(dropped, freedom, 1.0 - SIGNIFICANCE) * chosen.cost / freedom)
+        return float(chdtrc(dropped, max(gain, 0.0) / max(stated**2, variance)))
+    return float(fdtrc(dropped, freedom, max(gain, 0.0) / (dropped * variance))) if variance > 0.0 else 0.0
