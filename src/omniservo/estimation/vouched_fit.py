@@ -20,7 +20,7 @@ from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_r
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
 from omniservo.estimation.motion_search import LEAST_NOISE_PX
-from omniservo.estimation.two_view_fit import EIGHT_POINTS, FEW_POINTS, TwoViewFit, fit_members
+from omniservo.estimation.two_view_fit import EIGHT_POINTS, FEW_POINTS, THING, TwoViewFit, fit_members
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -31,7 +31,7 @@ DECISIVE = 0.5
 DOUBTFUL = 5e-3
 """A decisive member is left out where its odds to be wrong are larger."""
 
-BESIDE = 3
+BESIDE = THING - 1
 """Matches are judged by so many nearest to them, in either image."""
 
 
