@@ -39,6 +39,11 @@ def written(folder, faces, rays=4):
     return files
 
 
+@pytest.fixture(scope="module")
+def crates(tmp_path_factory):
+    return written(tmp_path_factory.mktemp("crates"), crate(np.random.default_rng(3)), rays=2)
+
+
 def estimated(capsys, *arguments):
     """Exit code and JSON of the command."""
     with pytest.raises(SystemExit) as end:
@@ -78,39 +83,23 @@ def test_a_flat_board_is_refused_unless_the_target_is_said_to_be_flat(tmp_path, 
     assert (turn < 0.2) & (swing < 1.0)
 
 
-def test_natural_features_of_crates_give_the_motion(tmp_path, capsys):
-    files = written(tmp_path, crate(np.random.default_rng(3)), rays=2)
-    code, answer = estimated(capsys, *files, "--features", "natural")
+def test_natural_features_of_crates_give_the_motion(crates, capsys):
+    code, answer = estimated(capsys, *crates, "--features", "natural")
     assert (code, answer["status"]) == (0, "ok")
     turn, swing, _ = errors(answer)
     assert (turn < 0.2) & (swing < 1.0)
 
 
-def test_identical_pictures_hold_no_motion(tmp_path, capsys):
-    files = written(tmp_path, crate(np.random.default_rng(3)), rays=2)
-    files[3] = files[1]
-    code, answer = estimated(capsys, *files, "--features", "natural")
+def test_identical_pictures_hold_no_motion(crates, capsys):
+    code, answer = estimated(capsys, *crates[:3], crates[1], "--features", "natural")
     assert (code, answer["status"]) == (1, "no_motion")
     assert answer["goal"] is None
 
 
-def test_a_flat_and_a_known_target_at_once_are_a_wrong_call(tmp_path, capsys):
-    files = [*written(tmp_path, tagged(np.full(8, 0.3))), "--planar", *TAGS]
+def test_a_flat_and_a_known_target_at_once_are_a_wrong_call(tmp_path, crates, capsys):
     target = tmp_path / "target.yaml"
     target.write_text("format: omniservo.target/1\npoints: [{name: a, position: [0, 0, 0]}]\n")
     with pytest.raises(SystemExit) as end:
-        main(
-            [
-                "estimate",
-                "--camera",
-                "fe185",
-                *files,
-                "--planar",
-                "--features",
-                "tags",
-                "--target",
-                str(target),
-            ]
-        )
+        main(["estimate", "--camera", "fe185", *crates, "--planar", *TAGS, "--target", str(target)])
     assert end.value.code == 2
     assert "planar, target: both given" in capsys.readouterr().err
