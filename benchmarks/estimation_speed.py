@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
+from benchmarks.peers import shortest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera, preset
@@ -143,15 +143,10 @@ def pose_refinement_microseconds(n: int = 9, noise: float = 0.05, scenes: int = 
     return float(np.median(times))
 
 
-def _fastest(call: Callable[[], object], rounds: int = 5) -> float:
-    """Return the shortest of a few calls after a first one [µs]: the shared machine only adds."""
+def _fastest(call: Callable[[], object]) -> float:
+    """Return the shortest of five calls after a first one [µs]."""
     call()
-    best = math.inf
-    for _ in range(rounds):
-        before = perf_counter()
-        call()
-        best = min(best, perf_counter() - before)
-    return 1e6 * best
+    return shortest(call, 5)
 
 
 def main() -> None:
