@@ -96,3 +96,10 @@ def test_translation_of_known_length_has_no_variance_along_itself(make_scene):
     along = np.concatenate((estimate.initial_T_goal.translation / 0.2, np.zeros(3)))
     assert along @ estimate.covariance @ along < 1e-12 * estimate.covariance[:3, :3].trace()
     assert np.linalg.eigvalsh(estimate.covariance)[1] > 0
+
+
+def test_uncertainty_is_worked_out_when_read_and_once(make_scene):
+    scene = make_scene(np.random.default_rng(5), n=20)
+    estimate = estimate_two_view(scene.camera, *scene.noisy(np.random.default_rng(6), 0.1))
+    assert estimate.covariance is estimate.covariance
+    assert estimate.uncertainty is estimate.uncertainty
