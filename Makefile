@@ -14,7 +14,7 @@ demo: $(STAMP)
 	@echo "open runs/paper-example-1/report.html"
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: $(STAMP)
 	$(BIN)/ruff check src tests benchmarks

@@ -1,5 +1,7 @@
 """Natural features of rendered wide-angle pictures: found, matched, refined, or refused by name."""
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from textured_scenes import Plate, facing_plate, picture, pose, relief, rough_te
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.perception import find_features, match_features, match_images
+from omniservo.perception.match_features import FeatureMatch
+from omniservo.perception.refine_matches import refine_matches
 
 CAMERA = UnifiedCamera(220.0, 221.0, 239.0, 162.0, 1.29, 480, 330, max_angle=np.radians(100.0))
 HERE, THERE = pose([0.0, 0.0, 0.0]), pose([0.08, 0.03, 0.05], [3, -6, 8])
@@ -45,6 +49,19 @@ def test_the_stated_covariance_is_about_the_true_one(scene):
     covariance = (match.initial.covariance + match.goal.covariance)[right]
     squared = np.einsum("ni,nij,nj->n", error[right], np.linalg.inv(covariance), error[right])
     assert 0.3 < np.median(squared) / 1.386 < 2.0
+
+
+def test_few_pairs_among_many_features_are_too_few(scene):
+    _, initial, goal, match = scene
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    least = math.ceil(min(len(a.points), len(b.points)) / 16)
+    pairs = match_features(a, b).pairs
+    assert 3 * least < len(match) < len(pairs)
+    kept = refine_matches(CAMERA, initial, goal, a, b, FeatureMatch(pairs[: 2 * least], "ok", ""))
+    few = refine_matches(CAMERA, initial, goal, a, b, FeatureMatch(pairs[: least - 1], "ok", ""))
+    assert kept.status == "ok"
+    assert (few.status, len(few)) == ("too_few", 0)
+    assert f"{least} are needed" in few.reason
 
 
 def test_a_features_own_covariance_covers_where_it_is_found_again(scene):

@@ -43,8 +43,8 @@ LARGEST_FOCAL_ERROR = 0.05
 SMALL_STEP = 1e-4
 """of φ; longer, so that every pixel stays in the camera's domain"""
 
-CHANCE_ALIKE = 1e-4
-CHANCE_FOCAL = 1e-6
+CHANCE_ALIKE = 1e-3
+CHANCE_FOCAL = 1e-4
 """Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
 
 

@@ -19,7 +19,8 @@ motion stands only if chance and wrong matches do not explain that as well: C(m,
 < 10⁻³, X binomial among m − 2 with the chance to lie in twice the epipolar band, f the share of wrong
 matches; two of them can always be had.
 
-Whether the matches come from this camera and from one rigid scene: `camera_evidence`.
+Whether the matches come from this camera and from one rigid scene: `camera_evidence`; whether they are found
+well enough: `heavy_tails`.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from omniservo.estimation.degenerate_motion import (
     ROTATION,
     simpler_costs,
 )
+from omniservo.estimation.heavy_tails import badly_found
 from omniservo.estimation.map_consensus import count_others
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE, MOTION_PARAMETERS
@@ -78,6 +80,10 @@ FAR_ROTATION = math.radians(5.0)
 FAR_DIRECTION = math.radians(20.0)
 """Minima nearer than both are one answer with an uncertainty."""
 
+OTHER_ROTATION = math.radians(1.0)
+OTHER_DIRECTION = math.radians(5.0)
+"""likewise of fits to different members; smaller, because no uncertainty reaches from one to the other"""
+
 
 def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]:
     """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
@@ -97,10 +103,11 @@ def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]
         if members.noise_px > 0.0:
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
-    foreign = foreign_evidence(fit, matches, math.sqrt(variance))
-    if foreign is not None:
-        return "not_converged", foreign
-    return _rival(fit, members, variance) or ("ok", "")
+    sigma = math.sqrt(variance)
+    against = foreign_evidence(fit, matches, sigma) or badly_found(matches, fit, sigma)
+    if against is not None:
+        return "not_converged", against
+    return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
 
 
 def largest_noise(stated: float | None) -> float:
@@ -184,6 +191,20 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
                 " or sharper pixels are needed"
             )
     return None
+
+
+def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
+    """Return "ambiguous" where leaving out other matches explains them nearly as well by another motion."""
+    if fit.instead is None or not fit.instead.minima:
+        return None
+    turn, swing = _separation(fit.minima[0], fit.instead.minima[0])
+    if turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION:
+        return None
+    left_out = [", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead)]
+    return "ambiguous", (
+        f"without the matches {left_out[0]} or without {left_out[1]}, nearly as likely: two motions"
+        f" {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
+    )
 
 
 def _rms(cost: float, n: int) -> float:

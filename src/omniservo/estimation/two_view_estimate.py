@@ -50,7 +50,7 @@ class TwoViewEstimate:
     agree; "no_motion", "pure_rotation", "planar_points": the identity, a rotation, a homography explains the
     pixels as well as motion and structure do, wrong matches aside; "ambiguous": a second motion, far from
     the first, is nearly as likely; "not_converged": no minimum was found, or none that the matches agree
-    with, or they come from another camera or zoom, or not from one rigid scene."""
+    with, or they come from another camera or zoom, or not from one rigid scene, or are badly found."""
     message: str
     """One sentence with the evidence; empty for "ok"."""
     initial_T_goal: RigidTransform | None

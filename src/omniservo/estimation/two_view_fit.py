@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtrc
@@ -53,10 +53,13 @@ THING = 4
 SIGNIFICANCE = 1e-3
 """Few matches are only rejected where chance explains the better fit with less than this probability."""
 
+NEARLY_AS_GOOD = 100.0
+"""Where leaving out one group or another has chances within this factor, few matches do not decide."""
+
 UNSUSPICIOUS_NOISE_PX = 1.0
 """Few points can hide a wrong match in a bad motion; more noise than this makes them suspicious."""
 
-SUSPICION = 0.01
+SUSPICION = 0.05
 """Few matches with more noise than stated, by a chance below this, may hide a wrong one."""
 
 SUSPICIOUS = 2.0
@@ -71,6 +74,8 @@ class TwoViewFit:
     """(n,) matches in the cost"""
     minima: list[Minimum]
     """apart from each other, best first; empty where no start led to one"""
+    instead: TwoViewFit | None = None
+    """the fit to other members that explains all matches nearly as well"""
 
     @property
     def cost(self) -> float:
@@ -97,8 +102,13 @@ def fit_two_views(matches: Matches, kind: int, robust: bool) -> TwoViewFit | Non
         return whole
     found = [_sampled(matches, kind, whole), _without_one_thing(matches, kind)]
     chances = [1.0 if fit is None else _chance(whole, fit, matches.noise_px) for fit in found]
-    chosen = found[int(np.argmin(chances))]
-    return whole if chosen is None or min(chances) >= SIGNIFICANCE else chosen
+    first = int(np.argmin(chances))
+    chosen, other = found[first], found[1 - first]
+    if chosen is None or chances[first] >= SIGNIFICANCE:
+        return whole
+    if other is not None and chances[1 - first] < NEARLY_AS_GOOD * chances[first]:
+        return replace(chosen, instead=other)
+    return chosen
 
 
 def fit_members(

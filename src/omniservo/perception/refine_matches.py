@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,12 @@ MOST_SHEAR = 2.0
 """largest stretch of a patch over the smallest, and over what the features' scales say"""
 LEAST_ERROR = 0.02
 """[px] standard deviation of the best pair: the pictures' own sampling"""
-CORRELATED = 1.5
-"""so many neighbouring samples err together: the factor of the variance"""
+CORRELATED = (1.1, 20.0)
+"""So many neighbouring samples err together, the factor of the variance: noise by interpolation; the more the
+patches differ, by 1 − correlation, the less it is noise and the farther what differs hangs together."""
+LEAST_SHARE = 1.0 / 16.0
+"""of the features of the picture that has fewer. As many pairs are wrong however few are right: fewer pairs
+cannot be trusted."""
 MOST_ERROR = 0.3
 """[px] standard deviation of the worst pair, in its worst direction"""
 
@@ -45,7 +50,7 @@ class ImageMatch:
     correlation: FloatArray
     """(m,) of the two patches, at most 1"""
     status: Status
-    """as of `match_features`, and "too_few" where fewer than eight patches fit"""
+    """as of `match_features`, and "too_few" where fewer patches fit than eight, or than `LEAST_SHARE`"""
     reason: str
     """one sentence"""
 
@@ -104,8 +109,9 @@ def refine_matches(
     start = initial.points.pixels[match.pairs[:, 0]]
     good[good] = _once(start[good], found.correlation[good])
     count = int(good.sum())
-    if count < LEAST_PAIRS:
-        words = f"{count} of {len(good)} pairs look alike all round; {LEAST_PAIRS} are needed"
+    least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
+    if count < least:
+        words = f"{count} of {len(good)} pairs look alike all round; {least} are needed"
         return _refused("too_few", words)
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
@@ -123,7 +129,8 @@ def _errors(camera: UnifiedCamera, found: Alignment, one: TangentFrames, other: 
     upright = np.linalg.det(found.affinities) > 0.0
     back = np.linalg.inv(np.where(upright[:, None, None], found.affinities, np.eye(2)))
     maps = np.stack([one.jacobians(camera) @ back, other.jacobians(camera)])
-    spread = 0.5 * CORRELATED * maps @ found.covariance @ np.swapaxes(maps, 2, 3)
+    together = CORRELATED[0] + CORRELATED[1] * (1.0 - found.correlation[:, None, None])
+    spread = 0.5 * together * maps @ found.covariance @ np.swapaxes(maps, 2, 3)
     return np.where(np.isfinite(spread), spread, 1e6) + 0.5 * LEAST_ERROR**2 * np.eye(2)
 
 
