@@ -19,6 +19,7 @@ from omniservo.estimation.rotation_parameters import matrix_from_quaternion, tur
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.transposed_times import transposed_times
 
 LEAST_PIVOT = 1e-12
 FIRST_DAMPING = 1e-6
@@ -103,12 +104,8 @@ def cost_of_views(
             if not seen[v, j]:
                 continue
             x, y, z = points[j, 0] - poses[v, 4], points[j, 1] - poses[v, 5], points[j, 2] - poses[v, 6]
-            p, q, ok = project_point(
-                parameters,
-                r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-                r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-                r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-            )
+            x, y, z = transposed_times(r, x, y, z)
+            p, q, ok = project_point(parameters, x, y, z)
             if not ok:
                 return math.inf
             cost += (p - pixels[v, j, 0]) ** 2 + (q - pixels[v, j, 1]) ** 2
@@ -143,9 +140,7 @@ def linearise(
             if not seen[v, j]:
                 continue
             hx, hy, hz = points[j, 0] - poses[v, 4], points[j, 1] - poses[v, 5], points[j, 2] - poses[v, 6]
-            x = r[0, 0] * hx + r[1, 0] * hy + r[2, 0] * hz
-            y = r[0, 1] * hx + r[1, 1] * hy + r[2, 1] * hz
-            z = r[0, 2] * hx + r[1, 2] * hy + r[2, 2] * hz
+            x, y, z = transposed_times(r, hx, hy, hz)
             p, q, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
             if not ok:
                 return math.inf

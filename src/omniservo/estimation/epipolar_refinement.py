@@ -14,6 +14,7 @@ from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.transposed_times import transposed_times
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8
@@ -128,9 +129,7 @@ def sampson_distance(
     lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
     ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
     lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
-    mx = e[0, 0] * bx + e[1, 0] * by + e[2, 0] * bz
-    my = e[0, 1] * bx + e[1, 1] * by + e[2, 1] * bz
-    mz = e[0, 2] * bx + e[1, 2] * by + e[2, 2] * bz
+    mx, my, mz = transposed_times(e, bx, by, bz)
     f0 = lx * jacobians[j, 0] + ly * jacobians[j, 2] + lz * jacobians[j, 4]
     f1 = lx * jacobians[j, 1] + ly * jacobians[j, 3] + lz * jacobians[j, 5]
     f2 = mx * jacobians[j, 6] + my * jacobians[j, 8] + mz * jacobians[j, 10]
@@ -306,14 +305,4 @@ def times(m: FloatArray, x: float, y: float, z: float) -> tuple[float, float, fl
         m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
         m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
         m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
-    )
-
-
-@kernel
-def transposed_times(m: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the product of a transposed 3×3 matrix and (x, y, z)."""
-    return (
-        m[0, 0] * x + m[1, 0] * y + m[2, 0] * z,
-        m[0, 1] * x + m[1, 1] * y + m[2, 1] * z,
-        m[0, 2] * x + m[1, 2] * y + m[2, 2] * z,
     )

@@ -13,6 +13,7 @@ from scipy.special import bdtrc
 
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.members import GATE
 from omniservo.estimation.two_view_fit import FEW_POINTS, TwoViewFit
 from omniservo.geometry.arrays import FloatArray
 
@@ -22,7 +23,7 @@ TAIL = 15.0
 CHANCE = 0.01
 
 
-LARGEST_TAIL = 0.25
+LARGEST_TAIL = 0.2
 """of the matches; with more of them badly found, the members are those that happen to agree"""
 
 
@@ -49,14 +50,18 @@ def badly_found(matches: Matches, fit: TwoViewFit, sigma: float) -> str | None:
 
 
 def near_misses(matches: Matches, fit: TwoViewFit, sigma: float) -> FloatArray:
-    """Return the Sampson distances [px] of rejected matches within `TAIL` σ; none that chance explains."""
+    """Return the Sampson distances [px] of rejected matches within `TAIL` σ; none that chance explains.
+
+    Nearer than half the gate a match was rejected because its rays meet behind a camera.
+    """
     rejected = int(np.count_nonzero(~fit.members))
     if rejected == 0:
         return np.empty(0)
     essential, distances = np.empty((3, 3)), np.empty(matches.size)
     essential_matrix(fit.minima[0].rotation, fit.minima[0].translation, essential)
     sampson_distances(matches.bearings, matches.jacobians, essential, distances)
-    misses = distances[~fit.members & (np.abs(distances) < TAIL * sigma)]
+    apart = np.abs(distances)
+    misses = distances[~fit.members & (apart > 0.5 * GATE * sigma) & (apart < TAIL * sigma)]
     extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
     band = min(2.0 * TAIL * sigma / extent, 1.0)
     if len(misses) == 0 or float(bdtrc(len(misses) - 1, rejected, band)) >= CHANCE:

@@ -26,6 +26,7 @@ from omniservo.estimation.rotation_parameters import (
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.transposed_times import transposed_times
 
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e8
@@ -151,12 +152,8 @@ def write_residuals(
         x, y, z = points[j, 0], points[j, 1], points[j, 2]
         u, v, ok = project_point(parameters, x, y, z)
         x, y, z = x - translation[0], y - translation[1], z - translation[2]
-        u_goal, v_goal, ok_goal = project_point(
-            parameters,
-            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-        )
+        x, y, z = transposed_times(r, x, y, z)
+        u_goal, v_goal, ok_goal = project_point(parameters, x, y, z)
         if ok and ok_goal:
             residuals[j, 0], residuals[j, 1] = u - pixels[j, 0], v - pixels[j, 1]
             residuals[j, 2], residuals[j, 3] = u_goal - pixels[j, 2], v_goal - pixels[j, 3]

@@ -10,12 +10,12 @@ from omniservo.estimation.epipolar_refinement import (
     essential_matrix,
     refine_epipolar,
     sampson_distances,
-    transposed_times,
 )
 from omniservo.estimation.essential_matrix import motion_from_essential, ray_distances, turn_in_front
 from omniservo.estimation.matches import Matches
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.transposed_times import transposed_times
 
 MOTION_PARAMETERS = 5
 """Rotation and direction; every match leaves one equation after its point is eliminated."""

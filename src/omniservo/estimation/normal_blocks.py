@@ -9,6 +9,7 @@ from omniservo.cameras.unified_kernels import project_point_jacobian
 from omniservo.estimation.pose_refinement import cauchy_loss, pose_rows
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.transposed_times import transposed_times
 
 
 class NormalBlocks(NamedTuple):
@@ -53,9 +54,7 @@ def linearise_point(
     to_point[0, 0], to_point[0, 1], to_point[0, 2] = w * j00, w * j01, w * j02
     to_point[1, 0], to_point[1, 1], to_point[1, 2] = w * j10, w * j11, w * j12
     x, y, z = x - translation[0], y - translation[1], z - translation[2]
-    cx = r[0, 0] * x + r[1, 0] * y + r[2, 0] * z
-    cy = r[0, 1] * x + r[1, 1] * y + r[2, 1] * z
-    cz = r[0, 2] * x + r[1, 2] * y + r[2, 2] * z
+    cx, cy, cz = transposed_times(r, x, y, z)
     u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, cx, cy, cz)
     if not ok:
         return False

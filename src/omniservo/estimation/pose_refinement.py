@@ -14,6 +14,7 @@ from omniservo.estimation.rotation_parameters import matrix_from_quaternion, tur
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.transposed_times import transposed_times
 
 LEAST_POINTS = 4
 """Three points leave up to four poses and nothing to check them by."""
@@ -200,12 +201,8 @@ def pose_cost(
         if weights[j] == 0.0:
             continue
         x, y, z = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
-        u, v, ok = project_point(
-            parameters,
-            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-        )
+        x, y, z = transposed_times(r, x, y, z)
+        u, v, ok = project_point(parameters, x, y, z)
         if not ok:
             return math.inf
         square = weights[j] * weights[j] * ((u - pixels[j, 0]) ** 2 + (v - pixels[j, 1]) ** 2)
@@ -247,9 +244,7 @@ def _normal_equations(
         if weights[j] == 0.0:
             continue
         hx, hy, hz = points[j, 0] - t[0], points[j, 1] - t[1], points[j, 2] - t[2]
-        x = r[0, 0] * hx + r[1, 0] * hy + r[2, 0] * hz
-        y = r[0, 1] * hx + r[1, 1] * hy + r[2, 1] * hz
-        z = r[0, 2] * hx + r[1, 2] * hy + r[2, 2] * hz
+        x, y, z = transposed_times(r, hx, hy, hz)
         u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
         if not ok:
             return math.inf

@@ -8,6 +8,7 @@ from omniservo.cameras.unified_kernels import project_point
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.transposed_times import transposed_times
 
 LEAST_SINE = 1e-3
 """Two rays that meet at a smaller angle make no point."""
@@ -105,12 +106,8 @@ def _score(
             continue
         x, y, z = point[0] - poses[v, 4], point[1] - poses[v, 5], point[2] - poses[v, 6]
         r = rotations[v]
-        p, q, ok = project_point(
-            parameters,
-            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-        )
+        x, y, z = transposed_times(r, x, y, z)
+        p, q, ok = project_point(parameters, x, y, z)
         if ok:
             residuals[v] = (p - pixels[v, j, 0]) ** 2 + (q - pixels[v, j, 1]) ** 2
         score += min(residuals[v], threshold * threshold)

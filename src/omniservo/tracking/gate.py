@@ -9,6 +9,7 @@ from omniservo.estimation.pose_refinement import LEAST_POINTS, refine_pose_kerne
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.transposed_times import transposed_times
 
 GATE = 3.5
 """A point is wrong where it lies more than so many σ away"""
@@ -113,12 +114,8 @@ def _measure(
         if not fit[j]:
             continue
         x, y, z = points[j, 0] - pose[4], points[j, 1] - pose[5], points[j, 2] - pose[6]
-        u, v, ok = project_point(
-            parameters,
-            r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
-            r[0, 1] * x + r[1, 1] * y + r[2, 1] * z,
-            r[0, 2] * x + r[1, 2] * y + r[2, 2] * z,
-        )
+        x, y, z = transposed_times(r, x, y, z)
+        u, v, ok = project_point(parameters, x, y, z)
         if ok:
             gaps[j, 0], gaps[j, 1] = u - pixels[j, 0], v - pixels[j, 1]
 
