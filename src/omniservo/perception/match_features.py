@@ -24,7 +24,7 @@ ELSEWHERE = 3.0
 LEAST_SHARE = 0.5
 """of clear pairs to repeated ones: on a pattern that repeats, every tenth wrong pair looks clear"""
 
-Status = Literal["ok", "ambiguous", "too_few"]
+Status = Literal["ok", "ambiguous", "too_few", "blurred"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import ByteArray
+from omniservo.perception.find_dots import check_image
 from omniservo.perception.find_features import find_features
 from omniservo.perception.match_features import match_features
-from omniservo.perception.refine_matches import ImageMatch, refine_matches
+from omniservo.perception.refine_matches import ImageMatch, refine_matches, refused
+from omniservo.perception.smear_length import smear_length
 
 
 def match_images(camera: UnifiedCamera, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
     """Find natural features in both pictures, match them, and lay their patches on each other.
 
-    See `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong: about one of a
-    hundred, and `estimate_two_view` finds them.
+    See `smear_length`, `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong:
+    about one of a hundred, and `estimate_two_view` finds them.
 
     Args:
         camera: took both pictures.
@@ -23,5 +25,9 @@ def match_images(camera: UnifiedCamera, image_initial: ByteArray, image_goal: By
     Raises:
         InputError: not such images, or not of the camera's size.
     """
+    for image, name in ((image_initial, "initial"), (image_goal, "goal")):
+        check_image(image, camera)
+        if length := smear_length(image):
+            return refused("blurred", f"the {name} picture is smeared by motion over {length} px")
     initial, goal = (find_features(image, camera) for image in (image_initial, image_goal))
     return refine_matches(camera, image_initial, image_goal, initial, goal, match_features(initial, goal))

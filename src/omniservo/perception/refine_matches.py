@@ -50,7 +50,8 @@ class ImageMatch:
     correlation: FloatArray
     """(m,) of the two patches, at most 1"""
     status: Status
-    """as of `match_features`, and "too_few" where fewer patches fit than eight, or than `LEAST_SHARE`"""
+    """as of `match_features`; "too_few" also where fewer patches fit than eight, or than `LEAST_SHARE`; of
+    `match_images`, "blurred": a picture is smeared by motion"""
     reason: str
     """one sentence"""
 
@@ -88,7 +89,7 @@ def refine_matches(
         match: of these features; one that is not "ok" is returned as it is.
     """
     if match.status != "ok":
-        return _refused(match.status, match.reason)
+        return refused(match.status, match.reason)
     one, other = _frames(initial, match.pairs[:, 0]), _frames(goal, match.pairs[:, 1])
     size, size_goal = (
         np.linalg.norm(f.axes[k], axis=1) for f, k in zip((initial, goal), match.pairs.T, strict=True)
@@ -112,14 +113,15 @@ def refine_matches(
     least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
     if count < least:
         words = f"{count} of {len(good)} pairs look alike all round; {least} are needed"
-        return _refused("too_few", words)
+        return refused("too_few", words)
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
     )
     return ImageMatch(one_picture, the_other, found.correlation[good], "ok", f"{count} pairs")
 
 
-def _refused(status: Status, reason: str) -> ImageMatch:
+def refused(status: Status, reason: str) -> ImageMatch:
+    """Return no match, and why."""
     none = ImagePoints(np.zeros((0, 2)), np.zeros((0, 2, 2)))
     return ImageMatch(none, none, np.zeros(0), status, reason)
 

@@ -1,0 +1,41 @@
+"""How far a picture is smeared by motion."""
+
+import cv2
+import numpy as np
+import pytest
+from benchmarks.pictured_scenes import LENS, crate, motion, picture_of, smeared
+
+from omniservo.perception import match_images
+from omniservo.perception.smear_length import smear_length
+
+
+def crate_picture(seed):
+    rng = np.random.default_rng(seed)
+    return picture_of(crate(rng), LENS, motion(rng), rng, rays=2), rng
+
+
+@pytest.mark.parametrize("length", [17, 21, 25])
+def test_the_length_of_a_smear_is_found_in_most_pictures(length):
+    found = []
+    for seed in range(6):
+        picture, rng = crate_picture([length, seed])
+        found.append(smear_length(smeared(picture, length, rng)))
+    assert sum(abs(each - length) <= 3 for each in found) >= 5
+
+
+def test_pictures_that_did_not_move_are_not_smeared():
+    for seed in range(6):
+        picture, _ = crate_picture([1, seed])
+        assert smear_length(picture) == 0
+        assert smear_length(cv2.GaussianBlur(picture, (0, 0), 6.0)) == 0  # out of focus, not moved
+    assert smear_length(np.full((30, 40), 128, np.uint8)) == 0
+
+
+def test_a_smeared_picture_is_refused_by_name():
+    rng = np.random.default_rng(5)
+    faces = crate(rng)
+    pictures = [picture_of(faces, LENS, motion(rng), rng, rays=2) for _ in range(2)]
+    assert match_images(LENS, *pictures).status == "ok"
+    blurred = match_images(LENS, pictures[0], smeared(pictures[1], 21, rng))
+    assert (blurred.status, len(blurred)) == ("blurred", 0)
+    assert blurred.reason.startswith("the goal picture is smeared by motion over 2")
