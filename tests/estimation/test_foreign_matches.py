@@ -157,6 +157,17 @@ def test_many_points_badly_found_are_no_pose_and_as_many_wrong_matches_are_one(m
     assert said[2].inliers[: n // 3].sum() <= 1  # moved along its epipolar line
 
 
+def test_points_behind_a_camera_are_rejected_and_not_taken_for_badly_found():
+    answers = [one_case(("points behind", seed))[2] for seed in range(3000, 3020)]
+    assert not any(wrong for _, wrong in answers)
+    assert sum(words == "ok, right" for words, _ in answers) >= 8
+    assert sum(words == "not_converged" for words, _ in answers) <= 3
+
+
+def test_another_camera_that_nearly_all_matches_agree_with_is_told_by_its_focal_length():
+    assert one_case(("another camera", 3173))[2] == ("not_converged", False)
+
+
 def test_two_groups_that_may_be_wrong_are_named_where_they_give_two_motions():
     status, wrong = one_case(("one wrong tag number", 3232))[2]  # corner 14, or the four of the last tag
     assert (status, wrong) == ("ambiguous", False)

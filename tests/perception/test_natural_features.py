@@ -49,6 +49,9 @@ def test_the_stated_covariance_is_about_the_true_one(scene):
     covariance = (match.initial.covariance + match.goal.covariance)[right]
     squared = np.einsum("ni,nij,nj->n", error[right], np.linalg.inv(covariance), error[right])
     assert 0.3 < np.median(squared) / 1.386 < 2.0
+    unlike = match.correlation[right] < 0.95  # the shape differs after all, and so does more than noise
+    assert unlike.sum() > 25
+    assert 0.5 < np.median(squared[unlike]) / 1.386 < 1.5
 
 
 def test_few_pairs_among_many_features_are_too_few(scene):
