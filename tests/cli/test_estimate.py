@@ -31,7 +31,7 @@ def tagged(depths):
     return faces
 
 
-def written(folder, faces, rays=4):
+def written(folder, faces, rays=3):
     rng, files = np.random.default_rng(0), []
     for name, pose in (("initial", RigidTransform.identity()), ("goal", GOAL)):
         files += [f"--{name}", str(folder / f"{name}.png")]
