@@ -31,6 +31,15 @@ def test_pictures_that_did_not_move_are_not_smeared():
     assert smear_length(np.full((30, 40), 128, np.uint8)) == 0
 
 
+def test_soft_light_along_bars_is_no_smear():
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        bars = np.repeat(rng.uniform(40, 220, 80), 4) * np.ones((240, 1))
+        light = cv2.resize(rng.uniform(-40, 40, (4, 4)), (320, 240), interpolation=cv2.INTER_CUBIC)
+        seen = bars + light + 2.0 * rng.standard_normal(bars.shape)
+        assert smear_length(np.clip(seen, 0, 255).astype(np.uint8)) == 0
+
+
 def test_a_smeared_picture_is_refused_by_name():
     rng = np.random.default_rng(5)
     faces = crate(rng)

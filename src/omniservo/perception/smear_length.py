@@ -20,8 +20,9 @@ FARTHEST = 100
 """[px]"""
 LEAST_DEPTH = 0.15
 """of the minimum below 0, in parts of the autocorrelation at 0"""
-ONE_SIDED = 0.5
-"""Mean square slope along the direction over that across it, at most"""
+ONE_SIDED = (0.05, 0.5)
+"""Mean square slope along the direction over that across it: with less, the surface shows bars and nothing
+else, and soft light along them looks like a smear."""
 ROWS = 256
 """at once: large pictures need little memory"""
 
@@ -34,7 +35,7 @@ def smear_length(image: ByteArray) -> int:
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0)
     x, y = (cv2.Sobel(smooth, cv2.CV_32F, *order).ravel() for order in ((1, 0), (0, 1)))
     energy, axes = np.linalg.eigh(np.array([[x @ x, x @ y], [x @ y, y @ y]], dtype=np.float64))
-    if not energy[0] < ONE_SIDED * energy[1]:
+    if not ONE_SIDED[0] * energy[1] < energy[0] < ONE_SIDED[1] * energy[1]:
         return 0
     alike = _autocorrelation(smooth, float(np.degrees(np.arctan2(axes[1, 0], axes[0, 0]))))
     shift = int(np.argmin(alike))
