@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 from typing import Any
-from xml.parsers import expat
 
-from omniservo.errors import InputError
+from omniservo.xml_files import XmlElement, parse_elements
 
-_MAX_DEPTH = 32
 _NUMBER = re.compile(
     r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|[-+]?\.?(inf|infinity|nan)", re.IGNORECASE | re.ASCII
 )
 _SHORT_WHOLE = re.compile(r"[-+]?[1-9][0-9]{0,8}|0")
-
-
-@dataclass
-class _Element:
-    tag: str
-    line: int
-    children: list[_Element] = field(default_factory=list)
-    text: list[str] = field(default_factory=list)
 
 
 def parse_xml(text: str, source: str) -> tuple[dict[str, Any], dict[tuple[str | int, ...], int]]:
@@ -35,28 +24,7 @@ def parse_xml(text: str, source: str) -> tuple[dict[str, Any], dict[tuple[str | 
     Raises:
         InputError: not XML, with a document type, or nested deeper than 32; with the line.
     """
-    parser = expat.ParserCreate()
-    open_elements = [_Element("", 0)]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if len(open_elements) > _MAX_DEPTH:
-            raise InputError(f"{source}: line {parser.CurrentLineNumber}: nested deeper than {_MAX_DEPTH}")
-        element = _Element(tag, parser.CurrentLineNumber)
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-
-    def refuse(*_: Any) -> None:
-        raise InputError(f"{source}: line {parser.CurrentLineNumber}: document types (DOCTYPE) are not read")
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda tag: open_elements.pop()
-    parser.CharacterDataHandler = lambda words: open_elements[-1].text.append(words)
-    parser.StartDoctypeDeclHandler = refuse
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError as error:
-        raise InputError(f"{source}: line {error.lineno}: not XML: {expat.ErrorString(error.code)}") from None
-    root = open_elements[0].children[0]
+    root = parse_elements(text, source)
     lines: dict[tuple[str | int, ...], int] = {}
     return {root.tag: _content(root, (root.tag,), lines)}, lines
 
@@ -78,16 +46,19 @@ def _element(tag: str, value: Any, indent: str) -> str:
     return f"{indent}<{tag}>\n{inner}{indent}</{tag}>\n"
 
 
-def _content(element: _Element, path: tuple[str | int, ...], lines: dict[tuple[str | int, ...], int]) -> Any:
+def _content(
+    element: XmlElement, path: tuple[str | int, ...], lines: dict[tuple[str | int, ...], int]
+) -> Any:
     lines[path] = element.line
-    if not element.children:
-        return _value("".join(element.text))
-    names = [child.tag for child in element.children]
+    children = [child for child in element if isinstance(child, XmlElement)]
+    if not children:
+        return _value(element.text or "")
+    names = [child.tag for child in children]
     if set(names) == {"_"}:
-        return [_content(child, (*path, i), lines) for i, child in enumerate(element.children)]
+        return [_content(child, (*path, i), lines) for i, child in enumerate(children)]
     fields: dict[str, Any] = {}
     for name in dict.fromkeys(names):
-        same = [child for child in element.children if child.tag == name]
+        same = [child for child in children if child.tag == name]
         if len(same) == 1:
             fields[name] = _content(same[0], (*path, name), lines)
         else:

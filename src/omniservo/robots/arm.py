@@ -1,9 +1,11 @@
-"""The arm: forward and inverse kinematics, Jacobians and limits, read from an MJCF file."""
+"""The arm: forward and inverse kinematics, Jacobians and limits, read from an MJCF or URDF file."""
 
 from __future__ import annotations
 
 import itertools
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,6 +14,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.robots.arm_files import read_arm_file
+from omniservo.robots.link import Link, Shape
+from omniservo.robots.numeric_inverse import STARTS, descend, solutions
+from omniservo.robots.reach import farthest
 from omniservo.robots.wrist_geometry import WristGeometry
 
 SINGULAR_VALUE = 0.02
@@ -22,55 +28,103 @@ On the RX60 a wrist with q5 = 2…3° is about there."""
 LENGTH_SCALE = 0.3
 """Weighs metres against radians in the singularity test: about the length of one link [m]."""
 
-_FLANGE = "flange"
-_FORM = (2, 1, 1, 2, 1, 2)  # axes z y y z y z: shoulder, elbow, spherical wrist
-
 
 class Arm:
-    """A six-joint arm with a spherical wrist; the frames are ``base`` (its foot) and ``flange``.
+    """A serial arm of six or seven revolute joints.
 
-    Kinematics run in MuJoCo on private data, so one Arm must not be used by two threads at once.
+    Its frames are ``base`` (its foot: the world of its MJCF file, or the URDF's root link) and ``flange``
+    (the tool that carries the camera). Kinematics run in MuJoCo on private data, so one Arm must not be used
+    by two threads at once.
     """
 
-    def __init__(self, mjcf: str | Path) -> None:
-        """Read the arm from an MJCF file.
+    def __init__(self, file: str | Path, *, tool: str | None = None) -> None:
+        """Read the arm from an MJCF or URDF file, which need not be trusted.
 
         Args:
-            mjcf: path of the file. It names a body ``base``, a site ``flange``, and the numerics
-                ``joint_speed_deg_s`` and ``joint_acceleration_deg_s2``.
+            file: its path. A URDF states limits and speeds of its revolute joints; an MJCF states ranges and,
+                as custom numerics, ``joint_speed_deg_s`` and, if known, ``joint_acceleration_deg_s2``.
+            tool: the site or link that is the flange; None: the one called ``tool0``, ``flange`` or
+                ``attachment_site``, else the last link.
 
         Raises:
-            InputError: the file cannot be read, or the arm is of another form (axes z y y z y z at q = 0).
+            InputError: the file cannot be read, or is no such arm; the message names file, element and what
+                is legal.
         """
-        self.path = Path(mjcf)
-        try:
-            self._model = mujoco.MjModel.from_xml_path(str(self.path))
-        except ValueError as error:
-            raise InputError(f"arm {self.path}: {error}") from None
+        self.path = Path(file)
+        self._file = read_arm_file(self.path, tool)
+        self._model = self._file.model
         self._data = mujoco.MjData(self._model)
-        self._site = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_SITE, _FLANGE)
-        if self._site < 0:
-            raise InputError(f"arm {self.path}: no site named {_FLANGE!r}")
+        self._tool_body = int(self._model.body(self._file.tool_body).id)
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
         """Names of the joints, from the base outwards."""
-        self.joint_range = frozen(self._model.jnt_range)
+        self.joint_range = frozen(self._model.jnt_range.copy())
         """(n, 2) lowest and highest joint position [rad]."""
-        self.joint_speed = frozen(np.deg2rad(self._numeric("joint_speed_deg_s")))
+        self.joint_speed = frozen(self._file.speed)
         """(n,) nominal speed [rad/s]."""
-        self.joint_acceleration = frozen(np.deg2rad(self._numeric("joint_acceleration_deg_s2")))
+        self.joint_acceleration = frozen(self._file.acceleration)
         """(n,) largest acceleration that is commanded [rad/s²]."""
+        self.joint_effort = self._read_effort()
+        """(n,) largest torque [N m]; None where the file does not state it of every joint."""
+        self.tool = self._file.tool
+        """Name of the site or link that is the flange."""
+        self.tool_link = self._file.tool_body
+        """Name of the link that the flange is fixed to."""
+        self.link_T_flange = self._file.body_T_tool
+        """The flange in that link's frame."""
+        self._link_T_flange = self.link_T_flange.as_matrix()
+        self.notices = self._file.notices
+        """What of the file was left out, put in or assumed."""
         self._jacobian = np.zeros((6, self.dof))
         self._geometry = self._read_geometry()
 
     @classmethod
     def rx60(cls) -> Arm:
         """Return the Stäubli RX60 that ships with the package (standard arm, reach 600 mm to the wrist)."""
-        return cls(Path(__file__).with_name("rx60.xml"))
+        return cls(Path(__file__).parent / "shipped" / "rx60.xml")
+
+    @property
+    def name(self) -> str:
+        """What the file calls the arm."""
+        return str(self._file.spec.modelname)
 
     @property
     def dof(self) -> int:
         """Number of joints n."""
         return int(self._model.nv)
+
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether `inverse` is a formula and knows every branch; else it is a seeded numeric search."""
+        return self._geometry is not None
+
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """The links from the base outwards, with the bodies that can be touched."""
+        model = self._model
+        carriers = {int(model.jnt_bodyid[j]): str(model.joint(j).name) for j in range(model.njnt)}
+        return tuple(
+            Link(str(model.body(i).name), carriers.get(i, ""), tuple(self._shapes(i)))
+            for i in range(1, model.nbody)
+        )
+
+    @cached_property
+    def reach(self) -> float:
+        """The farthest that the flange gets from the axis of the first joint [m]."""
+        self._move(np.zeros(self.dof))
+        axis, foot = self._data.xaxis[0].copy(), self._data.xanchor[0].copy()
+
+        def distance(q: FloatArray) -> tuple[float, FloatArray]:
+            moved = self._base_jacobian(q)[:3]
+            arm = self._tool_frame()[0] - foot
+            arm = arm - (arm @ axis) * axis
+            length = float(np.linalg.norm(arm))
+            return length, arm @ moved / max(length, 1e-12)
+
+        return farthest(distance, self.joint_range)
+
+    def spec(self) -> Any:
+        """Return a new MuJoCo MjSpec of the arm alone, with drives, to build a world around."""
+        return self._file.spec.copy()
 
     def base_T_flange(self, q: npt.ArrayLike) -> RigidTransform:
         """Return the flange's pose in the base frame for the joints ``q`` (n,) [rad].
@@ -79,10 +133,8 @@ class Arm:
             InputError: wrong shape, NaN or infinity. Limits are not checked (see `within_limits`).
         """
         self._move(q)
-        matrix = self._data.site_xmat[self._site].reshape(3, 3)
-        return RigidTransform.from_components(
-            self._data.site_xpos[self._site].copy(), Rotation.from_matrix(matrix)
-        )
+        place, rotation = self._tool_frame()
+        return RigidTransform.from_components(place, Rotation.from_matrix(rotation))
 
     def flange_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Return J (6, n): flange twist (linear [m/s], angular [rad/s], flange frame) = J q̇.
@@ -90,11 +142,8 @@ class Arm:
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        self._move(q)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_jacSite(self._model, self._data, self._jacobian[:3], self._jacobian[3:], self._site)
-        flange_R_base = self._data.site_xmat[self._site].reshape(3, 3).T
-        return np.concatenate([flange_R_base @ self._jacobian[:3], flange_R_base @ self._jacobian[3:]])
+        jacobian, flange_R_base = self._base_jacobian(q), self._tool_frame()[1].T
+        return np.concatenate([flange_R_base @ jacobian[:3], flange_R_base @ jacobian[3:]])
 
     def camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
         """Return J (6, n): camera twist (linear [m/s], angular [rad/s], camera frame) = J q̇.
@@ -116,6 +165,8 @@ class Arm:
     ) -> FloatArray:
         """Return q̇ (n,) [rad/s] that moves the camera with the twist (6,) (linear, angular; camera frame).
 
+        Of the many that do with seven joints, the smallest: q̇ = J⁺ twist.
+
         Raises:
             JointLimit: the arm is singular at ``q``: the smallest singular value of the camera Jacobian,
                 linear rows divided by `LENGTH_SCALE`, is below `SINGULAR_VALUE`.
@@ -125,7 +176,7 @@ class Arm:
         scaled = self.camera_jacobian(q, flange_T_camera)
         scaled[:3] /= LENGTH_SCALE
         twist[:3] /= LENGTH_SCALE
-        left, values, right = np.linalg.svd(scaled)
+        left, values, right = np.linalg.svd(scaled, full_matrices=False)
         if values[-1] < SINGULAR_VALUE:
             raise JointLimit(
                 f"the arm is singular: smallest singular value {values[-1]:.4f}; "
@@ -145,36 +196,62 @@ class Arm:
         return bool((joints >= low + reserve).all() and (joints <= high - reserve).all())
 
     def inverse(self, base_T_flange: RigidTransform) -> FloatArray:
-        """Return every q (k, 6) [rad] within the limits that reaches the pose, sorted lexicographically.
+        """Return q (k, n) [rad] within the limits that reach the pose, sorted lexicographically.
 
-        Full turns of joints 4 and 6 count as branches of their own where their range allows them. Where
-        joints 4 and 6 are coaxial (sin q5 = 0) one representative with q4 = 0 is given.
+        With a closed form (parallel shoulder and elbow axes, spherical wrist) these are all branches: full
+        turns of joints 4 and 6 count as branches of their own where their range allows them; where joints 4
+        and 6 are coaxial (sin q5 = 0) one representative with q4 = 0 is given. For other arms they are what a
+        seeded numeric search finds, which may miss some; of seven joints they are samples of families.
 
         Raises:
             InputError: the pose is out of reach, or reached by no branch within the limits.
         """
-        return self._branches(base_T_flange, 0.0)
+        if self._geometry is not None:
+            return self._branches(self._geometry, base_T_flange, 0.0)
+        goal = base_T_flange.as_matrix()
+        found = solutions(lambda q: self._miss(q, goal), self.joint_range)
+        if not len(found):
+            raise self._not_found(base_T_flange)
+        ordered: FloatArray = found[np.lexsort(found.T[::-1])]
+        return ordered
 
     def inverse_near(self, base_T_flange: RigidTransform, q: npt.ArrayLike) -> FloatArray:
-        """Return the branch (6,) [rad] of `inverse` whose largest joint motion from ``q`` is smallest.
+        """Return joints (n,) [rad] that reach the pose, on the branch nearest to ``q``.
 
-        Where joints 4 and 6 are coaxial joint 4 stays where it is.
+        With a closed form: the branch of `inverse` whose largest joint motion from ``q`` is smallest; where
+        joints 4 and 6 are coaxial joint 4 stays where it is. For other arms: where a descent from ``q`` leads
+        (least joint motion); only if that fails, the nearest of `inverse`.
 
         Raises:
             InputError: the pose is out of reach; or ``q`` has a wrong shape, NaN or infinity.
         """
         near = finite_array("q", q, (self.dof,))
-        branches = self._branches(base_T_flange, float(near[3]))
+        if self._geometry is not None:
+            branches = self._branches(self._geometry, base_T_flange, float(near[3]))
+        else:
+            goal = base_T_flange.as_matrix()
+            found = descend(lambda q: self._miss(q, goal), near, self.joint_range)
+            branches = self.inverse(base_T_flange) if found is None else found[None]
         nearest: FloatArray = branches[int(np.argmin(np.abs(branches - near).max(axis=1)))]
         return nearest
 
-    def _branches(self, base_T_flange: RigidTransform, free_q4: float) -> FloatArray:
+    def _miss(self, q: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the twist (6,) from ``q`` to the pose (4, 4), and its Jacobian; metres over a length."""
+        jacobian = self.flange_jacobian(q)
+        place, base_R_flange = self._tool_frame()
+        twist, quaternion = np.empty(6), np.empty(4)
+        twist[:3] = base_R_flange.T @ (goal[:3, 3] - place) / LENGTH_SCALE
+        mujoco.mju_mat2Quat(quaternion, (base_R_flange.T @ goal[:3, :3]).ravel())
+        mujoco.mju_quat2Vel(twist[3:], quaternion, 1.0)
+        jacobian[:3] /= LENGTH_SCALE
+        return twist, jacobian
+
+    def _branches(self, geometry: WristGeometry, base_T_flange: RigidTransform, free_q4: float) -> FloatArray:
         rotation = base_T_flange.rotation.as_matrix()
         target = np.asarray(base_T_flange.translation, dtype=np.float64)
-        found = self._geometry.solutions(rotation, target, free_q4)
-        place = np.array2string(target, precision=4, separator=", ")
+        found = geometry.solutions(rotation, target, free_q4)
         if not len(found):
-            raise InputError(f"flange pose at {place} m in the base frame: out of the arm's reach")
+            raise InputError(f"{_place(base_T_flange)}: out of the arm's reach")
         turns = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2))) * 2.0 * np.pi
         shifts = np.zeros((len(turns), 6))
         shifts[:, [3, 5]] = turns
@@ -182,41 +259,53 @@ class Arm:
         low, high = self.joint_range.T
         legal = every[((every >= low) & (every <= high)).all(axis=1)]
         if not len(legal):
-            raise InputError(
-                f"flange pose at {place} m in the base frame: every branch leaves a joint's range"
-            )
+            raise InputError(f"{_place(base_T_flange)}: every branch leaves a joint's range")
         ordered: FloatArray = legal[np.lexsort(legal.T[::-1])]
         return ordered
+
+    def _not_found(self, base_T_flange: RigidTransform) -> InputError:
+        distance = float(np.linalg.norm(base_T_flange.translation))
+        return InputError(
+            f"{_place(base_T_flange)}: no joints within their ranges found by {STARTS} seeded descents; the "
+            f"place is {distance:.3f} m from the foot; the arm reaches {self.reach:.3f} m from its first axis"
+        )
+
+    def _tool_frame(self) -> tuple[FloatArray, FloatArray]:
+        """Return place (3,) and axes (3, 3) of the flange in the base frame, where `_move` has put it."""
+        base_R_link = self._data.xmat[self._tool_body].reshape(3, 3)
+        place = self._data.xpos[self._tool_body] + base_R_link @ self._link_T_flange[:3, 3]
+        return place, base_R_link @ self._link_T_flange[:3, :3]
+
+    def _base_jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Return J (6, n) of the flange in the base frame; overwritten by the next call."""
+        self._move(q)
+        mujoco.mj_comPos(self._model, self._data)
+        linear, angular = self._jacobian[:3], self._jacobian[3:]
+        mujoco.mj_jac(self._model, self._data, linear, angular, self._tool_frame()[0], self._tool_body)
+        return self._jacobian
 
     def _move(self, q: npt.ArrayLike) -> None:
         self._data.qpos[:] = finite_array("q", q, (self.dof,))
         mujoco.mj_kinematics(self._model, self._data)
 
-    def _numeric(self, name: str) -> FloatArray:
-        try:
-            values = self._model.numeric(name).data
-        except KeyError:
-            raise InputError(f"arm {self.path}: no numeric named {name!r}") from None
-        return finite_array(f"arm {self.path}: {name}", values, (self.dof,))
+    def _read_effort(self) -> FloatArray | None:
+        if not self._model.jnt_actfrclimited.all():
+            return None
+        return frozen(np.abs(self._model.jnt_actfrcrange).min(axis=1))
 
-    def _read_geometry(self) -> WristGeometry:
-        self._move(np.zeros(self.dof))
-        axes = np.eye(3)[list(_FORM)]
-        if self.dof != 6 or not np.allclose(self._data.xaxis, axes, atol=1e-12):
-            raise InputError(f"arm {self.path}: six joints with axes z y y z y z at q = 0 are needed")
-        anchors = self._data.xanchor
-        flange = self._data.site_xpos[self._site]
-        lengths = WristGeometry(
-            height=float(anchors[1, 2]),
-            upper=float(anchors[2, 2] - anchors[1, 2]),
-            offset=float(anchors[2, 1]),
-            forearm=float(anchors[4, 2] - anchors[2, 2]),
-            flange=float(flange[2] - anchors[4, 2]),
-        )
-        across = np.array([a[:2] for a in (*anchors, flange)])
-        expected = np.array([[0, 0], [0, 0]] + [[0, lengths.offset]] * 5)
-        if not np.allclose(across, expected, atol=1e-12):
-            raise InputError(
-                f"arm {self.path}: joints must lie on the z axis but for the elbow's offset along y"
-            )
-        return lengths
+    def _read_geometry(self) -> WristGeometry | None:
+        flange = self.base_T_flange(np.zeros(self.dof)).as_matrix()
+        return WristGeometry.of(self._data.xaxis.copy(), self._data.xanchor.copy(), flange)
+
+    def _shapes(self, body: int) -> list[Shape]:
+        model = self._model
+        touched = np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype != 0))
+        names = [str(mujoco.mjtGeom(kind).name) for kind in model.geom_type[touched]]
+        kinds = [name.removeprefix("mjGEOM_").lower() for name in names]
+        extents = 2.0 * model.geom_aabb[touched, 3:]
+        return [Shape(kind, tuple(size.tolist())) for kind, size in zip(kinds, extents, strict=True)]
+
+
+def _place(base_T_flange: RigidTransform) -> str:
+    place = np.array2string(np.asarray(base_T_flange.translation), precision=4, separator=", ")
+    return f"flange pose at {place} m in the base frame"

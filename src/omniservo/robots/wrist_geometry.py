@@ -17,6 +17,9 @@ _FREE_SINE = 1e-7
 """|sin q5| below which joints 4 and 6 turn about the same line, and their sum alone is determined."""
 
 
+_FORM = (2, 1, 1, 2, 1, 2)  # axes z y y z y z: shoulder, elbow, spherical wrist
+
+
 @dataclass(frozen=True)
 class WristGeometry:
     """Lengths of the arm at q = 0, stretched upwards, axes z y y z y z [m].
@@ -35,6 +38,32 @@ class WristGeometry:
     """axis 3 to the wrist's centre"""
     flange: float
     """wrist's centre to the flange"""
+
+    @classmethod
+    def of(cls, axes: FloatArray, anchors: FloatArray, flange: FloatArray) -> WristGeometry | None:
+        """Return the lengths of an arm at q = 0; None where it is of another form.
+
+        Args:
+            axes: (n, 3) of the joints.
+            anchors: (n, 3) a point on each axis [m].
+            flange: (4, 4) its pose.
+        """
+        expected = np.eye(3)[list(_FORM)]
+        if axes.shape != expected.shape or not np.allclose(axes, expected, atol=1e-12):
+            return None
+        offset, top = float(anchors[2, 1]), flange[:3, 3]
+        across = np.array([point[:2] for point in (*anchors, top)])
+        if not np.allclose(across, [[0, 0]] * 2 + [[0, offset]] * 5, atol=1e-12):
+            return None
+        if not np.allclose(flange[:3, :3], np.eye(3), atol=1e-12):
+            return None
+        return cls(
+            height=float(anchors[1, 2]),
+            upper=float(anchors[2, 2] - anchors[1, 2]),
+            offset=offset,
+            forearm=float(anchors[4, 2] - anchors[2, 2]),
+            flange=float(top[2] - anchors[4, 2]),
+        )
 
     def solutions(self, rotation: FloatArray, translation: FloatArray, free_q4: float) -> FloatArray:
         """Return every q (k, 6) [rad] in (−π, π] that reaches the pose; k ≤ 8, and 0 out of reach.

@@ -28,7 +28,7 @@ def estimate_task(
         scene: the arm's kinematics, for ``odometry``.
         seen: the matched points.
         goal: with the arm's joints, where ``odometry`` is the scale.
-        joints: (6,) the arm's joints at the initial picture [rad].
+        joints: (n,) the arm's joints at the initial picture [rad].
 
     Raises:
         InputError: the scale names dots that are not there, or needs joints that the goal does not hold.

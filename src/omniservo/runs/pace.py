@@ -45,7 +45,7 @@ def pace(task: Task, scene: Scene, path: CameraPath) -> RestToRestLaw | Exponent
 
 
 def joint_path(task: Task, scene: Scene, path: CameraPath, w: FloatArray) -> FloatArray:
-    """Return the joints (len(w), 6) [rad] that carry the camera along the path, on the start's branch.
+    """Return the joints (len(w), n) [rad] that carry the camera along the path, on the start's branch.
 
     Raises:
         AnswerIsNo: no joints within their range reach a pose on the path.

@@ -112,12 +112,12 @@ class OutsideView:
         self._lamp_points = _lamp_points(self._lamp, focus, int(shadow_rays))
 
     def render(self, q: npt.ArrayLike) -> ByteArray:
-        """Return the picture (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (6,) [rad].
+        """Return the picture (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (n,) [rad].
 
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        joints = finite_array("q", q, (6,))
+        joints = finite_array("q", q, (self._world.scene.arm.dof,))
         for caster in self._casters:
             caster.pose_arm(joints)
         rows, columns = np.indices(self._shape).reshape(2, -1)

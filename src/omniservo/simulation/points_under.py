@@ -16,7 +16,7 @@ def points_under(world: World, joints: FloatArray, pixels: FloatArray) -> FloatA
 
     Args:
         world: what is looked at.
-        joints: (6,) of the arm [rad].
+        joints: (n,) of the arm [rad].
         pixels: (n, 2) [px].
     """
     caster = RayCaster(world, sees_camera=False)

@@ -41,7 +41,7 @@ class RayCaster:
         self._groups[CAMERA_GROUP] = int(sees_camera)
 
     def pose_arm(self, q: FloatArray) -> Any:
-        """Put the arm into the joints ``q`` (6,) [rad] and return the MjData with its kinematics."""
+        """Put the arm into the joints ``q`` (n,) [rad] and return the MjData with its kinematics."""
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self._model, self._data)
         return self._data

@@ -20,9 +20,9 @@ class LogRow:
     w: float
     """path parameter that the time law gave"""
     joints: FloatArray
-    """(6,) [rad]"""
+    """(n,) [rad]"""
     joint_velocities: FloatArray
-    """(6,) commanded [rad/s]"""
+    """(n,) commanded [rad/s]"""
     twist: FloatArray
     """(6,) commanded camera twist (linear, angular), camera frame [m/s, rad/s]"""
     pixels: FloatArray

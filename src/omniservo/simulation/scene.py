@@ -172,7 +172,7 @@ class Scene:
     flange_T_camera: RigidTransform
     camera: UnifiedCamera
     start_joints: FloatArray
-    """(6,) [rad], within the arm's range"""
+    """(n,) [rad], within the arm's range"""
     sensor: Sensor = field(default_factory=Sensor)
     dots: Dots | None = None
     panels: tuple[Panel, ...] = ()
@@ -194,11 +194,11 @@ class Scene:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
 
     def world_T_camera(self, q: FloatArray) -> RigidTransform:
-        """Return the camera's pose for the joints ``q`` (6,) [rad]."""
+        """Return the camera's pose for the joints ``q`` (n,) [rad]."""
         return self.world_T_base * self.arm.base_T_flange(q) * self.flange_T_camera
 
     def joints_for(self, world_T_camera: RigidTransform, near: FloatArray) -> FloatArray:
-        """Return the joints (6,) [rad] nearest to ``near`` that put the camera at the pose.
+        """Return the joints (n,) [rad] nearest to ``near`` that put the camera at the pose.
 
         Raises:
             InputError: no joints within the limits reach it.

@@ -7,12 +7,10 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.robots import Arm
+from omniservo.robots import load_arm
 from omniservo.simulation.panels_of_target import panels_of_target
 from omniservo.simulation.scene import BOARD_COLOUR, OBSTACLE_COLOUR, Box, Colour, Dots, Scene, Sensor
 from omniservo.tasks import Block, Task
-
-_ARMS = {"rx60": Arm.rx60}
 
 
 def scene_of_task(task: Task) -> Scene:
@@ -22,10 +20,12 @@ def scene_of_task(task: Task) -> Scene:
         InputError: the arm cannot bring the camera to its start pose.
     """
     world_T_initial = task.start.world_T_camera.transform
-    arm = _ARMS[task.arm.model]()
+    arm = load_arm(task.arm.model, tool=task.arm.tool)
     world_T_base = RigidTransform.from_translation(np.asarray(task.arm.foot))
     flange_T_camera = task.arm.flange_T_camera.transform
     near = np.asarray(task.start.joints_near)
+    if len(near) != arm.dof:
+        raise InputError(f"start.joints_near: {len(near)} numbers given; {arm.name} has {arm.dof} joints")
     try:
         start = arm.inverse_near(world_T_base.inv() * world_T_initial * flange_T_camera.inv(), near)
     except InputError as error:
@@ -49,7 +49,7 @@ def scene_of_task(task: Task) -> Scene:
 
 
 def goal_joints(task: Task, scene: Scene) -> FloatArray:
-    """Return the joints (6,) [rad] that bring the camera to the pose where the goal is taught.
+    """Return the joints (n,) [rad] that bring the camera to the pose where the goal is taught.
 
     Raises:
         InputError: the arm does not reach it.

@@ -45,7 +45,7 @@ class SimulatedRobot:
         self.place(scene.start_joints)
 
     def place(self, joints: npt.ArrayLike) -> None:
-        """Start anew at time 0 with the arm at rest in ``joints`` (6,) [rad]; earlier frames and contacts go.
+        """Start anew at time 0 with the arm at rest in ``joints`` (n,) [rad]; earlier frames and contacts go.
 
         Raises:
             InputError: wrong shape, not finite, or outside the arm's range.
@@ -91,7 +91,7 @@ class SimulatedRobot:
         return self._picture
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        """Move with these joint velocities (6,) [rad/s] until told otherwise.
+        """Move with these joint velocities (n,) [rad/s] until told otherwise.
 
         A command beyond a joint's nominal speed is scaled down as a whole, so that its direction is kept.
 

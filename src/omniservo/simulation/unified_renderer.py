@@ -76,7 +76,7 @@ class UnifiedRenderer:
         """Return the linear intensity (height, width) in [0, 1] on the sensor, without blur and noise.
 
         Args:
-            q: (6,) joints at the exposure [rad].
+            q: (n,) joints at the exposure [rad].
         """
         for caster in self._casters:
             pose = self._world.world_T_camera(caster.pose_arm(q))
@@ -115,7 +115,7 @@ class UnifiedRenderer:
         """Return the sensor's grey values (height, width): blurred, with noise, rounded.
 
         Args:
-            q: (6,) joints at the exposure [rad].
+            q: (n,) joints at the exposure [rad].
             noise: source of the sensor's noise.
         """
         sensor = self._world.scene.sensor

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.robots import SHOWN_GROUP
 from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
 
 TICK = 0.001
@@ -19,8 +20,8 @@ TICK = 0.001
 SURROUNDINGS_GROUP = 0
 """MuJoCo geom group of everything that does not move."""
 
-ARM_GROUP = 1
-"""MuJoCo geom group of the arm's links."""
+ARM_GROUP = SHOWN_GROUP
+"""MuJoCo geom group of the arm's links as they are seen."""
 
 CAMERA_GROUP = 2
 """MuJoCo geom group of the camera's housing, which the camera itself does not see."""
@@ -48,12 +49,12 @@ class World:
                 arm's link names, ``camera`` and ``floor``.
         """
         self.scene = scene
-        spec = mujoco.MjSpec.from_file(str(scene.arm.path))
+        spec = scene.arm.spec()
         spec.option.timestep = TICK
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        base = spec.body("base")
-        base.pos, base.quat = scene.world_T_base.translation, _mujoco_quaternion(scene.world_T_base.rotation)
-        _add_camera(spec, scene.flange_T_camera)
+        _put_base(spec, scene.world_T_base)
+        link_T_camera = scene.arm.link_T_flange * scene.flange_T_camera
+        _add_camera(spec.body(scene.arm.tool_link), link_T_camera)
         for body in (*scene.boards, *scene.obstacles):
             _add_body(spec, body)
         if scene.dots is not None:
@@ -66,8 +67,9 @@ class World:
         self.model: Any = spec.compile()
         self.luminance: FloatArray = self.model.geom_rgba[:, :3].astype(np.float64) @ _LUMINANCE
         """(geoms,) linear grey of each geom, in [0, 1]."""
-        self.arm_geoms: IntArray = np.flatnonzero(self.model.geom_group != SURROUNDINGS_GROUP)
-        """geoms of the arm's links and the camera's housing"""
+        is_arms = (self.model.geom_group != SURROUNDINGS_GROUP) & (self.model.geom_contype != 0)
+        self.arm_geoms: IntArray = np.flatnonzero(is_arms)
+        """geoms of the arm's links and the camera's housing that can be touched"""
         self.dot_geoms: IntArray = np.flatnonzero(self.model.geom_bodyid == 0)
         """geoms of the target's dots"""
         self._panel_of_geom = _panel_of_geom(self.model, scene.panels)
@@ -96,7 +98,7 @@ class World:
         return panels
 
     def data_at(self, q: FloatArray) -> Any:
-        """Return new MjData with the arm at rest in the joints ``q`` (6,) [rad], all positions computed."""
+        """Return new MjData with the arm at rest in the joints ``q`` (n,) [rad], all positions computed."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = q
         mujoco.mj_forward(self.model, data)
@@ -130,10 +132,19 @@ class World:
         return nearest
 
 
-def _add_camera(spec: Any, flange_T_camera: RigidTransform) -> None:
-    wrist_T_flange = RigidTransform.from_translation(np.asarray(spec.site("flange").pos))
-    pose = wrist_T_flange * flange_T_camera
-    camera = spec.body("flange").add_body(
+def _put_base(spec: Any, world_T_base: RigidTransform) -> None:
+    """Move everything that is there, the arm, from the world's origin to its place."""
+    held = (*spec.worldbody.frames, *spec.worldbody.bodies, *spec.worldbody.sites)
+    foot = spec.worldbody.add_frame(
+        pos=world_T_base.translation, quat=_mujoco_quaternion(world_T_base.rotation)
+    )
+    for element in held:
+        if element.frame is None:
+            element.set_frame(foot)
+
+
+def _add_camera(link: Any, pose: RigidTransform) -> None:
+    camera = link.add_body(
         name="camera", pos=pose.translation, quat=_mujoco_quaternion(pose.rotation), gravcomp=1.0
     )
     lens = camera.add_geom(

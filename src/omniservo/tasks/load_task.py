@@ -10,8 +10,9 @@ from pydantic import ValidationError
 
 from omniservo.calibration import load_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
-from omniservo.errors import InputError
-from omniservo.files import read_document, stated_units
+from omniservo.errors import InputError, spelled
+from omniservo.files import file_inside, read_document, stated_units
+from omniservo.robots import shipped_arms
 from omniservo.tasks.task import FORMAT, Task
 
 
@@ -59,6 +60,8 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
+    if isinstance(fields.get("arm"), dict):
+        fields["arm"] = _found_arm(fields["arm"], path.parent, source)
     try:
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
@@ -80,6 +83,20 @@ def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:
     if not path.is_file():
         raise InputError(f"{source}: camera: {value!r} is neither a file nor a preset: {', '.join(PRESETS)}")
     return load_camera(path)
+
+
+def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:
+    """Return the section with its file's path in the place of a path relative to the task's folder."""
+    model = arm.get("model", "rx60")
+    if not isinstance(model, str) or model in shipped_arms():
+        return arm
+    path = file_inside(f"{source}: arm.model", model, folder)
+    if not path.is_file():
+        raise InputError(
+            f"{source}: arm.model: {spelled(model)} is neither a file nor a shipped arm: "
+            f"{', '.join(shipped_arms())}"
+        )
+    return {**arm, "model": str(path)}
 
 
 def _first_problem(error: ValidationError, source: str) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, FiniteFloat, field_validator, model_validator
+from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.tasks.obstacles import ObstacleSection
@@ -68,12 +68,14 @@ class Sensor(Section):
 class ArmMount(Section):
     """The arm, where it stands, and how the camera sits on it."""
 
-    model: Literal["rx60"] = "rx60"
-    """a shipped arm"""
+    model: str = "rx60"
+    """a shipped arm's name, or the path of an MJCF or URDF file; in the task's file: inside its folder"""
+    tool: str | None = None
+    """the arm's site or link that carries the camera; where absent: see `omniservo.robots.Arm`"""
     foot: Point
     """the arm's foot in the world [m]"""
-    flange_T_camera: Pose
-    """the camera in the flange frame"""
+    flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
+    """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``"""
 
 
 class Start(Section):
@@ -81,8 +83,8 @@ class Start(Section):
 
     world_T_camera: Pose
     """the initial camera pose in the world; +Z of the world is up"""
-    joints_near: tuple[Angle, Angle, Angle, Angle, Angle, Angle]
-    """chooses among the inverse-kinematics branches: the nearest is taken [rad]"""
+    joints_near: Annotated[tuple[Angle, ...], Field(min_length=6, max_length=7)]
+    """chooses among the inverse-kinematics branches: the nearest is taken; one number a joint [rad]"""
 
 
 class Teach(Section):

@@ -34,7 +34,7 @@ class TaughtGoal:
     features: FloatArray
     """(n, 2) [px] what was found in the image"""
     joints: FloatArray | None
-    """(6,) [rad], None where the arm's pose was not recorded"""
+    """(n,) [rad], None where the arm's pose was not recorded"""
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the goal as one JSON file (image as PNG inside).

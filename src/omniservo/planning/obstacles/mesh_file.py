@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,12 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from omniservo.errors import InputError
-from omniservo.files import read_bytes
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.mesh_files import read_triangles
 from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
-
-MOST_BYTES = 16 * 2**20
-"""A larger file is not read."""
 
 MOST_PARTS = 1000
 """Convex parts of one file."""
@@ -37,7 +31,7 @@ def read_mesh(path: Path) -> list[FloatArray]:
         InputError: not readable, above 16 MiB, not of these formats, not finite, or a part that is not
             closed or not convex, with the place and the depth.
     """
-    vertices, faces = _triangles(path)
+    vertices, faces = read_triangles(path)
     vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
     faces = merged.reshape(-1)[faces]
     distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
@@ -55,49 +49,6 @@ def read_mesh(path: Path) -> list[FloatArray]:
         _convex_part(f"{path}: part {k} of {len(parts)}", vertices, faces[part_of[faces[:, 0]] == part])
         for k, part in enumerate(parts)
     ]
-
-
-def _triangles(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return vertices (v, 3) and triangles (f, 3) of a file, as it has them."""
-    kind = path.suffix.lower()
-    if kind not in (".stl", ".obj"):
-        raise InputError(f"{path}: {kind!r} given; legal: '.stl', '.obj'")
-    content = io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # NumPy warns where it stops in the middle of a text
-            loaded = _load_stl(content) if kind == ".stl" else _load_obj(content)
-        pieces = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
-        vertices = [np.asarray(p["vertices"], dtype=np.float64).reshape(-1, 3) for p in pieces]
-        faces = [np.asarray(p.get("faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3) for p in pieces]
-    except Exception as error:
-        raise InputError(f"{path}: not {kind[1:].upper()} as far as can be read: {error!s:.80}") from None
-    first = np.cumsum([0] + [len(v) for v in vertices])
-    joined = np.concatenate([np.zeros((0, 3)), *vertices])
-    shifted = [f + before for f, before in zip(faces, first[:-1], strict=True)]
-    triangles = np.concatenate([np.zeros((0, 3), np.int64), *shifted])
-    if len(triangles) == 0:
-        raise InputError(f"{path}: no triangles in it")
-    if not np.isfinite(joined).all():
-        row = int(np.argwhere(~np.isfinite(joined).all(axis=1))[0, 0])
-        raise InputError(f"{path}: vertex {row} is {joined[row].tolist()}; every number must be finite")
-    if triangles.min() < 0 or triangles.max() >= len(joined):
-        raise InputError(f"{path}: a triangle of vertex {triangles.max()}, but only {len(joined)} vertices")
-    return joined, triangles
-
-
-def _load_stl(content: io.BytesIO) -> dict[str, Any]:
-    from trimesh.exchange.stl import load_stl  # loads slowly, and few problems have meshes
-
-    loaded: dict[str, Any] = load_stl(content)
-    return loaded
-
-
-def _load_obj(content: io.BytesIO) -> dict[str, Any]:
-    from trimesh.exchange.obj import load_obj
-
-    loaded: dict[str, Any] = load_obj(content, resolver=None, skip_materials=True)
-    return loaded
 
 
 def _convex_part(name: str, vertices: FloatArray, faces: IntArray) -> FloatArray:

@@ -1,0 +1,24 @@
+"""What a file says of an arm, in words that refer to no other file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LEGAL_COUNTS = (6, 7)
+"""Joints that an arm may have."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """An arm as MuJoCo reads it: every mesh that the text names is among the assets."""
+
+    xml: str
+    """MJCF or URDF"""
+    assets: dict[str, bytes]
+    """meshes as STL, by the names that the text calls them"""
+    speed: tuple[float, ...]
+    """[rad/s] from the base outwards"""
+    acceleration: tuple[float, ...] | None
+    """[rad/s²] from the base outwards; None: not stated"""
+    notices: tuple[str, ...]
+    """what of the file was left out or put in"""

@@ -1,0 +1,111 @@
+"""The meshes that a robot's file names: found, read within bounds, kept as STL."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from omniservo.errors import InputError, spelled
+from omniservo.files import file_inside
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.mesh_files import read_triangles
+
+READABLE = (".stl", ".obj")
+"""Endings of the meshes that are read."""
+
+MOST_TRIANGLES = 200_000
+"""Of one mesh: MuJoCo reads no more."""
+
+_MOST_MESHES = 200
+_LEVELS = 6
+"""folders above the file that are searched for a package"""
+
+_FLAT = 1e-6
+"""extent across over extent along that counts as none"""
+
+_STL = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
+
+
+class MeshAssets:
+    """Reads each mesh once and names it."""
+
+    def __init__(self, file: Path) -> None:
+        """Prepare for the meshes of a robot's file, which paths are relative to."""
+        self._folder = file.resolve().parent
+        self._names: dict[Path, str] = {}
+        self.assets: dict[str, bytes] = {}
+        """STL by name"""
+
+    def add(self, place: str, reference: str, folder: str = "") -> str:
+        """Return the asset's name of the mesh that ``reference`` means.
+
+        Args:
+            place: stands first in messages.
+            reference: a path inside the file's folder, or ``package://NAME/path``.
+            folder: what a plain path is relative to, inside the file's folder.
+
+        Raises:
+            InputError: not found, elsewhere, of another format, too large, or flat.
+        """
+        mesh = self._found(place, reference, folder)
+        if mesh not in self._names:
+            if len(self._names) == _MOST_MESHES:
+                raise InputError(f"{place}: more than {_MOST_MESHES} different meshes")
+            name = f"mesh{len(self._names)}.stl"
+            self.assets[name] = _as_stl(*_solid(place, mesh))
+            self._names[mesh] = name
+        return self._names[mesh]
+
+    def _found(self, place: str, reference: str, folder: str) -> Path:
+        scheme, colon, rest = reference.partition("://")
+        if not colon:
+            mesh = file_inside(place, str(Path(folder) / reference), self._folder)
+            if not mesh.is_file():
+                raise InputError(f"{place}: mesh {spelled(reference)}: no such file in {self._folder}")
+            return mesh
+        if scheme != "package":
+            raise InputError(
+                f"{place}: mesh {spelled(reference)} given; legal: a path inside the file's folder, or "
+                "package://NAME/path"
+            )
+        return self._in_package(place, *rest.partition("/")[::2])
+
+    def _in_package(self, place: str, name: str, inner: str) -> Path:
+        """Look for a folder of the package's name among and beside the folders above the file."""
+        if name in ("", ".", ".."):
+            raise InputError(f"{place}: package {spelled(name)} given; legal: the name of a folder")
+        roots = []
+        for above in [self._folder, *self._folder.parents][:_LEVELS]:
+            roots += [root for root in (above, above / name) if root.name == name and root.is_dir()]
+        for root in roots:
+            mesh = file_inside(place, inner, root)
+            if mesh.is_file():
+                return mesh
+        if roots:
+            raise InputError(f"{place}: mesh {spelled(inner)}: no such file in the package {roots[0]}")
+        raise InputError(
+            f"{place}: package {spelled(name)}: no folder of this name among the {_LEVELS} folders above the "
+            f"file, nor beside them (from {self._folder} upwards)"
+        )
+
+
+def _solid(place: str, mesh: Path) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of a mesh that spans a volume."""
+    try:
+        vertices, faces = read_triangles(mesh)
+    except InputError as error:
+        raise InputError(f"{place}: mesh {error}") from None
+    if len(faces) > MOST_TRIANGLES:
+        raise InputError(f"{place}: mesh {mesh}: {len(faces)} triangles; legal: at most {MOST_TRIANGLES}")
+    used = vertices[np.unique(faces)]
+    extents = np.linalg.svd(used - used.mean(axis=0), compute_uv=False) if len(used) > 3 else np.zeros(3)
+    if extents[2] <= _FLAT * extents[0]:
+        raise InputError(f"{place}: mesh {mesh}: flat; legal: a mesh that spans a volume")
+    return vertices, faces
+
+
+def _as_stl(vertices: FloatArray, faces: IntArray) -> bytes:
+    triangles = np.zeros(len(faces), dtype=_STL)
+    triangles["corners"] = vertices[faces]
+    return bytes(80) + np.uint32(len(faces)).tobytes() + triangles.tobytes()

@@ -1,0 +1,191 @@
+"""MJCF files: checked, put together from their includes, and freed of what is not the arm.
+
+Kept are bodies with joints, shapes and sites, defaults, meshes, colours, excluded contacts, and drives if
+they are position servos. Options, sensors, key frames, lights, cameras, textures and the shapes of the world
+itself are left out; whatever could make a model large or read more files is refused.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from omniservo.errors import InputError, spelled
+from omniservo.files import file_inside, read_text
+from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
+from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
+from omniservo.robots.arm_files.xml_fields import XmlFields
+from omniservo.xml_files import XmlElement, parse_elements
+
+SPEED = "joint_speed_deg_s"
+"""Custom numeric: nominal joint speeds."""
+
+ACCELERATION = "joint_acceleration_deg_s2"
+"""Custom numeric: joint accelerations."""
+
+MOST_BYTES = 4 * 2**20
+"""Of a robot's file, and of each file that it includes."""
+
+_MOST_INCLUDES = 16
+_DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sensor"})
+_KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator"})
+_OF_BODIES = frozenset({"body", "joint", "geom", "site", "frame", "inertial"})
+_UNSEEN = frozenset({"light", "camera"})
+_FOLDERS = ("assetdir", "meshdir", "texturedir", "strippath", "discardvisual", "fusestatic")
+
+
+def read_mjcf(root: XmlElement, file: Path) -> Description:
+    """Return the arm that an MJCF file describes.
+
+    Args:
+        root: the file's element <mujoco>.
+        file: where it lies; includes and meshes are looked for from there.
+
+    Raises:
+        InputError: a part that is refused, a file that cannot be had, or no joint speeds.
+    """
+    return _Mjcf(root, file).description()
+
+
+class _Mjcf:
+    """One pass over one file and its includes."""
+
+    def __init__(self, root: XmlElement, file: Path) -> None:
+        self._file = file
+        self._fields = XmlFields(file)
+        self._meshes = MeshAssets(file)
+        self._included: set[Path] = {file.resolve()}
+        self._expand(root)
+        self._root = root
+        self._rates: dict[str, tuple[float, ...]] = {}
+        self._left_out = 0
+
+    def description(self) -> Description:
+        fields, clean = self._fields, ET.Element("mujoco", model=self._root.get("model", "arm"))
+        folder = self._mesh_folder()
+        for section in fields.children(self._root):
+            if section.tag in _DROPPED:
+                continue
+            if section.tag not in _KEPT:
+                raise InputError(
+                    f"{fields.place(section)}: <{section.tag}> in <mujoco>; legal: "
+                    f"{', '.join(sorted(_KEPT | _DROPPED))}"
+                )
+            kept = ET.SubElement(clean, section.tag, section.attrib)
+            self._section(section, kept, folder)
+        if SPEED not in self._rates:
+            raise InputError(
+                f"{self._file}: joint speeds are missing; legal: <custom><numeric name={SPEED!r} "
+                'data="180 180 …"/></custom>, one number a joint'
+            )
+        left_out = f"shapes of the world itself left out: {self._left_out}; they do not belong to the arm"
+        acceleration = self._rates.get(ACCELERATION)
+        return Description(
+            ET.tostring(clean, encoding="unicode"),
+            self._meshes.assets,
+            self._rates[SPEED],
+            acceleration,
+            (left_out,) if self._left_out else (),
+        )
+
+    def _section(self, section: XmlElement, kept: ET.Element, folder: str) -> None:
+        children = self._fields.children(section)
+        if section.tag == "compiler":
+            for name in _FOLDERS:
+                kept.attrib.pop(name, None)
+        elif section.tag == "asset":
+            self._assets(children, kept, folder)
+        elif section.tag == "worldbody":
+            self._left_out += sum(child.tag == "geom" for child in children)
+            self._bodies([child for child in children if child.tag != "geom"], kept)
+        elif section.tag == "custom":
+            for child in children:
+                if child.get("name") in (SPEED, ACCELERATION):
+                    self._rates[child.get("name", "")] = self._rate(child)
+        elif section.tag == "contact":
+            kept.extend(child for child in children if child.tag == "exclude")
+        elif section.tag == "default":
+            kept.extend(children)
+            for material in kept.iter("material"):
+                material.attrib.pop("texture", None)
+        elif {child.tag for child in children} == {"position"}:
+            kept.extend(children)
+
+    def _rate(self, numeric: XmlElement) -> tuple[float, ...]:
+        values = self._fields.positive(numeric, "data", None)
+        if len(values) not in LEGAL_COUNTS:
+            raise InputError(
+                f"{self._fields.place(numeric)}: {len(values)} numbers; legal: 6 or 7, one a joint"
+            )
+        return tuple(np.deg2rad(values).tolist())
+
+    def _mesh_folder(self) -> str:
+        folder = ""
+        for compiler in self._root.iter("compiler"):
+            folder = compiler.get("meshdir", compiler.get("assetdir", folder))
+        return folder
+
+    def _assets(self, children: list[XmlElement], kept: ET.Element, folder: str) -> None:
+        for child in children:
+            if child.tag == "material":
+                child.attrib.pop("texture", None)
+                kept.append(ET.Element("material", child.attrib))
+            elif child.tag == "mesh":
+                kept.append(self._mesh(child, folder))
+            elif child.tag not in ("texture", "skin"):
+                raise InputError(
+                    f"{self._fields.place(child)}: <{child.tag}> in <asset>; legal: mesh, material"
+                )
+
+    def _mesh(self, mesh: XmlElement, folder: str) -> ET.Element:
+        attributes = dict(mesh.attrib)
+        attributes.pop("content_type", None)
+        if "file" not in attributes:
+            return ET.Element("mesh", attributes)
+        place, reference = self._fields.place(mesh), self._fields.text(mesh, "file")
+        if Path(reference).suffix.lower() not in READABLE:
+            raise InputError(
+                f"{place}: file {spelled(reference)} given; legal: {', '.join(READABLE)} (convert it)"
+            )
+        attributes.setdefault("name", Path(reference).stem)
+        attributes["file"] = self._meshes.add(place, reference, folder)
+        return ET.Element("mesh", attributes)
+
+    def _bodies(self, children: list[XmlElement], kept: ET.Element) -> None:
+        for child in children:
+            if child.tag in _UNSEEN:
+                continue
+            if child.tag not in _OF_BODIES:
+                raise InputError(
+                    f"{self._fields.place(child)}: <{child.tag}> in the tree of bodies; legal: "
+                    f"{', '.join(sorted(_OF_BODIES))}"
+                )
+            self._bodies(self._fields.children(child), ET.SubElement(kept, child.tag, child.attrib))
+
+    def _expand(self, element: XmlElement) -> None:
+        """Put what the includes name in their places."""
+        for index in reversed(range(len(element))):
+            child = element[index]
+            if not isinstance(child, XmlElement):
+                continue
+            if child.tag != "include":
+                self._expand(child)
+                continue
+            held = self._include(child)
+            self._expand(held)
+            element[index : index + 1] = list(held)
+
+    def _include(self, include: XmlElement) -> XmlElement:
+        place, reference = self._fields.place(include), self._fields.text(include, "file")
+        path = file_inside(f"{place}: file", reference, self._file.resolve().parent)
+        if path in self._included:
+            raise InputError(f"{place}: {spelled(reference)} is included twice; once is legal")
+        self._included.add(path)
+        if len(self._included) > _MOST_INCLUDES + 1:
+            raise InputError(f"{place}: more than {_MOST_INCLUDES} includes")
+        held = parse_elements(read_text(path, max_bytes=MOST_BYTES), str(path))
+        if held.tag not in ("mujoco", "mujocoinclude"):
+            raise InputError(f"{place}: {spelled(reference)} holds <{held.tag}>; legal: <mujocoinclude>")
+        return held

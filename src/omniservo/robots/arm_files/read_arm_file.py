@@ -1,0 +1,101 @@
+"""From an arm's file to its model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from omniservo.errors import InputError, spelled
+from omniservo.files import read_text
+from omniservo.robots.arm_files.arm_model import ArmModel
+from omniservo.robots.arm_files.contacts import leave_out_housings
+from omniservo.robots.arm_files.description import Description
+from omniservo.robots.arm_files.drives import add_drives, has_drives
+from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
+from omniservo.robots.arm_files.serial_chain import check_serial, find_tool, name_parts
+from omniservo.robots.arm_files.shapes import paint, share_groups
+from omniservo.robots.arm_files.urdf import read_urdf
+from omniservo.xml_files import parse_elements
+
+SPEEDING_UP = 0.25
+"""[s] in which a joint is taken to reach its speed where its acceleration is not stated"""
+
+
+def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
+    """Read a serial arm of 6 or 7 revolute joints from an MJCF or URDF file, which nobody need trust.
+
+    The file is bounded in size, holds no document type, and reads no file but meshes and includes inside its
+    folder, or meshes in a package that lies among or beside the folders above it.
+
+    Args:
+        path: of the file.
+        tool: the site or link that carries the camera; None: the one called ``tool0``, ``flange`` or
+            ``attachment_site``, else the last link.
+
+    Raises:
+        InputError: anything else; the message names file, element and what is legal.
+    """
+    file = Path(path)
+    root = parse_elements(read_text(file, max_bytes=MOST_BYTES), str(file))
+    if root.tag == "robot":
+        description = read_urdf(root, file)
+    elif root.tag == "mujoco":
+        description = read_mjcf(root, file)
+    else:
+        raise InputError(
+            f"{file}: root element {spelled(root.tag)} given; legal: <robot> (URDF), <mujoco> (MJCF)"
+        )
+    spec = _spec(description, file)
+    return _made_ready(spec, description, file, tool)
+
+
+def _spec(description: Description, file: Path) -> Any:
+    try:
+        spec = mujoco.MjSpec.from_string(description.xml, assets=description.assets)
+    except ValueError as error:
+        raise _unreadable(file, error) from None
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX  # open surfaces have one too
+    return spec
+
+
+def _compiled(spec: Any, file: Path) -> Any:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise _unreadable(file, error) from None
+
+
+def _unreadable(file: Path, error: ValueError) -> InputError:
+    return InputError(f"{file}: MuJoCo cannot read it: {' '.join(str(error).split())[:300]}")
+
+
+def _made_ready(spec: Any, description: Description, file: Path, tool: str | None) -> ArmModel:
+    notices = list(description.notices)
+    name_parts(spec)
+    paint(spec)
+    notices += share_groups(spec)
+    model = _compiled(spec, file)
+    check_serial(model, str(file))
+    if len(description.speed) != model.njnt:
+        raise InputError(f"{file}: {len(description.speed)} joint speeds; the arm has {model.njnt} joints")
+    speed = np.array(description.speed)
+    if description.acceleration is None:
+        notices.append(f"accelerations are not stated; taken: full speed in {SPEEDING_UP:g} s")
+        acceleration = speed / SPEEDING_UP
+    else:
+        acceleration = np.array(description.acceleration)
+    if len(acceleration) != model.njnt:
+        raise InputError(f"{file}: {len(acceleration)} joint accelerations; the arm has {model.njnt} joints")
+    for body in spec.bodies:
+        body.gravcomp = 1.0
+    notices += leave_out_housings(spec, model)
+    if not has_drives(model):
+        add_drives(spec, model)
+        notices.append("no position servo for every joint; stiff ones are put in for the simulation")
+    return ArmModel(
+        spec, _compiled(spec, file), *find_tool(model, tool, str(file)), speed, acceleration, tuple(notices)
+    )

@@ -1,0 +1,243 @@
+"""URDF files: checked, and what an arm needs of them rewritten so that MuJoCo reads it as it is meant.
+
+Links with inertia, colour, boxes, cylinders, spheres and meshes; revolute and fixed joints. Everything else
+in the file (transmissions, plugins, textures, MuJoCo's own settings) is not looked at.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from omniservo.errors import InputError, spelled
+from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
+from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
+from omniservo.robots.arm_files.urdf_tree import in_order
+from omniservo.robots.arm_files.xml_fields import XmlFields
+from omniservo.xml_files import XmlElement
+
+MOST_LINKS = 500
+"""Links of one file, fixed ones too."""
+
+_SETTINGS = {
+    "fusestatic": "false",  # fixed frames stay: the tool is one of them
+    "discardvisual": "false",
+    "strippath": "false",
+    "balanceinertia": "true",
+    "boundmass": "0.001",
+    "boundinertia": "0.000001",
+}
+
+_SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+
+
+def read_urdf(root: XmlElement, file: Path) -> Description:
+    """Return the arm that a URDF file describes.
+
+    Args:
+        root: the file's element <robot>.
+        file: where it lies; meshes are looked for from there.
+
+    Raises:
+        InputError: not a serial arm of 6 or 7 revolute joints with limits, or a mesh that cannot be had.
+    """
+    return _Urdf(root, file).description()
+
+
+class _Urdf:
+    """One pass over one file."""
+
+    def __init__(self, root: XmlElement, file: Path) -> None:
+        self._root = root
+        self._file = file
+        self._fields = XmlFields(file)
+        self._meshes = MeshAssets(file)
+        self._undrawn: list[str] = []
+        self._colours: dict[str, str] = {}
+
+    def description(self) -> Description:
+        fields, root = self._fields, self._root
+        links, joints = fields.children(root, "link"), fields.children(root, "joint")
+        if not links:
+            raise InputError(f"{self._file}: no <link> in <robot>; a xacro file must be expanded first")
+        if max(len(links), len(joints)) > MOST_LINKS:
+            raise InputError(
+                f"{self._file}: {len(links)} links, {len(joints)} joints; legal: at most {MOST_LINKS}"
+            )
+        for joint in joints:
+            self._check_type(joint)
+        moving = in_order(links, joints, fields)
+        if len(moving) not in LEGAL_COUNTS:
+            names = ", ".join(spelled(joint.get("name")) for joint in moving[:12])
+            raise InputError(
+                f"{self._file}: {len(moving)} revolute joints ({names}); legal: 6 or 7 in a row. Joints of a "
+                'gripper can be made type="fixed"'
+            )
+        clean = ET.Element("robot", name=root.get("name", "arm"))
+        ET.SubElement(ET.SubElement(clean, "mujoco"), "compiler", _SETTINGS)
+        for material in fields.children(root, "material"):
+            self._learn_colour(material)
+        for link in links:
+            clean.append(self._link(link))
+        for joint in joints:
+            clean.append(self._joint(joint))
+        return Description(
+            ET.tostring(clean, encoding="unicode"),
+            self._meshes.assets,
+            tuple(self._speed(joint) for joint in moving),
+            None,
+            self._notices(),
+        )
+
+    def _notices(self) -> tuple[str, ...]:
+        if not self._undrawn:
+            return ()
+        legal = " and ".join(READABLE)
+        return (f"pictures of links left out, not {legal}: {', '.join(dict.fromkeys(self._undrawn))}",)
+
+    def _check_type(self, joint: XmlElement) -> None:
+        place, kind = self._fields.place(joint), joint.get("type", "")
+        if kind == "fixed":
+            return
+        if joint.find("mimic") is not None:
+            raise InputError(
+                f"{place}: a <mimic> joint follows another; legal: joints that move by themselves, or "
+                'type="fixed"'
+            )
+        if kind == "continuous":
+            raise InputError(
+                f'{place}: type "continuous" has no limits; legal: "revolute" with <limit lower=… upper=… '
+                "velocity=…>"
+            )
+        if kind != "revolute":
+            raise InputError(f'{place}: type {spelled(kind)} given; legal: "revolute", "fixed"')
+
+    def _speed(self, joint: XmlElement) -> float:
+        return float(self._fields.positive(self._limit(joint), "velocity", 1)[0])
+
+    def _limit(self, joint: XmlElement) -> XmlElement:
+        limit = self._fields.only(joint, "limit")
+        if limit is None:
+            raise InputError(
+                f"{self._fields.place(joint)}: no <limit>; legal: <limit lower=… upper=… velocity=…> "
+                "[rad, rad/s]"
+            )
+        for attribute in ("lower", "upper", "velocity"):
+            if not limit.get(attribute, "").strip():
+                raise InputError(
+                    f"{self._fields.place(joint)}: limit: {attribute}: missing; legal: lower and upper "
+                    "[rad], velocity [rad/s]"
+                )
+        return limit
+
+    def _joint(self, joint: XmlElement) -> ET.Element:
+        fields, kind = self._fields, joint.get("type", "")
+        clean = ET.Element("joint", name=fields.text(joint, "name"), type=kind)
+        for end in ("parent", "child"):
+            held = fields.only(joint, end)
+            assert held is not None  # in_order has seen it  # noqa: S101
+            ET.SubElement(clean, end, link=fields.text(held, "link"))
+        self._origin(joint, clean)
+        if kind == "fixed":
+            return clean
+        axis = fields.only(joint, "axis")
+        if axis is not None:
+            direction = fields.numbers(axis, "xyz", 3)
+            if not direction.any():
+                raise InputError(f"{fields.place(joint)}: axis: 0 0 0 given; legal: a direction")
+            ET.SubElement(clean, "axis", xyz=_words(direction))
+        limit = self._limit(joint)
+        lower, upper = fields.numbers(limit, "lower", 1)[0], fields.numbers(limit, "upper", 1)[0]
+        if lower >= upper:
+            raise InputError(
+                f"{fields.place(joint)}: limit: lower {lower:g}, upper {upper:g}; legal: lower < upper"
+            )
+        stated = {"lower": repr(float(lower)), "upper": repr(float(upper))}
+        if limit.get("effort") is not None and (effort := float(fields.numbers(limit, "effort", 1)[0])) > 0.0:
+            stated["effort"] = repr(effort)
+        ET.SubElement(clean, "limit", stated)
+        return clean
+
+    def _link(self, link: XmlElement) -> ET.Element:
+        clean = ET.Element("link", name=self._fields.text(link, "name"))
+        inertial = self._fields.only(link, "inertial")
+        if inertial is not None:
+            self._inertial(inertial, clean)
+        for visual in self._fields.children(link, "visual"):
+            self._shape(link, visual, clean)
+        for collision in self._fields.children(link, "collision"):
+            self._shape(link, collision, clean)
+        return clean
+
+    def _inertial(self, inertial: XmlElement, clean: ET.Element) -> None:
+        fields = self._fields
+        mass, inertia = fields.only(inertial, "mass"), fields.only(inertial, "inertia")
+        if mass is None or inertia is None or fields.numbers(mass, "value", 1)[0] <= 0.0:
+            return  # MuJoCo infers it from the link's shapes
+        kept = ET.SubElement(clean, "inertial")
+        self._origin(inertial, kept)
+        ET.SubElement(kept, "mass", value=_words(fields.numbers(mass, "value", 1)))
+        parts = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        ET.SubElement(kept, "inertia", {part: _words(fields.numbers(inertia, part, 1)) for part in parts})
+
+    def _shape(self, link: XmlElement, shape: XmlElement, clean: ET.Element) -> None:
+        fields, place = self._fields, f"{self._fields.place(link)}: {shape.tag}"
+        geometry = fields.only(shape, "geometry")
+        held = [] if geometry is None else fields.children(geometry)
+        if len(held) != 1:
+            raise InputError(f"{place}: {len(held)} shapes in <geometry>; legal: one")
+        shown = self._solid(link, shape, held[0])
+        if shown is None:
+            return
+        kept = ET.SubElement(clean, shape.tag)
+        self._origin(shape, kept)
+        ET.SubElement(kept, "geometry").append(shown)
+        material = fields.only(shape, "material") if shape.tag == "visual" else None
+        if material is not None:
+            self._learn_colour(material)
+            name = material.get("name", "")
+            if name in self._colours:
+                painted = ET.SubElement(kept, "material", name=name)
+                ET.SubElement(painted, "color", rgba=self._colours[name])
+
+    def _solid(self, link: XmlElement, shape: XmlElement, solid: XmlElement) -> ET.Element | None:
+        """Return the shape's own element; None where it is only for the eye and cannot be read."""
+        fields, place = self._fields, f"{self._fields.place(link)}: {shape.tag}"
+        if solid.tag in _SHAPES:
+            sizes = {name: fields.positive(solid, name, count) for name, count in _SHAPES[solid.tag].items()}
+            return ET.Element(solid.tag, {name: _words(values) for name, values in sizes.items()})
+        if solid.tag != "mesh":
+            raise InputError(f"{place}: <{solid.tag}> given; legal: {', '.join([*_SHAPES, 'mesh'])}")
+        reference = fields.text(solid, "filename")
+        ending = Path(reference).suffix.lower()
+        if ending not in READABLE:
+            if shape.tag == "visual":
+                self._undrawn.append(reference.rsplit("/", 1)[-1])
+                return None
+            raise InputError(
+                f"{place}: mesh {spelled(reference)} given; legal: {', '.join(READABLE)} (convert it)"
+            )
+        mesh = {"filename": self._meshes.add(place, reference)}
+        if solid.get("scale") is not None:
+            scale = fields.numbers(solid, "scale", 3)
+            if not scale.all():
+                raise InputError(f"{place}: scale {_words(scale)} given; no part of it may be 0")
+            mesh["scale"] = _words(scale)
+        return ET.Element("mesh", mesh)
+
+    def _learn_colour(self, material: XmlElement) -> None:
+        colour = self._fields.only(material, "color")
+        if colour is not None:
+            values = self._fields.numbers(colour, "rgba", 4).clip(0.0, 1.0)
+            self._colours[material.get("name", "")] = _words(values)
+
+    def _origin(self, element: XmlElement, clean: ET.Element) -> None:
+        origin = self._fields.only(element, "origin")
+        if origin is None:
+            return
+        given = {name: self._fields.numbers(origin, name, 3) for name in ("xyz", "rpy") if origin.get(name)}
+        ET.SubElement(clean, "origin", {name: _words(values) for name, values in given.items()})
+
+
+def _words(values: object) -> str:
+    return " ".join(repr(float(value)) for value in values)  # type: ignore[attr-defined]

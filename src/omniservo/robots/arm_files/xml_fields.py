@@ -1,0 +1,69 @@
+"""Attributes of an element as checked values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.xml_files import XmlElement
+
+_LARGEST = 1e6
+"""no length, angle, mass or rate of an arm is larger, whatever its unit"""
+
+
+class XmlFields:
+    """Reads attributes of one file's elements; every message names file, line, element and what is legal."""
+
+    def __init__(self, file: Path) -> None:
+        """Prepare for the elements of a file."""
+        self._file = file
+
+    def place(self, element: XmlElement) -> str:
+        """Return what stands first in messages about an element: file, line, its name or its owner's."""
+        owner: XmlElement | None = element
+        while owner is not None and owner.get("name") is None:
+            owner = owner.parent
+        named = "" if owner is None else f"{spelled_name(owner.tag)} {spelled(owner.get('name'))}"
+        own = "" if owner is element else spelled_name(element.tag)
+        return f"{self._file}: line {element.line}: {': '.join(filter(None, (named, own)))}"
+
+    def text(self, element: XmlElement, attribute: str) -> str:
+        """Return an attribute that must be there and not be empty."""
+        value = element.get(attribute, "").strip()
+        if not value:
+            raise InputError(f"{self.place(element)}: {attribute}: missing")
+        return value
+
+    def numbers(self, element: XmlElement, attribute: str, count: int | None) -> FloatArray:
+        """Return an attribute's numbers (count,), all finite and at most 10⁶ in size; None: any count."""
+        words = self.text(element, attribute).split()
+        name = f"{self.place(element)}: {attribute}"
+        try:
+            values = finite_array(name, [float(word) for word in words], (count,))
+        except InputError:
+            raise
+        except ValueError:
+            raise InputError(f"{name}: {spelled(' '.join(words))} given; legal: numbers") from None
+        if abs(values).max() > _LARGEST:
+            raise InputError(f"{name}: {abs(values).max():g} given; at most {_LARGEST:g} is legal")
+        return values
+
+    def positive(self, element: XmlElement, attribute: str, count: int | None) -> FloatArray:
+        """Return numbers (count,) that are all greater than 0."""
+        values = self.numbers(element, attribute, count)
+        if values.min() <= 0.0:
+            name = f"{self.place(element)}: {attribute}"
+            raise InputError(f"{name}: {values.min():g} given; greater than 0 is legal")
+        return values
+
+    def only(self, element: XmlElement, tag: str) -> XmlElement | None:
+        """Return the one child of this tag; None: there is none."""
+        found = [child for child in element.findall(tag) if isinstance(child, XmlElement)]
+        if len(found) > 1:
+            raise InputError(f"{self.place(element)}: {len(found)} elements <{tag}>; legal: one")
+        return found[0] if found else None
+
+    def children(self, element: XmlElement, tag: str = "*") -> list[XmlElement]:
+        """Return the children, or those of one tag."""
+        return [child for child in element.findall(tag) if isinstance(child, XmlElement)]

@@ -1,0 +1,36 @@
+"""Arms by name or file."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from omniservo.errors import InputError, spelled
+from omniservo.robots.arm import Arm
+
+
+def shipped_arms() -> tuple[str, ...]:
+    """Names of the arms that come with the package, sorted."""
+    folder = resources.files("omniservo.robots") / "shipped"
+    return tuple(sorted(f.name.removesuffix(".xml") for f in folder.iterdir() if f.name.endswith(".xml")))
+
+
+def load_arm(arm: str | Path, *, tool: str | None = None) -> Arm:
+    """Return a shipped arm by its name, or the one of an MJCF or URDF file.
+
+    Args:
+        arm: a name of `shipped_arms`, or a file. A name wins over a file of the same name without ending.
+        tool: the site or link that carries the camera, see `Arm`.
+
+    Raises:
+        InputError: neither; or the file is no arm, see `Arm`.
+    """
+    names = shipped_arms()
+    if str(arm) in names:
+        with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{arm}.xml") as path:
+            return Arm(path, tool=tool)
+    if not Path(arm).is_file():
+        raise InputError(
+            f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
+        )
+    return Arm(arm, tool=tool)

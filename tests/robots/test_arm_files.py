@@ -1,0 +1,345 @@
+"""URDF and MJCF files: what is read, what stands in for what, and one clear message for everything else."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from urdf_arms import CYLINDER, SEVEN, SIX, urdf, urdf_forward
+
+from omniservo.errors import InputError
+from omniservo.robots import Arm, load_arm, shipped_arms
+from omniservo.robots.arm_files import SHOWN_GROUP
+
+MESH = '<mesh filename="{}" scale="0.5 1 1"/>'
+
+
+def read(folder, text, name="arm.urdf", **options):
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return Arm(path, **options)
+
+
+def with_ball(path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.creation.icosphere(1, 0.05).export(path)
+    return path
+
+
+def mjcf(body="", *, joints=6, custom=True, extra="", inner=""):
+    """A straight arm of hinges, each a link above the last."""
+    speeds = f'<custom><numeric name="joint_speed_deg_s" data="{"90 " * joints}"/></custom>' if custom else ""
+    row = "".join(
+        f'<body pos="0 0 0.1"><joint axis="{"0 0 1" if k % 2 else "0 1 0"}" range="-120 120"/>'
+        '<geom type="capsule" size="0.03 0.03"/>'
+        for k in range(joints)
+    )
+    return (
+        f'<mujoco model="straight">{extra}{speeds}<worldbody>{body}{row}{inner}<site name="flange" '
+        f'pos="0 0 0.05" euler="0 0 90"/>{"</body>" * joints}</worldbody></mujoco>'
+    )
+
+
+@pytest.mark.parametrize("joints", [SIX, SEVEN], ids=["six", "seven"])
+def test_urdf_kinematics_equal_urdfs_own_definition(tmp_path, joints):
+    arm = read(tmp_path, urdf(joints))
+    for q in np.random.default_rng(0).uniform(*arm.joint_range.T, (50, len(joints))):
+        np.testing.assert_allclose(arm.base_T_flange(q).as_matrix(), urdf_forward(joints, q), atol=1e-12)
+
+
+def test_urdf_limits_stand_as_they_are_written(tmp_path):
+    arm = read(tmp_path, urdf())
+    np.testing.assert_allclose(arm.joint_range, [row[4:6] for row in SIX])
+    np.testing.assert_allclose(arm.joint_speed, [row[6] for row in SIX])
+    np.testing.assert_allclose(arm.joint_effort, [row[7] for row in SIX])
+    np.testing.assert_allclose(arm.joint_acceleration, arm.joint_speed / 0.25)
+    assert any("accelerations are not stated" in notice for notice in arm.notices)
+    assert arm.joint_names == tuple(row[0] for row in SIX)
+    assert arm.name == "oblique"
+
+
+def test_fixed_frames_are_kept_and_can_be_the_tool(tmp_path):
+    arm = read(tmp_path, urdf())
+    assert arm.tool == arm.tool_link == "tool0"
+    other = read(tmp_path, urdf(), tool="turn_link")
+    q = 0.1 * np.arange(6)
+    apart = other.base_T_flange(q).inv() * arm.base_T_flange(q)
+    np.testing.assert_allclose(apart.translation, [0, 0, 0.05], atol=1e-12)
+    with pytest.raises(InputError, match="tool 'lift_link': not carried by the last joint; legal: .*tool0"):
+        read(tmp_path, urdf(), tool="lift_link")
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj"])
+@pytest.mark.parametrize("place", ["arm_description/meshes", "ws/src/arm_description/meshes", "ws/urdf"])
+def test_meshes_are_found_in_the_package_or_beside_the_file(tmp_path, ending, place):
+    """The package lies above the file, or beside a folder above it, or the path is a plain one."""
+    with_ball(tmp_path / place / f"ball.{ending}")
+    where = {"arm_description/meshes": "arm_description/urdf/arm.urdf"}.get(place, "ws/urdf/arm.urdf")
+    place = place if "description" in place else ""
+    named = f"package://arm_description/meshes/ball.{ending}" if place else f"ball.{ending}"
+    if place.startswith("ws"):
+        where = "ws/src/other/urdf/arm.urdf"
+    arm = read(tmp_path, urdf(visual=MESH.format(named), collision=MESH.format(named)), where)
+    shapes = [shape for link in arm.links for shape in link.shapes]
+    assert [shape.kind for shape in shapes] == ["mesh"] * 7
+    assert sorted(shapes[0].extents) == pytest.approx([0.05, 0.1, 0.1], rel=0.1)
+
+
+def test_pictures_in_other_formats_are_left_out_with_a_notice(tmp_path):
+    arm = read(tmp_path, urdf(visual=MESH.format("package://not_there/fancy.dae")))
+    assert any("pictures of links left out" in notice and "fancy.dae" in notice for notice in arm.notices)
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["cylinder"] * 7
+
+
+def test_links_without_collision_shapes_are_touched_by_their_pictures(tmp_path):
+    text = re.sub(r"<collision>.*?</collision>", "", urdf(), flags=re.DOTALL)
+    arm = read(tmp_path, text)
+    assert [len(link.shapes) for link in arm.links] == [1] * 7 + [0]
+    assert any("touched by what is seen of them" in notice for notice in arm.notices)
+
+
+def test_seen_is_the_picture_and_touched_the_collision_shape(tmp_path):
+    arm = read(tmp_path, urdf(visual='<box size="0.1 0.1 0.1"/>'))
+    model = arm.spec().compile()
+    boxes = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
+    assert (model.geom_group[boxes] == SHOWN_GROUP).all()
+    assert (model.geom_group[~boxes] != SHOWN_GROUP).all()
+    assert not model.geom_contype[boxes].any()
+    np.testing.assert_allclose(model.geom_rgba[boxes], [[0.9, 0.4, 0.1, 1.0]] * 7, atol=1e-6)
+
+
+def test_links_called_like_the_simulators_bodies_get_another_name(tmp_path):
+    text = urdf().replace('"pan_link"', '"camera"').replace('"lift_link"', '"floor"')
+    names = [link.name for link in read(tmp_path, text).links]
+    assert "camera" not in names
+    assert "floor" not in names
+
+
+def test_mjcf_without_names_and_drives_is_an_arm(tmp_path):
+    arm = read(tmp_path, mjcf(), "arm.xml")
+    assert len(set(arm.joint_names)) == 6
+    assert arm.tool == "flange"
+    np.testing.assert_allclose(arm.base_T_flange(np.zeros(6)).translation, [0, 0, 0.65], atol=1e-12)
+    turned = arm.base_T_flange(np.zeros(6)).rotation.as_euler("xyz", degrees=True)
+    np.testing.assert_allclose(turned, [0, 0, 90], atol=1e-9)
+    assert any("stiff ones are put in" in notice for notice in arm.notices)
+
+
+def test_mjcf_includes_inside_the_folder_are_read(tmp_path):
+    whole = mjcf()
+    inner = whole[whole.index("<custom>") : whole.index("<worldbody>")]
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "speeds.xml").write_text(f"<mujocoinclude>{inner}</mujocoinclude>")
+    arm = read(tmp_path, whole.replace(inner, '<include file="parts/speeds.xml"/>'), "arm.xml")
+    np.testing.assert_allclose(arm.joint_speed, np.deg2rad([90] * 6))
+
+
+def test_mjcf_meshes_lie_in_its_mesh_folder_and_what_is_no_arm_is_left_out(tmp_path):
+    with_ball(tmp_path / "assets" / "ball.stl")
+    extra = (
+        '<compiler meshdir="assets"/><option timestep="5"/><size memory="900G"/><asset>'
+        '<mesh file="ball.stl"/><texture name="t" type="2d" file="/etc/passwd"/>'
+        '<material name="m" texture="t" rgba="1 0 0 1"/></asset>'
+    )
+    body = '<light/><camera/><geom type="plane" size="1 1 1"/>'
+    text = mjcf(body, extra=extra, inner='<geom type="mesh" mesh="ball" material="m"/>')
+    arm = read(tmp_path, text, "arm.xml")
+    assert [shape.kind for shape in arm.links[-1].shapes] == ["capsule", "mesh"]
+    assert any("shapes of the world itself left out: 1" in notice for notice in arm.notices)
+    model = arm.spec().compile()
+    np.testing.assert_allclose(model.geom_rgba[-1], [1, 0, 0, 1])
+
+
+BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>\n'
+OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>\n'
+LIMIT = '<limit lower="-2.9" upper="2.9" velocity="2.0" effort="120"/>'
+SECOND = (
+    '<link name="odd"/><joint name="side" type="{}"><parent link="pan_link"/><child link="odd"/>{}</joint>'
+)
+
+BAD_URDF = {
+    "bomb": (lambda text: text.replace("<robot", BOMB + "<robot", 1), "line 2: document types"),
+    "outside": (lambda text: text.replace("<robot", OUTSIDE + "<robot", 1), "line 2: document types"),
+    "not xml": (lambda text: text[:-20], "not XML"),
+    "xacro": (lambda text: "<robot><xacro:arm/></robot>", "a xacro file must be expanded first"),
+    "no limits": (lambda text: text.replace(LIMIT, ""), "joint 'pan': no <limit>; legal: <limit lower="),
+    "no speed": (lambda text: text.replace('velocity="2.0"', "", 1), "joint 'pan': limit: velocity: missing"),
+    "no room": (lambda text: text.replace('"-2.9"', '"2.9"'), "lower 2.9, upper 2.9; legal: lower < upper"),
+    "no motion": (
+        lambda text: text.replace('velocity="2.0"', 'velocity="0"', 1),
+        "joint 'pan': limit: velocity: 0 given; greater than 0",
+    ),
+    "word": (lambda text: text.replace('"-2.9"', '"minus"'), "'minus' given; legal: numbers"),
+    "NaN": (lambda text: text.replace('"-2.9"', '"nan"'), "every number must be finite"),
+    "huge number": (lambda text: text.replace('"0.05 0 0.15"', '"1e9 0 0"'), "at most 1e\\+06 is legal"),
+    "mimic": (
+        lambda text: text.replace(LIMIT, LIMIT + '<mimic joint="lift"/>'),
+        "joint 'pan': a <mimic> joint follows another",
+    ),
+    "continuous": (
+        lambda text: text.replace('"pan" type="revolute"', '"pan" type="continuous"'),
+        'joint \'pan\': type "continuous" has no limits; legal: "revolute"',
+    ),
+    "prismatic": (
+        lambda text: text.replace('"pan" type="revolute"', '"pan" type="prismatic"'),
+        "joint 'pan': type 'prismatic' given; legal: \"revolute\", \"fixed\"",
+    ),
+    "five": (
+        lambda text: text.replace('"pan" type="revolute"', '"pan" type="fixed"'),
+        "5 revolute joints .*legal: 6 or 7 in a row",
+    ),
+    "branch": (
+        lambda text: text.replace("</robot>", SECOND.format("revolute", LIMIT) + "</robot>"),
+        "joint 'side': moves beside joint 'lift'; legal: one joint after the other",
+    ),
+    "two bases": (lambda text: text.replace("</robot>", '<link name="odd"/></robot>'), "'base_link', 'odd'"),
+    "loop": (
+        lambda text: text.replace('<parent link="base_link"/>', '<parent link="turn_link"/>'),
+        "joint 'turn': part of a loop; legal: a tree of links",
+    ),
+    "two parents": (
+        lambda text: text.replace(
+            "</robot>",
+            SECOND.format("fixed", "").replace('child link="odd"', 'child link="tool0"') + "</robot>",
+        ),
+        "joint 'side': link 'tool0' hangs on joint 'tool_joint' already",
+    ),
+    "no such link": (lambda text: text.replace('child link="tool0"', 'child link="t"'), "child 't': no such"),
+    "name twice": (lambda text: text.replace('joint name="lift"', 'joint name="pan"'), "given twice"),
+    "flat axis": (lambda text: text.replace('xyz="0 1 0"', 'xyz="0 0 0"'), "axis: 0 0 0 given"),
+    "no shape": (lambda text: text.replace(CYLINDER, "", 1), "0 shapes in <geometry>"),
+    "odd shape": (lambda text: text.replace(CYLINDER, "<cone/>", 1), "<cone> given; legal: box, cylinder"),
+    "thin": (lambda text: text.replace('radius="0.04"', 'radius="0"', 1), "radius: 0 given; greater than 0"),
+    "lost mesh": (
+        lambda text: text.replace(CYLINDER, MESH.format("gone.stl"), 1),
+        "link 'base_link': visual: mesh 'gone.stl': no such file in ",
+    ),
+    "lost package": (
+        lambda text: text.replace(CYLINDER, MESH.format("package://nowhere/m.stl"), 1),
+        "package 'nowhere': no folder of this name among the 6 folders above the file",
+    ),
+    "lost in package": (
+        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/m.stl"), 1),
+        "mesh 'm.stl': no such file in the package .*arm_box",
+    ),
+    "out of the package": (
+        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/../m.stl"), 1),
+        "legal: a relative path inside",
+    ),
+    "out of the folder": (
+        lambda text: text.replace(CYLINDER, MESH.format("../m.stl"), 1),
+        "'../m.stl' given; legal: a relative path inside the file's folder",
+    ),
+    "absolute": (lambda text: text.replace(CYLINDER, MESH.format("/m.stl"), 1), "legal: a relative path"),
+    "from the net": (
+        lambda text: text.replace(CYLINDER, MESH.format("http://x/m.stl"), 1),
+        "legal: a path inside the file's folder, or package://NAME/path",
+    ),
+    "touched picture": (
+        lambda text: text.replace(CYLINDER, MESH.format("m.dae")),
+        "collision: mesh 'm.dae' given; legal: .stl, .obj",
+    ),
+    "no mesh in it": (
+        lambda text: text.replace(CYLINDER, MESH.format("text.stl"), 1),
+        "mesh .*text.stl: no triangles in it",
+    ),
+    "flat mesh": (lambda text: text.replace(CYLINDER, MESH.format("flat.stl"), 1), "flat.stl: flat; legal"),
+    "deep": (lambda text: "<a>" * 40 + "</a>" * 40, "nested deeper than 32"),
+    "other root": (lambda text: "<sdf/>", "root element 'sdf' given; legal: <robot>"),
+}
+
+BAD_MJCF = {
+    "bomb": (BOMB + mjcf(), "line 1: document types"),
+    "no speeds": (mjcf(custom=False), "joint speeds are missing; legal: <custom><numeric name="),
+    "five": (mjcf(joints=5), "5 numbers; legal: 6 or 7"),
+    "more joints than speeds": (
+        mjcf().replace('<joint axis="0 1 0"', '<joint axis="1 0 0" range="0 1"/><joint axis="0 1 0"', 1),
+        "6 joint speeds; the arm has 7 joints",
+    ),
+    "no range": (mjcf().replace('range="-120 120"', "", 1), "joint 'joint 1': no limits; legal: range="),
+    "slide": (mjcf().replace("<joint ", '<joint type="slide" ', 1), "type 'slide' given; legal: 'hinge'"),
+    "branch": (
+        mjcf(joints=5)
+        .replace("90 " * 5, "90 " * 6)
+        .replace(
+            "</worldbody>",
+            '<body><joint range="0 1"/><geom size="0.1"/></body></worldbody>',
+        ),
+        "joint 'joint 6' does not hang on 'joint 5'; legal: one joint after the other",
+    ),
+    "include outside": (
+        mjcf(extra='<include file="../other.xml"/>'),
+        "'../other.xml' given; legal: a relative",
+    ),
+    "include absolute": (
+        mjcf(extra='<include file="/etc/passwd"/>'),
+        "'/etc/passwd' given; legal: a relative",
+    ),
+    "include lost": (mjcf(extra='<include file="gone.xml"/>'), "gone.xml: no such file"),
+    "include itself": (mjcf(extra='<include file="arm.xml"/>'), "'arm.xml' is included twice"),
+    "mesh outside": (
+        mjcf(extra='<compiler meshdir="/etc"/><asset><mesh file="m.stl"/></asset>'),
+        "legal: a relative path inside",
+    ),
+    "mesh of another kind": (mjcf(extra='<asset><mesh file="m.msh"/></asset>'), "legal: .stl, .obj"),
+    "height field": (mjcf(extra='<asset><hfield file="h.png"/></asset>'), "<hfield> in <asset>; legal"),
+    "replicate": (
+        mjcf('<replicate count="1000000000"><geom size="1"/></replicate>'),
+        "<replicate> in the tree",
+    ),
+    "plugin": (mjcf(extra='<extension><plugin plugin="x"/></extension>'), "<extension> in <mujoco>; legal"),
+    "coupled": (mjcf(extra='<equality><joint joint1="a"/></equality>'), "<equality> in <mujoco>; legal"),
+    "nonsense": (mjcf().replace('pos="0 0 0.1"', 'pos="here"', 1), "MuJoCo cannot read it: XML Error"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A place with a package that is empty, and meshes that are none."""
+    home = tmp_path / "home"
+    (home / "arm_box").mkdir(parents=True)
+    (home / "text.stl").write_text("solid of words")
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    trimesh.Trimesh(corners, [[0, 1, 2], [1, 3, 2]]).export(home / "flat.stl")
+    return home
+
+
+@pytest.mark.parametrize("fault", BAD_URDF)
+def test_bad_urdf_is_one_clear_message(folder, fault):
+    change, message = BAD_URDF[fault]
+    text = change(urdf())
+    assert text != urdf()
+    with pytest.raises(InputError, match=message) as raised:
+        read(folder, text)
+    assert str(folder / "arm.urdf") in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("fault", BAD_MJCF)
+def test_bad_mjcf_is_one_clear_message(folder, fault):
+    text, message = BAD_MJCF[fault]
+    with pytest.raises(InputError, match=message) as raised:
+        read(folder, text, "arm.xml")
+    assert str(folder) in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_huge_files_are_refused_before_they_are_read(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(b"<robot>" + b" " * 2**23)
+    with pytest.raises(InputError, match=r"8388615 bytes; at most 4194304 are read"):
+        Arm(path)
+    path.write_text("<robot>" + "<link/>" * 60_000 + "</robot>")
+    with pytest.raises(InputError, match="more than 50000 elements"):
+        Arm(path)
+    links = "".join(f'<link name="l{k}"/>' for k in range(600))
+    path.write_text(f"<robot>{links}</robot>")
+    with pytest.raises(InputError, match="600 links, 0 joints; legal: at most 500"):
+        Arm(path)
+
+
+def test_a_name_that_is_no_arm_is_told_the_shipped_ones():
+    with pytest.raises(InputError, match=f"neither a file nor one of the shipped arms: {shipped_arms()[0]}"):
+        load_arm("rx61")
