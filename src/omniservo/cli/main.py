@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, plan, run, teach, verify
+from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify
 from omniservo.cli.output import ANSWER_IS_NO, WRONG_INPUT
 from omniservo.errors import AnswerIsNo, InputError
 
@@ -26,6 +26,7 @@ app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
 app.command("examples")(examples.examples)
 app.add_typer(camera.app, name="camera")
+app.add_typer(robot.app, name="robot")
 
 
 def _version(wanted: bool) -> None:

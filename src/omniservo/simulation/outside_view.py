@@ -79,6 +79,7 @@ class OutsideView:
         width: int = 640,
         height: int = 480,
         shadow_rays: int = 8,
+        shows_camera: bool = True,
     ) -> None:
         """Prepare.
 
@@ -89,6 +90,7 @@ class OutsideView:
             height: [px]
             shadow_rays: points of the lamp that each visible point is joined to; 0: no shadows, 1: hard ones.
                 Time grows with it.
+            shows_camera: whether the camera in the arm's hand is in the picture.
 
         Raises:
             InputError: eye and focus coincide or stand above each other, or a number is out of range.
@@ -100,12 +102,13 @@ class OutsideView:
         self._view = viewpoint or Viewpoint.beside(world)
         self._eye = finite_array("viewpoint.eye", self._view.eye, (3,))
         self._axes = _axes_of(self._view)
+        self._focal = 0.5 * height / math.tan(0.5 * self._view.field_of_view)
         self._world = world
         self._pictures = PanelPictures(world.scene.panels)
         self._colours = np.vstack([world.model.geom_rgba[:, :3].astype(np.float64), np.zeros(3)])
         floor = world.model.geom_type == 0
         self._is_floor = np.append(floor, False)
-        self._casters = [RayCaster(world, sees_camera=True) for _ in range(_THREADS)]
+        self._casters = [RayCaster(world, sees_camera=shows_camera) for _ in range(_THREADS)]
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="view")
         focus = np.asarray(self._view.focus)
         self._lamp = focus + np.linalg.norm(self._eye - focus) * np.array([-0.35, -0.45, 1.15])
@@ -129,6 +132,14 @@ class OutsideView:
         grey_values: ByteArray = np.rint(255.0 * _srgb(np.clip(image, 0.0, 1.0))).astype(np.uint8)
         return grey_values.reshape(*self._shape, 3)
 
+    def project(self, points: npt.ArrayLike) -> FloatArray:
+        """Return where points (…, 3) [m] of the world, before the eye, are in the picture: (…, 2) [px]."""
+        rays = (finite_array("points", points, (-1, 3)) - self._eye) @ self._axes
+        height, width = self._shape
+        middle = np.array([(width - 1) / 2.0, (height - 1) / 2.0])
+        pixels: FloatArray = self._focal * rays[..., :2] / rays[..., 2:] + middle
+        return pixels
+
     def _edges(self, image: FloatArray, panels: IntArray) -> BoolArray:
         """Where neighbours differ; within a panel its picture is averaged over each pixel already."""
         printed = (panels >= 0) & ~differs_from_neighbour(panels, 0)
@@ -143,11 +154,10 @@ class OutsideView:
 
     def _look(self, caster: RayCaster, pixels: FloatArray, side: float) -> tuple[FloatArray, IntArray]:
         height, width = self._shape
-        focal = 0.5 * height / math.tan(0.5 * self._view.field_of_view)
         rays = np.empty((len(pixels), 3))
         rays[:, 0] = pixels[:, 0] - (width - 1) / 2.0
         rays[:, 1] = pixels[:, 1] - (height - 1) / 2.0
-        rays[:, 2] = focal
+        rays[:, 2] = self._focal
         directions = np.einsum("ij,kj->ik", rays / np.linalg.norm(rays, axis=1, keepdims=True), self._axes)
         geoms, distances, normals = caster.cast(self._eye, directions)
         panels = self._world.panels_at(geoms, normals)

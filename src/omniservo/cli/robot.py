@@ -1,0 +1,118 @@
+"""``omniservo robot``."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.errors import InputError
+
+if TYPE_CHECKING:
+    from omniservo.robots import Arm, Link
+
+app = typer.Typer(help="Show robot arms.", no_args_is_help=True)
+
+
+@app.callback()
+def _robot() -> None:
+    """Show robot arms."""
+
+
+@app.command("show")
+def show(
+    robot: Annotated[str, typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.")],
+    tool: Annotated[
+        str | None, typer.Option("--tool", help="The site or link that carries the camera.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Draw the arm into this folder.")] = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Print an arm: its joints with limits, its reach, its links, and what of the file was left out."""
+    from omniservo.robots import load_arm
+
+    output = Output(as_json, quiet)
+    arm = load_arm(robot, tool=tool)
+    output.line(f"{'arm':<14} {arm.name}: {arm.dof} revolute joints ({arm.path.name})")
+    output.line(f"{'flange':<14} {arm.tool!r}, on link {arm.tool_link!r}")
+    output.line(f"{'reach':<14} {arm.reach:.3f} m from the axis of {arm.joint_names[0]}")
+    known = "closed form, all branches" if arm.has_closed_form else "seeded numeric search"
+    output.line(f"{'inverse':<14} {known}")
+    joints = _joints(arm)
+    for joint in joints:
+        output.line(_spelled_joint(joint))
+    for link in arm.links:
+        output.line(f"{'link':<14} {_spelled_link(link)}")
+    for notice in arm.notices:
+        output.line(f"{'notice':<14} {notice}")
+    if out is not None:
+        _draw(arm, out, output)
+    output.result(
+        {
+            "name": arm.name,
+            "joints": joints,
+            "reach": arm.reach,
+            "flange": {
+                "name": arm.tool,
+                "link": arm.tool_link,
+                "link_T_flange": arm.link_T_flange.as_matrix(),
+            },
+            "closed_form": arm.has_closed_form,
+            "links": [_link(link) for link in arm.links],
+            "notices": list(arm.notices),
+        }
+    )
+
+
+def _joints(arm: Arm) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "type": "revolute",
+            "lower": float(arm.joint_range[i, 0]),
+            "upper": float(arm.joint_range[i, 1]),
+            "speed": float(arm.joint_speed[i]),
+            "acceleration": float(arm.joint_acceleration[i]),
+            "effort": None if arm.joint_effort is None else float(arm.joint_effort[i]),
+        }
+        for i, name in enumerate(arm.joint_names)
+    ]
+
+
+def _spelled_joint(joint: dict[str, Any]) -> str:
+    lower, upper, speed, acceleration = np.rad2deg(
+        [joint[name] for name in ("lower", "upper", "speed", "acceleration")]
+    )
+    effort = "" if joint["effort"] is None else f"  {joint['effort']:6g} N m"
+    return (
+        f"{'joint':<14} {joint['name']:<16} {lower:7.1f} … {upper:6.1f} deg  {speed:6.1f} deg/s"
+        f"  {acceleration:7.1f} deg/s²{effort}"
+    )
+
+
+def _link(link: Link) -> dict[str, Any]:
+    shapes = [{"kind": shape.kind, "extents": list(shape.extents)} for shape in link.shapes]
+    return {"name": link.name, "joint": link.joint or None, "shapes": shapes}
+
+
+def _spelled_link(link: Link) -> str:
+    counts = Counter(shape.kind for shape in link.shapes)
+    made_of = ", ".join(f"{kind} × {count}" for kind, count in counts.items()) or "a frame"
+    return f"{link.name:<16} {'on ' + link.joint if link.joint else 'fixed':<18} {made_of}"
+
+
+def _draw(arm: Arm, folder: Path, output: Output) -> None:
+    from omniservo.reporting.arm_figure import draw_arm
+    from omniservo.reporting.figure_files import write_drawings
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
+    for path in write_drawings(draw_arm(arm), folder):
+        output.line(f"{'written':<14} {path}")

@@ -1,0 +1,131 @@
+"""An arm drawn: its links in a bent posture, its joints and flange, and how far each joint turns."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.cameras import preset
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.style import EXECUTED, PLANNED, QUIET, THREE, Drawing, new_figure, styled
+from omniservo.robots import Arm
+from omniservo.simulation import OutsideView, Scene, Viewpoint, World
+
+_PICTURE = 720
+"""[px] side of the picture"""
+_POSTURES = 300
+_WIDEST = math.radians(100.0)
+"""no joint is bent further from the middle of its range"""
+_AXIS = 0.11
+"""length of the flange's axes over the distance of the eye"""
+_MARK = 36
+"""[px] marks that are nearer would cover each other"""
+
+
+def draw_arm(arm: Arm) -> list[Drawing]:
+    """Return the arm in a posture far from its singular ones, beside its joints' ranges and speeds."""
+    world = World(_scene(arm, np.clip(0.0, *arm.joint_range.T)))
+    q = _bent(arm, world)
+    data = world.data_at(q)
+    viewpoint = _viewpoint(arm, world, data)
+    view = OutsideView(world, viewpoint, width=_PICTURE, height=_PICTURE, shows_camera=False)
+    with styled():
+        figure = new_figure(10.2, 5.2)
+        picture, ranges = figure.subplots(1, 2, width_ratios=(1.0, 1.0))
+        picture.imshow(view.render(q))
+        picture.set_axis_off()
+        _mark_joints(picture, view, data)
+        _mark_flange(picture, view, arm.base_T_flange(q), _AXIS * math.dist(viewpoint.eye, viewpoint.focus))
+        _draw_ranges(ranges, arm)
+    posture = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(q))
+    caption = (
+        f"Joints {posture} deg. Numbers: joints, from the base outwards. Lines from the flange: x red, "
+        "y green, z blue. Bars: ranges, with the speed at their ends."
+    )
+    return [Drawing("arm", arm.name, caption, figure)]
+
+
+def _scene(arm: Arm, q: FloatArray) -> Scene:
+    nowhere = RigidTransform.identity()
+    return Scene(arm, nowhere, nowhere, preset("perspective"), q)
+
+
+def _bent(arm: Arm, world: World) -> FloatArray:
+    """Return joints (n,) without contact, flange above the foot, as far from a singular posture as drawn."""
+    middle = arm.joint_range.mean(axis=1)
+    half = np.minimum(0.4 * np.ptp(arm.joint_range, axis=1), _WIDEST)
+    drawn = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, arm.dof))
+    drawn[:, 0] = np.clip(0.0, *arm.joint_range[0])
+    smallest = [np.linalg.svd(arm.flange_jacobian(q), compute_uv=False)[-1] for q in drawn]
+    order = drawn[np.argsort(smallest)[::-1]]
+    for q in order:
+        above = arm.base_T_flange(q).translation[2] > 0.2 * arm.reach
+        touching = [pair for pair in world.touching(world.data_at(q)) if "camera" not in pair]
+        if above and not touching:
+            return np.asarray(q)
+    return np.asarray(order[0])
+
+
+def _viewpoint(arm: Arm, world: World, data: Any) -> Viewpoint:
+    """Return the view across the arm, from its right and a little above, that shows all of it."""
+    shown = world.arm_geoms[world.model.geom_bodyid[world.arm_geoms] != world.model.body("camera").id]
+    centers, radii = data.geom_xpos[shown], world.model.geom_rbound[shown, None]
+    low, high = (centers - radii).min(axis=0), (centers + radii).max(axis=0)
+    middle, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
+    ahead = arm.base_T_flange(data.qpos).translation[:2]
+    length = float(np.linalg.norm(ahead))
+    forward = ahead / length if length > 0.05 * size else np.array([1.0, 0.0])
+    aside = np.array([forward[1], -forward[0]])
+    way = np.append(0.45 * forward + 0.8 * aside, 0.35)
+    eye = middle + 1.3 * size * way / np.linalg.norm(way)
+    return Viewpoint(tuple(eye.tolist()), tuple(middle.tolist()))
+
+
+def _mark_joints(axes: Axes, view: OutsideView, data: Any) -> None:
+    """Number the joints; those that are drawn on one another share a mark."""
+    groups: list[tuple[FloatArray, list[str]]] = []
+    for number, place in enumerate(view.project(data.xanchor), 1):
+        near = [names for other, names in groups if math.dist(place, other) < _MARK]
+        if near:
+            near[0].append(str(number))
+        else:
+            groups.append((place, [str(number)]))
+    for (u, v), names in groups:
+        box = {"boxstyle": "round,pad=0.3", "fc": "white", "ec": EXECUTED, "alpha": 0.9}
+        axes.text(u, v, ", ".join(names), ha="center", va="center", color=EXECUTED, weight="bold", bbox=box)
+
+
+def _mark_flange(axes: Axes, view: OutsideView, base_T_flange: RigidTransform, length: float) -> None:
+    ends = base_T_flange.apply(np.vstack([np.zeros(3), length * np.eye(3)]))
+    start, *tips = view.project(ends)
+    for tip, colour in zip(tips, ("#d1001c", THREE[2], "#0050d8"), strict=True):
+        axes.annotate("", tip, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.8})
+
+
+def _draw_ranges(axes: Axes, arm: Arm) -> None:
+    low, high = np.rad2deg(arm.joint_range.T)
+    places = np.arange(1, arm.dof + 1)
+    axes.barh(places, high - low, left=low, height=0.5, color=PLANNED, alpha=0.55)
+    for place, first, last, speed in zip(
+        places.tolist(), low.tolist(), high.tolist(), np.rad2deg(arm.joint_speed).tolist(), strict=True
+    ):
+        axes.text(first, place - 0.42, _degrees(first), ha="left", va="center", fontsize=8)
+        axes.text(last, place - 0.42, _degrees(last), ha="right", va="center", fontsize=8)
+        axes.text(0.5 * (first + last), place, f"{speed:.0f} °/s", ha="center", va="center", fontsize=9)
+    axes.use_sticky_edges = False
+    axes.margins(x=0.04, y=0.02)
+    axes.axvline(0.0, color=QUIET, lw=0.8)
+    names = [f"{number} {name}" for number, name in enumerate(arm.joint_names, 1)]
+    axes.set_yticks(places, names)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("joint position [deg]")
+    axes.set_title(f"{arm.name}: reaches {arm.reach:.2f} m from its first axis")
+
+
+def _degrees(angle: float) -> str:
+    return f"{angle:.0f}°".replace("-", "−")

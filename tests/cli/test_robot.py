@@ -1,0 +1,68 @@
+"""``omniservo robot show``: any arm's joints, links and reach, its picture; one message for a bad file."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from omniservo.cli.main import main
+from omniservo.robots import load_arm, shipped_arms
+
+
+def call(capsys, *arguments):
+    """Exit code, standard output and standard error of one command."""
+    try:
+        main([str(a) for a in arguments])
+        code = 0
+    except SystemExit as end:
+        code = end.code or 0
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_a_shipped_arm_is_shown_as_json(capsys, name):
+    code, out, err = call(capsys, "robot", "show", name, "--json")
+    assert (code, err) == (0, "")
+    shown, arm = json.loads(out), load_arm(name)
+    assert shown["name"] == name
+    assert [joint["name"] for joint in shown["joints"]] == list(arm.joint_names)
+    assert {joint["type"] for joint in shown["joints"]} == {"revolute"}
+    np.testing.assert_allclose([[j["lower"], j["upper"]] for j in shown["joints"]], arm.joint_range)
+    np.testing.assert_allclose([j["speed"] for j in shown["joints"]], arm.joint_speed)
+    assert shown["reach"] == pytest.approx(arm.reach)
+    assert len(shown["links"]) == arm.dof + 1
+    assert all(link["shapes"] for link in shown["links"])
+
+
+def test_an_arm_is_shown_to_people_with_degrees_and_drawn(capsys, tmp_path):
+    code, out, err = call(capsys, "robot", "show", "rx60", "--out", tmp_path / "drawn")
+    assert (code, err) == (0, "")
+    assert "-160.0 …  160.0 deg   287.0 deg/s" in out
+    assert "0.667 m from the axis of j1" in out
+    picture = np.asarray(Image.open(tmp_path / "drawn" / "arm.png").convert("RGB")).astype(int)
+    yellow = picture[..., :2].min(axis=-1) > picture[..., 2] + 50
+    assert yellow[:, : picture.shape[1] // 2].mean() > 0.05
+    assert (tmp_path / "drawn" / "arm.svg").read_text().startswith("<?xml")
+
+
+def test_the_tool_can_be_chosen(capsys):
+    _, out, _ = call(capsys, "robot", "show", "rx60", "--tool", "flange", "--json")
+    assert math.isclose(json.loads(out)["flange"]["link_T_flange"][2][3], 0.065)
+    code, out, err = call(capsys, "robot", "show", "rx60", "--tool", "shoulder")
+    assert (code, out) == (2, "")
+    assert "tool 'shoulder': not carried by the last joint; legal: flange" in err
+
+
+def test_a_bad_file_is_one_message_and_exit_code_2(capsys, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text('<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><robot name="a">&b;</robot>')
+    code, out, err = call(capsys, "robot", "show", path, "--out", tmp_path / "drawn")
+    assert (code, out) == (2, "")
+    assert err == f"omniservo: {path}: line 1: document types (DOCTYPE) are not read\n"
+    assert not (tmp_path / "drawn").exists()
+    code, _, err = call(capsys, "robot", "show", "kr6")
+    assert code == 2
+    assert "neither a file nor one of the shipped arms: panda, rx60, ur5e" in err
