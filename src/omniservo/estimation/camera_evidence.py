@@ -120,7 +120,7 @@ def focal_error(
         for i in range(12):
             jacobians[j, i] /= members.weights[j, i // 6]
         distance = sampson_row(members.bearings, members.jacobians, j, rotation, essential, tangents, row)
-        row[size - 1] = (sampson_distance(bearings, jacobians, j, essential)[0] - distance) / SMALL_STEP
+        row[size - 1] = (sampson_distance(bearings, jacobians, j, essential) - distance) / SMALL_STEP
         cost += distance * distance
         for i in range(size):
             solved[i] -= row[i] * distance

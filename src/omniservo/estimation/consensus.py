@@ -81,7 +81,7 @@ def msac_score(
     """Return the MSAC score [px²] and the inliers; what cannot beat ``best`` any more is left early."""
     score, inliers, most = 0.0, 0, threshold * threshold
     for j in range(bearings.shape[0]):
-        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        distance = sampson_distance(bearings, jacobians, j, essential)
         square = distance * distance
         if square < most:
             inliers += 1
@@ -109,7 +109,7 @@ def _improve(
         return False
     within = np.empty(bearings.shape[0], dtype=np.bool_)
     for j in range(bearings.shape[0]):
-        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        distance = sampson_distance(bearings, jacobians, j, essential)
         within[j] = abs(distance) < REACH * threshold
     count = gather(bearings, jacobians, within, near, slopes)
     loss_scale = 0.5 * threshold

@@ -27,6 +27,9 @@ ROTATION = 1
 HOMOGRAPHY = 2
 MOST_STEPS = 8
 
+FEW = 24
+"""Where there are twice as many matches, so many of them are asked first."""
+
 OUT_OF_REACH = 4.0
 """A refinement that the quadratic model sees end above so many times the interesting cost is left."""
 
@@ -222,17 +225,39 @@ def map_distance(matches: Matches, j: int, matrix: FloatArray, rows: FloatArray)
 def simpler_costs(matches: Matches, limits: FloatArray) -> FloatArray:
     """Return the costs (3,) [px²] of identity, rotation and homography as far as one may be below its limit.
 
-    Each map is a special case of the next, so where the homography is far above all, so are the others.
+    Each map is a special case of the next, so where the homography is far above all, so are the others; and
+    where that of a few matches alone is, so is that of all.
     """
     costs = np.full(3, math.inf)
-    everyone = np.ones(matches.pixels.shape[0], dtype=np.bool_)
     largest = limits.max()
+    if matches.pixels.shape[0] >= 2 * FEW:
+        few = _every(matches, matches.pixels.shape[0] // FEW)
+        some = np.ones(few.pixels.shape[0], dtype=np.bool_)
+        matrix = algebraic_map(few.bearings, some, HOMOGRAPHY)
+        least = refine_linear_map(few, HOMOGRAPHY, math.inf, largest, MOST_STEPS, matrix)
+        if 2.0 * largest < least < math.inf:  # twice: the refinement may have ended a little early
+            costs[HOMOGRAPHY] = least
+            return costs
+    everyone = np.ones(matches.pixels.shape[0], dtype=np.bool_)
     for kind in (HOMOGRAPHY, ROTATION, IDENTITY):
         matrix = algebraic_map(matches.bearings, everyone, kind)
         costs[kind] = refine_linear_map(matches, kind, math.inf, largest, MOST_STEPS, matrix)
         if kind == HOMOGRAPHY and costs[kind] > OUT_OF_REACH * largest:
             break
     return costs
+
+
+@kernel
+def _every(matches: Matches, stride: int) -> Matches:
+    """Return each ``stride``-th match."""
+    return Matches(
+        matches.parameters,
+        np.ascontiguousarray(matches.pixels[::stride]),
+        np.ascontiguousarray(matches.weights[::stride]),
+        np.ascontiguousarray(matches.bearings[::stride]),
+        np.ascontiguousarray(matches.jacobians[::stride]),
+        matches.noise_px,
+    )
 
 
 @kernel

@@ -16,7 +16,7 @@ from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.transposed_times import transposed_times
 
-FIRST_DAMPING = 1e-3
+FIRST_DAMPING = 1e-5
 LARGEST_DAMPING = 1e8
 TRUSTED_DAMPING = 1e-2
 SMALL_GAIN = 1e-5
@@ -115,27 +115,32 @@ def _damped_step(
 
 
 @kernel
-def sampson_distance(
-    bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray
-) -> tuple[float, float]:
-    """Return match ``j``'s signed Sampson distance [px] and its weight, 1/‖∂(bᵀEb*)/∂(p, p*)‖².
+def sampson_distance(bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray) -> float:
+    """Return match ``j``'s signed Sampson distance [px].
 
     d = bᵀEb* over the length of that form's gradient in the four pixel coordinates: to first order the
     smallest correction of the pixels that satisfies E. The camera's Jacobians carry it, so that a pixel
     counts the same in the middle and at the rim.
     """
+    form, f0, f1, f2, f3 = sampson_gradient(bearings, jacobians, j, e)
+    return form / math.sqrt(f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
+
+
+@kernel
+def sampson_gradient(
+    bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray
+) -> tuple[float, float, float, float, float]:
+    """Return bᵀEb* of match ``j`` and its gradient in the pixels (u, v, u*, v*)."""
     bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
-    gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
-    lx = e[0, 0] * gx + e[0, 1] * gy + e[0, 2] * gz
-    ly = e[1, 0] * gx + e[1, 1] * gy + e[1, 2] * gz
-    lz = e[2, 0] * gx + e[2, 1] * gy + e[2, 2] * gz
+    lx, ly, lz = times(e, bearings[j, 3], bearings[j, 4], bearings[j, 5])
     mx, my, mz = transposed_times(e, bx, by, bz)
-    f0 = lx * jacobians[j, 0] + ly * jacobians[j, 2] + lz * jacobians[j, 4]
-    f1 = lx * jacobians[j, 1] + ly * jacobians[j, 3] + lz * jacobians[j, 5]
-    f2 = mx * jacobians[j, 6] + my * jacobians[j, 8] + mz * jacobians[j, 10]
-    f3 = mx * jacobians[j, 7] + my * jacobians[j, 9] + mz * jacobians[j, 11]
-    weight = 1.0 / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
-    return (bx * lx + by * ly + bz * lz) * math.sqrt(weight), weight
+    return (
+        bx * lx + by * ly + bz * lz,
+        lx * jacobians[j, 0] + ly * jacobians[j, 2] + lz * jacobians[j, 4],
+        lx * jacobians[j, 1] + ly * jacobians[j, 3] + lz * jacobians[j, 5],
+        mx * jacobians[j, 6] + my * jacobians[j, 8] + mz * jacobians[j, 10],
+        mx * jacobians[j, 7] + my * jacobians[j, 9] + mz * jacobians[j, 11],
+    )
 
 
 @kernel
@@ -144,7 +149,7 @@ def sampson_distances(
 ) -> None:
     """Write the signed Sampson distances (n,) [px]; see :func:`sampson_distance`."""
     for j in range(bearings.shape[0]):
-        distances[j], _ = sampson_distance(bearings, jacobians, j, essential)
+        distances[j] = sampson_distance(bearings, jacobians, j, essential)
 
 
 @kernel
@@ -154,7 +159,7 @@ def sampson_cost(
     """Return Σ d² [px²], or the Cauchy loss of it, d the Sampson distances under ``essential``."""
     cost = 0.0
     for j in range(bearings.shape[0]):
-        distance, _ = sampson_distance(bearings, jacobians, j, essential)
+        distance = sampson_distance(bearings, jacobians, j, essential)
         cost += cauchy_loss(distance * distance, loss_scale)
     return cost
 
@@ -166,11 +171,8 @@ def correct_bearings(
     """Write the bearings (n, 6), to first order those of the nearest pixels that satisfy E."""
     for j in range(bearings.shape[0]):
         b, k = bearings[j], jacobians[j]
-        lx, ly, lz = times(essential, b[3], b[4], b[5])
-        mx, my, mz = transposed_times(essential, b[0], b[1], b[2])
-        f0, f1 = lx * k[0] + ly * k[2] + lz * k[4], lx * k[1] + ly * k[3] + lz * k[5]
-        f2, f3 = mx * k[6] + my * k[8] + mz * k[10], mx * k[7] + my * k[9] + mz * k[11]
-        ratio = (lx * b[0] + ly * b[1] + lz * b[2]) / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
+        form, f0, f1, f2, f3 = sampson_gradient(bearings, jacobians, j, essential)
+        ratio = form / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
         for i in range(3):
             corrected[j, i] = b[i] - ratio * (f0 * k[2 * i] + f1 * k[2 * i + 1])
             corrected[j, 3 + i] = b[3 + i] - ratio * (f2 * k[6 + 2 * i] + f3 * k[7 + 2 * i])

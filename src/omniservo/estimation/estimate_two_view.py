@@ -219,11 +219,9 @@ def _with_pose(
         return TwoViewEstimate.without_pose(len(matches.pixels), "not_converged", words, started)
     members, best, n = matches.where(fit.members), fit.minima[0], len(matches.pixels)
     rotation, translation, structure = best.rotation.copy(), best.translation.copy(), best.points.copy()
-    noise = np.empty((members.size, 8))
-    noise[:] = (1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0)
     chosen = members
     if plane is not None:
-        chosen, noise = plane[0].where(fit.members), plane[1][fit.members]
+        chosen = plane[0].where(fit.members)
         if not _refined(chosen, request.kind, rotation, translation, structure):
             words = "the refinement on the virtual plane found no minimum"
             return TwoViewEstimate.without_pose(n, "not_converged", words, started)
@@ -243,6 +241,7 @@ def _with_pose(
     translation, points = metres * translation, metres * points
 
     def law() -> JointUncertainty:
+        noise = np.tile(np.eye(2).ravel(), (members.size, 2)) if plane is None else plane[1][fit.members]
         response = linear_response(*arrays, noise, *solution, length.between)
         return two_view_uncertainty(members, rivals, response, solution, known, length, request.lens)
 

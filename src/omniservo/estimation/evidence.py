@@ -40,7 +40,7 @@ from omniservo.estimation.degenerate_motion import (
     simpler_costs,
 )
 from omniservo.estimation.heavy_tails import badly_found
-from omniservo.estimation.map_consensus import count_others
+from omniservo.estimation.map_consensus import BULK, count_others
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.motion_search import LEAST_NOISE_PX, Minimum
@@ -67,10 +67,6 @@ SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
     ),
 )
 """(map, parameters, status, words), from the simplest."""
-
-BULK = 0.65
-BULK_SAMPLES = 18
-"""A simpler model is looked for that so many of the members obey; so many samples hold one with 97%."""
 
 NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
@@ -158,19 +154,34 @@ def _fisher(extra: int, freedom: int, chance: float) -> float:
 def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status, str] | None:
     """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
     n, inside = matches.size, int(np.count_nonzero(fit.members))
-    least = BULK * inside
-    counts = count_others(matches, fit.members, GATE * sigma, least, BULK_SAMPLES)
-    wrong = (n - inside + 1) / (n + 2)
+    share = 1.0 - _most_pretended(n, inside) / inside
+    counts = count_others(matches, fit.members, GATE * sigma, share)
     for kind, _, status, words in SIMPLER:
         m, k = int(counts[kind, 0]), int(counts[kind, 1])
         if k == inside:
             continue
-        extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
+        pairs, odds = _pretending(n, inside, m, k)
+        extent = max(math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
         band = min(1.0, 4.0 * GATE * sigma / extent)
-        chance = math.comb(m, 2) * (float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0) if m > 2 else 1.0
-        if chance * (wrong / (1.0 - wrong)) ** k > SIGNIFICANCE:
+        chance = float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0
+        if pairs * chance * odds > SIGNIFICANCE:
             return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
     return None
+
+
+def _most_pretended(n: int, inside: int) -> int:
+    """Return the most members that may disobey a simpler model: with more, the motion stands, in any band."""
+    outside = n - inside
+    for k in range(1, int((1.0 - BULK) * inside) + 1):
+        if math.prod(_pretending(n, inside, outside + k, k)) <= SIGNIFICANCE:
+            return k - 1
+    return int((1.0 - BULK) * inside)
+
+
+def _pretending(n: int, inside: int, m: int, k: int) -> tuple[int, float]:
+    """Return C(m, 2), 1 for two or fewer, and the odds that ``k`` members are wrong matches."""
+    wrong = (n - inside + 1) / (n + 2)
+    return (math.comb(m, 2) if m > 2 else 1), (wrong / (1.0 - wrong)) ** k
 
 
 def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:
@@ -183,8 +194,10 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
             odds = math.exp(0.5 * (best.cost - rival.cost) / variance)
         else:
             odds = math.pow(max(best.cost, floor) / max(rival.cost, floor), 0.5 * freedom)
+        if odds <= NEARLY_AS_LIKELY:
+            continue
         turn, swing = _separation(best, rival)
-        if odds > NEARLY_AS_LIKELY and (turn > FAR_ROTATION or swing > FAR_DIRECTION):
+        if turn > FAR_ROTATION or swing > FAR_DIRECTION:
             return "ambiguous", (
                 f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
                 f" apart fit with rms {_rms(best.cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points"

@@ -14,7 +14,8 @@ from scipy.special import bdtrc
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE
-from omniservo.estimation.two_view_fit import FEW_POINTS, TwoViewFit
+from omniservo.estimation.motion_search import FEW_POINTS
+from omniservo.estimation.two_view_fit import TwoViewFit
 from omniservo.geometry.arrays import FloatArray
 
 TAIL = 15.0

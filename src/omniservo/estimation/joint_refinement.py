@@ -28,7 +28,7 @@ from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.transposed_times import transposed_times
 
-FIRST_DAMPING = 1e-3
+FIRST_DAMPING = 1e-6
 LARGEST_DAMPING = 1e8
 TRUSTED_DAMPING = 1e-2
 """A small gain says that the minimum is near only where damping did not make it small."""
@@ -88,7 +88,7 @@ def refine_jointly(
         # Most trials are taken, so their normal equations are made along with their cost.
         trial = linearise(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h, trial_blocks)
         # Below this the cost is rounding; the step is as good as the answer.
-        last = decrement <= 1e-10 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
+        last = decrement <= 1e-9 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
         if trial > cost and not (last and trial < math.inf):
             damping = max(10.0 * damping, 1e-8)
             continue

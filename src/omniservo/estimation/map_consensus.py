@@ -26,24 +26,31 @@ SAMPLE = 4
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 ROBUST_STEPS = 6
 CONFIDENCE = 0.999
+
+BULK = 0.65
+"""A map counts where so many of the members obey it."""
+BULK_SAMPLES = 18
+"""One of so many holds, with 97%, only members that obey where no more than `BULK` do."""
+CLEAN_SAMPLES = 10
+"""Where more do, so many of such samples are expected: noise spoils some of them."""
 HEAD_START = 4
 """A sample's map is left that so many more members disobey than halfway between the least share that may and
 all: one that the least share obeys gets there with 0.1%."""
 
 
 @kernel
-def count_others(
-    matches: Matches, members: BoolArray, gate: float, least: float, most_samples: int
-) -> IntArray:
+def count_others(matches: Matches, members: BoolArray, gate: float, share: float) -> IntArray:
     """Return (3, 2): how many matches, and members, disobey identity, rotation and homography.
 
-    Where fewer than ``least`` members obey a map all are counted.
+    Only maps that ``share`` of the members obey are looked for, and where fewer than `BULK` obey a map all
+    are counted.
     """
     n, inside = members.shape[0], int(members.sum())
+    least, most_samples = BULK * inside, min(BULK_SAMPLES, math.ceil(CLEAN_SAMPLES / share**SAMPLE))
     counts, distances = np.empty((3, 2), dtype=np.int64), np.empty(n)
     counts[:, 0], counts[:, 1] = n, inside
     for kind in (HOMOGRAPHY, ROTATION, IDENTITY):
-        if kind == ROTATION and not _keeps_angles(matches, members, gate):
+        if kind == ROTATION and not _keeps_angles(matches, members, gate, share):
             continue
         if kind == IDENTITY and inside - counts[ROTATION, 1] < least:
             continue  # the identity is a rotation
@@ -59,11 +66,11 @@ def count_others(
 
 
 @kernel
-def _keeps_angles(matches: Matches, members: BoolArray, gate: float) -> bool:
+def _keeps_angles(matches: Matches, members: BoolArray, gate: float, share: float) -> bool:
     """Tell whether a rotation may hold: it keeps the angle between bearings, of both in enough pairs.
 
     Two members each within ``gate`` [px] of a rotation see their angle change by at most 2 gate (J + J'), J
-    and J' the larger of either's angles by pixel. A bulk of 65% holds 42% of the pairs; 25% are asked for.
+    and J' the larger of either's angles by pixel. A member that disobeys spoils one pair.
     """
     places = np.flatnonzero(members)
     half = places.shape[0] // 2
@@ -73,7 +80,7 @@ def _keeps_angles(matches: Matches, members: BoolArray, gate: float) -> bool:
         most = 2.0 * gate * (_angle_by_pixel(matches.jacobians[i]) + _angle_by_pixel(matches.jacobians[j]))
         initial = _angle(bearings[i, :3], bearings[j, :3])
         kept += abs(initial - _angle(bearings[i, 3:], bearings[j, 3:])) < most
-    return 4 * kept >= half
+    return kept >= half - (1.0 - share) * places.shape[0]
 
 
 @kernel
@@ -145,7 +152,7 @@ def _sampled_homography(
     score, found, needed, drawn, state = math.inf, False, float(most_samples), 0, 1
     share = 1.0 - 0.5 * least / n
     # Wrong matches that stand side by side must not come first for every sample.
-    visited = places[np.argsort((np.arange(n) * GOLDEN) % 1.0)]
+    stride = _coprime(int(GOLDEN * n), n)
     while drawn < needed:
         drawn += 1
         state = draw(state, n, chosen)
@@ -153,7 +160,7 @@ def _sampled_homography(
             continue
         here, wrong = 0.0, 0
         for k in range(n):
-            distance = map_distance(matches, int(visited[k]), trial, rows)
+            distance = map_distance(matches, int(places[k * stride % n]), trial, rows)
             wrong += distance >= gate
             here += min(distance * distance, gate * gate)
             if here >= score or wrong > n - least or wrong > HEAD_START + share * k:
@@ -166,6 +173,19 @@ def _sampled_homography(
             clean = min(((n - wrong) / n) ** SAMPLE, 1.0 - 1e-12)
             needed = min(needed, math.log(1.0 - CONFIDENCE) / math.log(1.0 - clean) + 1.0)
     return found
+
+
+@kernel
+def _coprime(first: int, n: int) -> int:
+    """Return the first whole number from ``first`` on that shares no factor with ``n``."""
+    stride = max(first, 1)
+    while True:
+        a, b = stride, n
+        while b > 0:
+            a, b = b, a % b
+        if a == 1:
+            return stride
+        stride += 1
 
 
 @kernel

@@ -28,6 +28,7 @@ from omniservo.geometry.kernel import kernel
 START_ANGLES = np.array([0.0, 0.6, -0.6, 1.2, -1.2])
 """a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
 
+EARLY_STEPS = 4
 EPIPOLAR_STEPS = 20
 FIRST_STEPS = 8
 JOINT_STEPS = 200
@@ -41,6 +42,12 @@ APART = 0.05
 
 HOPELESS = 30.0
 """A start is dropped where its epipolar cost is this many times the best joint cost."""
+HOPELESS_OF_MANY = 5.0
+"""likewise of more than `FEW_POINTS`: the more points, the nearer the two costs are to each other"""
+
+FEW_POINTS = 40
+"""Up to here five starts are worth their time; beyond, one finds the minimum, if it is that of all matches
+and not of a sample."""
 
 LEAST_NOISE_PX = 0.01
 """No pixel is known better: below, a cost is rounding, and a larger one not worse."""
@@ -102,18 +109,12 @@ def search_motion(matches: Matches, kind: int, starts: FloatArray) -> list[Minim
 @kernel
 def search_minima(matches: Matches, kind: int, starts: FloatArray, found: Minima) -> None:
     """Fill ``found``; see `search_motion`."""
-    count = starts.shape[0]
-    order = np.empty(count)
-    for k in range(count):
-        found.costs[k] = math.inf
-        order[k] = refined_motion(
-            matches.bearings, matches.jacobians, starts[k], found.rotations[k], found.translations[k]
-        )
+    order = _refined_starts(matches, starts, found)
     essential, rays = np.empty((3, 3)), np.empty_like(matches.bearings)
     floor = LEAST_NOISE_PX**2 * matches.bearings.shape[0]
-    best = math.inf
+    best, hopeless = math.inf, HOPELESS_OF_MANY if matches.bearings.shape[0] > FEW_POINTS else HOPELESS
     for k in np.argsort(order):
-        if not order[k] < math.inf or order[k] > HOPELESS * max(best, floor):
+        if not order[k] < math.inf or order[k] > hopeless * max(best, floor):
             break
         if _twin(found, k, math.inf) >= 0:
             continue
@@ -132,6 +133,29 @@ def search_minima(matches: Matches, kind: int, starts: FloatArray, found: Minima
             twin = _twin(found, k, math.inf)
         found.costs[k] = cost
         best = min(best, cost)
+
+
+@kernel
+def _refined_starts(matches: Matches, starts: FloatArray, found: Minima) -> FloatArray:
+    """Write the motions that the starts lead to; return their costs, infinite without one of their own.
+
+    Starts on the way to one minimum meet early; only the best of them goes on.
+    """
+    b, j, r, t = matches.bearings, matches.jacobians, found.rotations, found.translations
+    order, done = np.empty(starts.shape[0]), found.converged
+    for k in range(order.shape[0]):
+        order[k], done[k] = refined_motion(b, j, starts[k], EARLY_STEPS, r[k], t[k])
+        found.costs[k] = math.inf
+    for k in np.argsort(order):
+        if order[k] < math.inf and _twin(found, k, math.inf) >= 0:
+            order[k] = math.inf
+        found.costs[k] = order[k]
+    for k in range(order.shape[0]):
+        found.costs[k] = math.inf
+        if order[k] < math.inf and not done[k]:
+            order[k], _ = refine_epipolar(b, j, math.inf, r[k], t[k], EPIPOLAR_STEPS - EARLY_STEPS)
+            turn_in_front(b, r[k], t[k])
+    return order
 
 
 @kernel
@@ -186,15 +210,16 @@ def refined_motion(
     bearings: FloatArray,
     jacobians: FloatArray,
     start: FloatArray,
+    most_steps: int,
     rotation: FloatArray,
     translation: FloatArray,
-) -> float:
-    """Write (R, t) that ``start`` leads to, the points in front, and return its epipolar cost [px²].
+) -> tuple[float, bool]:
+    """Write (R, t) that ``start`` leads to, the points in front; return its epipolar cost [px²], converged.
 
     Infinite where ``start`` has no motion.
     """
     if motion_in_front(bearings, start, rotation, translation) < 0:
-        return math.inf
-    cost, _ = refine_epipolar(bearings, jacobians, math.inf, rotation, translation, EPIPOLAR_STEPS)
+        return math.inf, False
+    cost, converged = refine_epipolar(bearings, jacobians, math.inf, rotation, translation, most_steps)
     turn_in_front(bearings, rotation, translation)
-    return cost
+    return cost, converged

@@ -22,6 +22,8 @@ from omniservo.estimation.members import (
     sampling_threshold,
 )
 from omniservo.estimation.motion_search import (
+    EPIPOLAR_STEPS,
+    FEW_POINTS,
     START_ANGLES,
     Minimum,
     eight_point_starts,
@@ -30,15 +32,14 @@ from omniservo.estimation.motion_search import (
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
+MANY_STARTS = 3
+"""of many sampled matches; the others lead to the same minimum, or to one of many times the cost."""
+
 LEAST_POINTS = 5
 """of the five-point algorithm; no fewer determine a motion."""
 
 EIGHT_POINTS = 8
 """of the eight-point algorithm; fewer say nothing about their own noise."""
-
-FEW_POINTS = 40
-"""Up to here five starts are worth their time; beyond, one finds the minimum, if it is that of all matches
-and not of a sample."""
 
 NEARLY_ALL = 0.9
 """Where so many matches agree with the motion of all, none need be sampled."""
@@ -119,8 +120,10 @@ def fit_members(
     starts = [] if prior is None else [prior[None]]
     if chosen.size < EIGHT_POINTS:
         starts.append(_five_point_starts(chosen))
-    elif sampled or chosen.size <= FEW_POINTS:
+    elif chosen.size <= FEW_POINTS:
         starts.append(eight_point_starts(chosen.bearings, START_ANGLES))
+    elif sampled:
+        starts.append(eight_point_starts(chosen.bearings, START_ANGLES[:MANY_STARTS]))
     return TwoViewFit(members, search_motion(chosen, kind, np.concatenate(starts)))
 
 
@@ -138,7 +141,9 @@ def _nearly_all(matches: Matches, robust: bool) -> tuple[BoolArray, FloatArray] 
     rotation, translation, essential = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     start = eight_point_starts(matches.bearings, START_ANGLES[:1])[0]
     members = np.ones(matches.size, dtype=np.bool_)
-    cost = refined_motion(matches.bearings, matches.jacobians, start, rotation, translation)
+    cost, _ = refined_motion(
+        matches.bearings, matches.jacobians, start, EPIPOLAR_STEPS, rotation, translation
+    )
     if math.isinf(cost):
         return None if robust else (members, start)
     essential_matrix(rotation, translation, essential)

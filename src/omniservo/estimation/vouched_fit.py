@@ -19,8 +19,8 @@ import numpy as np
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_row, tangent_plane
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
-from omniservo.estimation.motion_search import LEAST_NOISE_PX
-from omniservo.estimation.two_view_fit import EIGHT_POINTS, FEW_POINTS, THING, TwoViewFit, fit_members
+from omniservo.estimation.motion_search import FEW_POINTS, LEAST_NOISE_PX
+from omniservo.estimation.two_view_fit import EIGHT_POINTS, THING, TwoViewFit, fit_members
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
