@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from omniservo.calibration import Calibration, calibrate_camera, load_camera, load_model, save_camera
+    from omniservo.calibration.hand_eye import (
+        HandEye,
+        RobotPoses,
+        calibrate_hand_eye,
+        calibrate_hand_eye_images,
+        load_robot_poses,
+    )
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
     from omniservo.estimation import (
@@ -40,6 +47,11 @@ __version__ = "0.1.0"
 _HOME = {
     "Calibration": "calibration",
     "calibrate_camera": "calibration",
+    "HandEye": "calibration.hand_eye",
+    "RobotPoses": "calibration.hand_eye",
+    "calibrate_hand_eye": "calibration.hand_eye",
+    "calibrate_hand_eye_images": "calibration.hand_eye",
+    "load_robot_poses": "calibration.hand_eye",
     "load_camera": "calibration",
     "load_model": "calibration",
     "save_camera": "calibration",
@@ -81,6 +93,7 @@ __all__ = [
     "CameraPath",
     "Certificate",
     "DeadZone",
+    "HandEye",
     "InputError",
     "KnownPoints",
     "MultiViewEstimate",
@@ -89,6 +102,7 @@ __all__ = [
     "Plan",
     "PlanningProblem",
     "PoseEstimate",
+    "RobotPoses",
     "ServoStop",
     "Target",
     "TrackerOptions",
@@ -96,6 +110,8 @@ __all__ = [
     "UnifiedCamera",
     "ViewDistance",
     "calibrate_camera",
+    "calibrate_hand_eye",
+    "calibrate_hand_eye_images",
     "estimate_known_target",
     "estimate_pose",
     "estimate_two_view",
@@ -103,6 +119,7 @@ __all__ = [
     "improving_plans",
     "load_camera",
     "load_model",
+    "load_robot_poses",
     "plan_path",
     "plan_with_risk",
     "preset",

@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.output import JsonOption, Output, QuietOption
 from omniservo.errors import InputError
 
 if TYPE_CHECKING:
     from omniservo.robots import Arm, Link
 
-app = typer.Typer(help="Show robot arms.", no_args_is_help=True)
+app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
+app.command("calibrate-hand-eye")(calibrate_hand_eye)
 
 
 @app.callback()
 def _robot() -> None:
-    """Show robot arms."""
+    """Show robot arms, and find the camera in their hand."""
 
 
 @app.command("show")

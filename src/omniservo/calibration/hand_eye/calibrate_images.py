@@ -1,0 +1,118 @@
+"""From pictures and robot poses to the camera's place in the hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.calibration.boards import Board, find_board
+from omniservo.calibration.hand_eye.calibrate_hand_eye import calibrate_hand_eye
+from omniservo.calibration.hand_eye.hand_eye import HandEye
+from omniservo.calibration.hand_eye.robot_poses import checked_poses
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.image_files import read_grey_image
+from omniservo.perception import find_tags
+from omniservo.targets import Target
+
+_SAME = 1e-6
+"""of the board's extent: how near a turned board's points are to its own"""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageHandEye:
+    """A hand-eye calibration and the images that it is from."""
+
+    camera: UnifiedCamera
+    images: tuple[Path, ...]
+    corners: tuple[FloatArray, ...]
+    """of each image (k, 2) [px] what was found"""
+    result: HandEye
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    pixels: FloatArray
+    points: FloatArray
+    reason: str = ""
+    turnable: bool = False
+
+
+def calibrate_hand_eye_images(
+    camera: UnifiedCamera,
+    base_T_tool: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
+    images: Sequence[str | Path],
+    target: Board | Target,
+    *,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ImageHandEye:
+    """Return where the camera sits in the hand, from one picture at each pose; see `calibrate_hand_eye`.
+
+    Args:
+        camera: took the pictures.
+        base_T_tool: n poses as the robot reports them.
+        images: n files, in the same order.
+        target: what stands still in front of the arm: a board, or tags of known size and place.
+        progress: told what is being done.
+
+    Raises:
+        InputError: other numbers of poses and images, no image, another size than the camera's, no target.
+    """
+    poses = checked_poses(base_T_tool)
+    if len(images) != len(poses):
+        raise InputError(f"images: {len(images)} given for {len(poses)} poses; one each is needed")
+    paths = tuple(Path(image) for image in images)
+    found = []
+    for i, path in enumerate(paths):
+        progress(f"looking for the board: {i + 1} of {len(paths)}")
+        try:
+            found.append(_look(read_grey_image(path), camera, target))
+        except InputError as error:
+            raise InputError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
+    turns = _turns(target) if isinstance(target, Board) and any(seen.turnable for seen in found) else ()
+    progress(f"calibrating from {sum(len(seen.pixels) > 0 for seen in found)} views")
+    result = calibrate_hand_eye(
+        camera, poses, [seen.pixels for seen in found], [seen.points for seen in found], turns=turns
+    )
+    views = tuple(
+        replace(view, reason=seen.reason) if seen.reason else view
+        for view, seen in zip(result.views, found, strict=True)
+    )
+    return ImageHandEye(camera, paths, tuple(seen.pixels for seen in found), replace(result, views=views))
+
+
+def _look(image: ByteArray, camera: UnifiedCamera, target: Board | Target) -> _Found:
+    if isinstance(target, Board):
+        view = find_board(image, target, camera)
+        return _Found(view.pixels, view.object_points, view.reason, view.turnable)
+    if not target.tags:
+        raise InputError("target: no tags; a board, or a target with tags is needed")
+    pixels, points = [np.empty((0, 2))], [np.empty((0, 3))]
+    for dictionary in target.dictionaries:
+        tags = find_tags(image, camera, dictionary)
+        places, known = target.corners_of((4 * tags.ids[:, None] + np.arange(4)).ravel(), dictionary)
+        pixels.append(tags.corners.reshape(-1, 2)[known])
+        points.append(places[known])
+    together = _Found(np.concatenate(pixels), np.concatenate(points))
+    return (
+        together if len(together.pixels) else replace(together, reason="none of the target's tags was found")
+    )
+
+
+def _turns(board: Board) -> tuple[RigidTransform, ...]:
+    """Return the quarter and half turns that bring a board's points onto themselves."""
+    middle = 0.5 * (board.points.min(axis=0) + board.points.max(axis=0))
+    turns = []
+    for quarters in (1, 2, 3):
+        rotation = Rotation.from_rotvec([0.0, 0.0, 0.5 * np.pi * quarters])
+        turn = RigidTransform.from_components(middle - rotation.apply(middle), rotation)
+        away = np.linalg.norm(turn.apply(board.points)[:, None] - board.points, axis=2).min(axis=1)
+        if away.max() < _SAME * np.ptp(board.points):
+            turns.append(turn)
+    return tuple(turns)

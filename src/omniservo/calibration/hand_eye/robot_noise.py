@@ -1,0 +1,95 @@
+"""How far reported robot poses are off, and what both unknown poses are then: a mixed linear model.
+
+q = M θ + Δ + ε, where Δ ~ N(0, Ω), Ω = diag(σ_t² I, σ_r² I), the same for all views, is what the robot's
+reports are off by, and ε ~ N(0, C) is known from the image. Given (σ_t, σ_r), θ is generalised least squares
+with V = Ω + C. They are not known; their restricted likelihood, which unlike the mean square residual counts
+what θ has taken up, is
+
+    L(σ_t, σ_r) ∝ Π|V|^(−½) · |Σ MᵀV⁻¹M|^(−½) · exp(−½ Σ rᵀV⁻¹r),   r = q − M θ,
+
+(Patterson & Thompson, Biometrika 58, 1971). θ and its covariance are mean and covariance over L, flat in σ_t
+and σ_r: few views say little about the two, and an estimate "0" would claim more than is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.calibration.hand_eye.loop import LinearLoop
+from omniservo.geometry.arrays import FloatArray
+
+_RANGE = ((1e-6, 0.3), (1e-6, 0.3))
+"""of σ_t [m] and σ_r [rad]"""
+
+_NODES = 10
+"""a side of the grid over ln σ_t and ln σ_r"""
+
+_ZOOMS = 4
+_COUNTS = 1e-4
+"""of the largest weight: what the grid is narrowed to"""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopSolution:
+    """The step of both poses, its covariance, and what reported poses are off by."""
+
+    step: FloatArray
+    """(12,) of X and Z"""
+    covariance: FloatArray
+    """(12, 12) of the step"""
+    sigmas: tuple[float, float]
+    """mean square (σ_t [m], σ_r [rad]) per axis, as a root"""
+    offsets: FloatArray
+    """(n, 6) expected Δ of each view"""
+
+
+def solve_loop(linear: LinearLoop) -> LoopSolution:
+    """Return mean and covariance of the step over all (σ_t, σ_r) that the views allow."""
+    ranges = np.log(_RANGE)
+    for _ in range(_ZOOMS):
+        axes = [np.linspace(low, high, _NODES) for low, high in ranges]
+        logs = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        steps, covariances, likelihoods = _given(linear, np.exp(logs))
+        weights = np.exp(likelihoods + logs.sum(axis=1) - (likelihoods + logs.sum(axis=1)).max())
+        ranges = np.array([_narrowed(axis, w) for axis, w in zip(axes, _margins(weights), strict=True)])
+    weights /= weights.sum()
+    step = weights @ steps
+    covariance = np.einsum("g,gij->ij", weights, covariances)
+    covariance += np.einsum("g,gi,gj->ij", weights, steps - step, steps - step)
+    variances = weights @ np.exp(2.0 * logs)
+    left = linear.q - linear.M @ step
+    V = linear.C + np.diag(np.repeat(variances, 3))
+    offsets = np.linalg.solve(V, left[:, :, None])[:, :, 0] * np.repeat(variances, 3)
+    sigmas = np.sqrt(variances)
+    return LoopSolution(step, covariance, (float(sigmas[0]), float(sigmas[1])), offsets)
+
+
+def _given(linear: LinearLoop, sigmas: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return θ (g, m), its covariance (g, m, m) and ln L (g,) for each of (σ_t, σ_r) (g, 2)."""
+    V = linear.C + np.repeat(sigmas**2, 3, axis=1)[:, None, :, None] * np.eye(6)
+    rows = np.concatenate([linear.M, linear.q[:, :, None]], axis=2)
+    weighted = (np.linalg.inv(V) @ rows).reshape(len(V), -1, rows.shape[2])
+    products = rows.reshape(-1, rows.shape[2]).T @ weighted
+    normal, right = products[:, :-1, :-1], products[:, :-1, -1]
+    # the board's size: known within a factor e, so that it stays finite where the views do not show it
+    normal[:, 12:, 12:] += 1.0
+    scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
+    unit = np.linalg.inv(normal * scale[:, :, None] * scale[:, None, :])
+    covariances = unit * scale[:, :, None] * scale[:, None, :]
+    steps = np.einsum("gij,gj->gi", covariances, right)
+    squares = products[:, -1, -1] - np.einsum("gi,gi->g", right, steps)
+    logdets = np.linalg.slogdet(V)[1].sum(axis=1) + np.linalg.slogdet(normal)[1]
+    return steps, covariances, -0.5 * (logdets + squares)
+
+
+def _margins(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    square = weights.reshape(_NODES, _NODES)
+    return square.max(axis=1), square.max(axis=0)
+
+
+def _narrowed(axis: FloatArray, weights: FloatArray) -> tuple[float, float]:
+    """Return the part of an axis outside which weights do not count, a node wider."""
+    counts = np.flatnonzero(weights >= _COUNTS * weights.max())
+    return axis[max(counts[0] - 1, 0)], axis[min(counts[-1] + 1, len(axis) - 1)]

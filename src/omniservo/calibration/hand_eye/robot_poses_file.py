@@ -1,0 +1,181 @@
+"""Robot poses in files: our own format, and ViSP's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.calibration.hand_eye.robot_poses import ROUNDED, pose_from_matrix
+from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.files import parse_document, read_text, stated_units
+from omniservo.geometry.arrays import finite_array
+
+FORMAT = "omniservo.robot_poses/1"
+
+_MAX_BYTES = 2**20
+_VISP_LISTS = ("fPe", "rPe")
+_ROTATIONS = ("quaternion", "rotation_vector", "matrix")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPoses:
+    """base_T_tool of n views, and what says which picture belongs to each."""
+
+    source: str
+    """the file, for messages"""
+    base_T_tool: tuple[RigidTransform, ...]
+    images: tuple[str, ...] | None = None
+    """names of the image files; None: in the order of the images"""
+    numbers: tuple[int, ...] | None = None
+    """last number in the names of the image files, as ViSP numbers its files; None: as above"""
+
+    def of_images(self, images: Sequence[Path]) -> tuple[RigidTransform, ...]:
+        """Return the pose of each image: by name or number, else by order. Other poses are left out.
+
+        Raises:
+            InputError: an image without a pose; without names, another number of images than poses.
+        """
+        if self.images is None and self.numbers is None:
+            if len(images) != len(self.base_T_tool):
+                raise InputError(
+                    f"{self.source}: {len(self.base_T_tool)} poses given for {len(images)} images;"
+                    " one each is needed"
+                )
+            return self.base_T_tool
+        keys: dict[str | int, RigidTransform] = dict(
+            zip(self.images or self.numbers or (), self.base_T_tool, strict=True)
+        )
+        found = []
+        for image in images:
+            key = image.name if self.images is not None else _last_number(image)
+            if key not in keys:
+                known = ", ".join(str(k) for k in list(keys)[:4])
+                raise InputError(
+                    f"{self.source}: no pose for {image} ({spelled(key)}); there are poses for {known}, …"
+                )
+            found.append(keys[key])
+        return tuple(found)
+
+
+def load_robot_poses(path: str | Path) -> RobotPoses:
+    """Read base_T_tool of several views; see docs/hand-eye.md.
+
+    Our own format is YAML or JSON. ViSP's are one YAML file a pose (tx, ty, tz and θu), ``path`` then holding
+    ``%d`` in place of the number, and JSON with a list ``fPe`` or ``rPe`` of {R, t}.
+
+    Raises:
+        InputError: unreadable, another format, or a field that is missing or not legal.
+    """
+    if "%d" in Path(path).name:
+        return _numbered(Path(path))
+    source = str(path)
+    fields = parse_document(read_text(path, max_bytes=_MAX_BYTES), source)
+    if not isinstance(fields, dict):
+        raise InputError(
+            f"{source}: {spelled(fields)} found; a mapping with format and base_T_tool is needed"
+        )
+    for name in _VISP_LISTS:
+        if "format" not in fields and isinstance(fields.get(name), list):
+            poses = [_R_and_t(value, f"{source}: {name}[{i}]") for i, value in enumerate(fields[name])]
+            return RobotPoses(source, tuple(poses))
+    if fields.get("format") != FORMAT:
+        raise InputError(f"{source}: format: {spelled(fields.get('format'))} given; legal: {FORMAT!r}")
+    return _own(fields, source)
+
+
+def _own(fields: dict[str, Any], source: str) -> RobotPoses:
+    for name in fields:
+        if name not in ("format", "units", "base_T_tool"):
+            raise InputError(
+                f"{source}: {spelled_name(name)}: unknown field; legal: format, units, base_T_tool"
+            )
+    units = stated_units(fields.get("units", {}), source)
+    entries = fields.get("base_T_tool")
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{source}: base_T_tool: {spelled(entries)} given; a list of poses is needed")
+    poses = tuple(_entry(value, f"{source}: base_T_tool[{i}]", units) for i, value in enumerate(entries))
+    named = ["image" in value for value in entries]
+    if not any(named):
+        return RobotPoses(source, poses)
+    if not all(named):
+        raise InputError(f"{source}: base_T_tool[{named.index(False)}]: image: missing; others have one")
+    images = tuple(value["image"] for value in entries)
+    for i, image in enumerate(images):
+        if not isinstance(image, str) or image in images[:i]:
+            problem = "given twice" if image in images[:i] else "a file's name is needed"
+            raise InputError(f"{source}: base_T_tool[{i}]: image: {spelled(image)}: {problem}")
+    return RobotPoses(source, poses, images=images)
+
+
+def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:
+    if not isinstance(value, dict):
+        raise InputError(
+            f"{where}: {spelled(value)} given; a mapping with translation and quaternion is needed"
+        )
+    given = [name for name in _ROTATIONS if name in value]
+    for name in value:
+        if name not in ("image", "translation", *_ROTATIONS):
+            raise InputError(
+                f"{where}: {spelled_name(name)}: unknown field; "
+                f"legal: image, translation, {', '.join(_ROTATIONS)}"
+            )
+    if len(given) != 1 or ("translation" in value) == (given == ["matrix"]):
+        raise InputError(
+            f"{where}: needed: translation with quaternion or rotation_vector, or matrix (4 × 4) alone"
+        )
+    if given == ["matrix"]:
+        matrix = np.array(finite_array(f"{where}: matrix", value["matrix"], (4, 4)))
+        matrix[:3, 3] *= units["length"]
+        return pose_from_matrix(f"{where}: matrix", matrix)
+    translation = units["length"] * finite_array(f"{where}: translation", value["translation"], (3,))
+    if given == ["rotation_vector"]:
+        vector = units["angle"] * finite_array(f"{where}: rotation_vector", value["rotation_vector"], (3,))
+        return RigidTransform.from_components(translation, Rotation.from_rotvec(vector))
+    quaternion = finite_array(f"{where}: quaternion", value["quaternion"], (4,))
+    if abs(np.linalg.norm(quaternion) - 1.0) > ROUNDED:
+        raise InputError(
+            f"{where}: quaternion: norm {np.linalg.norm(quaternion):.4g} given; legal: 1 within {ROUNDED:g}"
+        )
+    return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
+
+
+def _R_and_t(value: Any, where: str) -> RigidTransform:
+    """The pose of {R: 3 × 3, t: 3}."""
+    if not isinstance(value, dict) or not {"R", "t"} <= set(value):
+        raise InputError(f"{where}: {spelled(value)} given; a mapping with R and t is needed")
+    matrix = np.eye(4)
+    matrix[:3, :3] = finite_array(f"{where}: R", value["R"], (3, 3))
+    matrix[:3, 3] = finite_array(f"{where}: t", value["t"], (3,))
+    return pose_from_matrix(f"{where}: R", matrix)
+
+
+def _numbered(pattern: Path) -> RobotPoses:
+    """ViSP's vpPoseVector files: {rows: 6, cols: 1, data: [[tx], [ty], [tz], [θux], [θuy], [θuz]]}."""
+    head, tail = pattern.name.split("%d", 1)
+    name = re.compile(re.escape(head) + r"(\d{1,9})" + re.escape(tail))
+    if not pattern.parent.is_dir():
+        raise InputError(f"{pattern}: its folder does not exist")
+    files = {int(found[1]): file for file in pattern.parent.iterdir() if (found := name.fullmatch(file.name))}
+    if not files:
+        raise InputError(f"{pattern}: no file of this name, with a number in place of %d")
+    numbers = tuple(sorted(files))
+    return RobotPoses(str(pattern), tuple(_pose_vector(files[n]) for n in numbers), numbers=numbers)
+
+
+def _pose_vector(file: Path) -> RigidTransform:
+    fields = parse_document(read_text(file, max_bytes=_MAX_BYTES), str(file))
+    if not isinstance(fields, dict) or "data" not in fields:
+        raise InputError(f"{file}: data: missing; a ViSP pose vector has rows, cols and data")
+    data = finite_array(f"{file}: data", fields["data"], (6, 1))[:, 0]
+    return RigidTransform.from_components(data[:3], Rotation.from_rotvec(data[3:]))
+
+
+def _last_number(image: Path) -> int:
+    numbers = re.findall(r"\d+", image.stem)
+    return int(numbers[-1][-9:]) if numbers else -1

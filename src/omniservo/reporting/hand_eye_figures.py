@@ -1,0 +1,103 @@
+"""What a hand-eye calibration rests on, drawn: what is left in each view, in the image and at the board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from matplotlib.patches import Rectangle
+
+from omniservo.calibration.hand_eye import ImageHandEye
+from omniservo.reporting.style import (
+    ASKED,
+    CERTIFIED,
+    EXECUTED,
+    PLANNED,
+    QUIET,
+    SIX,
+    Drawing,
+    legend_below,
+    new_figure,
+    styled,
+)
+
+
+def hand_eye_drawings(found: ImageHandEye) -> Iterator[Drawing]:
+    """Yield the figures of a hand-eye calibration; none where there is no pose."""
+    if found.result.status != "ok":
+        return
+    for draw in (_scatter, _pixels, _corners):
+        with styled():
+            yield draw(found)
+
+
+def _seen(found: ImageHandEye) -> list[int]:
+    return [i for i, view in enumerate(found.result.views) if np.isfinite(view.position_m)]
+
+
+def _scatter(found: ImageHandEye) -> Drawing:
+    """Position and rotation of each view's own board, off base_T_board."""
+    seen, views = _seen(found), found.result.views
+    figure = new_figure(max(6.4, 1.6 + 0.3 * len(seen)), 4.6)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    places = np.arange(len(seen))
+    colours = [EXECUTED if views[i].used else CERTIFIED for i in seen]
+    upper.bar(places, [1e3 * views[i].position_m for i in seen], color=colours, width=0.7)
+    lower.bar(places, [np.degrees(views[i].rotation_rad) for i in seen], color=colours, width=0.7)
+    upper.set_ylabel("position [mm]")
+    lower.set_ylabel("rotation [deg]")
+    for axes in (upper, lower):
+        axes.grid(visible=False, axis="x")
+    lower.set_xticks(places, [found.images[i].stem for i in seen], rotation=60, ha="right", fontsize=8)
+    if not all(views[i].used for i in seen):
+        lower.bar([0], [0], color=CERTIFIED, label="not used")
+        legend_below(figure, lower, 1)
+    caption = "Where each view alone puts the board, from where all together put it."
+    return Drawing("board-scatter", "The board by each view alone", caption, figure)
+
+
+def _pixels(found: ImageHandEye) -> Drawing:
+    """Root mean square of the corners: own pose, and through the loop."""
+    seen, views = _seen(found), found.result.views
+    figure = new_figure(max(6.4, 1.6 + 0.3 * len(seen)), 3.8)
+    axes = figure.subplots()
+    places = np.arange(len(seen))
+    axes.bar(places - 0.2, [views[i].own_rms_px for i in seen], 0.4, color=QUIET, label="view's own pose")
+    axes.bar(places + 0.2, [views[i].loop_rms_px for i in seen], 0.4, color=PLANNED, label="robot's pose")
+    axes.set_yscale("log")
+    axes.set_xticks(places, [found.images[i].stem for i in seen], rotation=60, ha="right", fontsize=8)
+    axes.grid(visible=False, axis="x")
+    axes.set_ylabel("root mean square [px]")
+    legend_below(figure, axes, 2)
+    caption = (
+        "Grey: what corners and camera leave, the board's pose being free in each view. Orange: what the "
+        "robot's pose, tool_T_camera and base_T_board leave together."
+    )
+    return Drawing("view-residuals", "What is left in each view", caption, figure)
+
+
+def _corners(found: ImageHandEye) -> Drawing:
+    """Loop residuals over the image, a colour a view."""
+    camera = found.camera
+    figure = new_figure(6.4, 1.0 + 5.6 * camera.height / camera.width)
+    axes = figure.subplots()
+    axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=ASKED, lw=1.2))
+    used = found.result.used
+    longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)
+    scale = 0.06 * camera.width / max(longest, 1e-9)
+    for place, i in enumerate(used):
+        view, colour = found.result.views[i], SIX[place % len(SIX)]
+        arrows = scale * view.loop_px
+        axes.quiver(*view.pixels.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, width=0.0018,
+                    color=colour)  # fmt: skip
+    axes.set_aspect("equal")
+    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
+    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
+    axes.grid(visible=False)
+    axes.set_xlabel("u [px]")
+    axes.set_ylabel("v [px]")
+    caption = (
+        f"Where the robot's pose puts corners, minus the corners, {scale:.3g} times as long; a colour for "
+        "each view. Arrows of a view that agree are the robot's error at that pose."
+    )
+    return Drawing("loop-residuals", "What is left over the image", caption, figure)
