@@ -130,11 +130,13 @@ def test_examples_lists_the_shipped_tasks(capsys):
     assert code == 0
     assert [t["name"] for t in json.loads(out)["tasks"]] == [
         "catadioptric-ring",
+        "panda-table",
         "paper-example-1",
         "paper-example-2",
         "perspective-wall",
         "tag-board",
         "textured-object",
+        "ur5e-table",
     ]
 
 

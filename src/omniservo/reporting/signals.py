@@ -13,7 +13,7 @@ from omniservo.reporting.style import (
     ASKED,
     EXECUTED,
     PLANNED,
-    SIX,
+    SEVEN,
     THREE,
     Drawing,
     legend_below,
@@ -87,7 +87,7 @@ def joint_velocities(result: RunResult) -> Drawing | None:
     figure = new_figure(5.8, 3.8)
     axes = figure.subplots()
     names = [f"joint {i + 1} (at most {limit:.0f})" for i, limit in enumerate(limits)]
-    _components(axes, time, velocities, SIX, names)
+    _components(axes, time, velocities, SEVEN[: len(names)], names)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("joint velocity [deg/s]")
     legend_below(figure, axes, 3)

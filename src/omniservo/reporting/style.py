@@ -30,8 +30,8 @@ FORBIDDEN = "#f4e3e0"
 """ground on which a curve must not run"""
 THREE = ("#0072b2", "#d55e00", "#009e73")
 """three components; Okabe and Ito's colours"""
-SIX = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#56b4e9", "#6b5600")
-"""six joints"""
+SEVEN = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#56b4e9", "#6b5600", "#000000")
+"""joints of an arm"""
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
