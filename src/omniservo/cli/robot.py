@@ -20,11 +20,6 @@ app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
 
 
-@app.callback()
-def _robot() -> None:
-    """Show robot arms, and find the camera in their hand."""
-
-
 @app.command("show")
 def show(
     robot: Annotated[str, typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.")],

@@ -14,7 +14,7 @@ from omniservo.reporting.style import (
     EXECUTED,
     PLANNED,
     QUIET,
-    SIX,
+    SEVEN,
     Drawing,
     legend_below,
     new_figure,
@@ -86,7 +86,7 @@ def _corners(found: ImageHandEye) -> Drawing:
     longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)
     scale = 0.06 * camera.width / max(longest, 1e-9)
     for place, i in enumerate(used):
-        view, colour = found.result.views[i], SIX[place % len(SIX)]
+        view, colour = found.result.views[i], SEVEN[place % len(SEVEN)]
         arrows = scale * view.loop_px
         axes.quiver(*view.pixels.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, width=0.0018,
                     color=colour)  # fmt: skip
