@@ -92,14 +92,18 @@ def board_panel() -> Panel:
 
 
 def render_views(
-    seed: int, n: int, *, noise: float, camera: UnifiedCamera = FISHEYE
+    seed: int, n: int, *, noise: float, panels: tuple[Panel, ...] | None = None
 ) -> tuple[list[RigidTransform], list[np.ndarray], list[np.ndarray]]:
-    """Return n poses base_T_tool of the RX60, the pictures there, and the true corners (k, 2) in each."""
+    """Return n poses base_T_tool of the RX60, the pictures there, and the true corners (k, 2) in each.
+
+    ``panels`` stand in the place of the board.
+    """
+    camera = FISHEYE
     rng = np.random.default_rng(seed)
     arm = Arm.rx60()
     near = np.radians([0.0, 45.0, 60.0, 0.0, 75.0, 0.0])
     scene = Scene(arm, RigidTransform.identity(), TOOL_T_CAMERA, camera, near, sensor=Sensor(noise=noise),
-                  panels=(board_panel(),))  # fmt: skip
+                  panels=panels or (board_panel(),))  # fmt: skip
     renderer = UnifiedRenderer(World(scene))
     poses, pictures, corners = [], [], []
     while len(poses) < n:

@@ -13,7 +13,7 @@ from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, read_document, stated_units
 from omniservo.robots import shipped_arms
-from omniservo.tasks.task import FORMAT, Task
+from omniservo.tasks.task import FORMAT, Pose, Task
 
 
 def shipped_tasks() -> tuple[str, ...]:
@@ -61,7 +61,7 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
     if isinstance(fields.get("arm"), dict):
-        fields["arm"] = _found_arm(fields["arm"], path.parent, source)
+        fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
     try:
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
@@ -97,6 +97,21 @@ def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]
             f"{', '.join(shipped_arms())}"
         )
     return {**arm, "model": str(path)}
+
+
+def _found_mount(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:
+    """Return the section with the camera's pose in the place of a hand-eye calibration's file."""
+    for name in ("tool_T_camera", "flange_T_camera"):
+        if isinstance(arm.get(name), str):
+            from omniservo.calibration.hand_eye import load_hand_eye  # only tasks that name a file pay for it
+
+            path = file_inside(f"{source}: arm.{name}", arm[name], folder)
+            tool_T_camera, _ = load_hand_eye(path)
+            translation, quaternion = tool_T_camera.translation, tool_T_camera.rotation.as_quat()
+            # a Pose, not a mapping: the calibration is in metres whatever the task's units are
+            pose = Pose(translation=tuple(translation.tolist()), quaternion=tuple(quaternion.tolist()))
+            return {**arm, name: pose}
+    return arm
 
 
 def _first_problem(error: ValidationError, source: str) -> str:

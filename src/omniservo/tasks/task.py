@@ -75,7 +75,8 @@ class ArmMount(Section):
     foot: Point
     """the arm's foot in the world [m]"""
     flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
-    """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``"""
+    """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``, and either may name
+    the file of a hand-eye calibration in the task's folder"""
 
 
 class Start(Section):
