@@ -128,6 +128,16 @@ def test_a_swapped_pair_of_pictures_is_named_and_left_out(good):
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
 
 
+def test_a_pose_from_which_the_board_is_behind_the_camera_is_named_and_left_out(good):
+    away = Rotation.from_rotvec([np.pi, 0.0, 0.0])
+    poses = [RigidTransform.from_components(p.translation, p.rotation * away) if i == 4 else p
+             for i, p in enumerate(good.base_T_tool)]  # fmt: skip
+    found = calibrated(good, base_T_tool=poses)
+    assert set(range(12)) - set(found.used) == {4}
+    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
+
+
 def test_wrong_corners_of_a_view_are_left_out(good):
     pixels = [p.copy() for p in good.pixels]
     pixels[3][:5] += 20.0

@@ -23,10 +23,10 @@ from omniservo.calibration.hand_eye.loop import LoopState, linearise
 from omniservo.calibration.hand_eye.robot_noise import LoopSolution, solve_loop
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.calibration.hand_eye.seen_view import SeenView, together, usable_views
-from omniservo.calibration.hand_eye.start import start
+from omniservo.calibration.hand_eye.start import Start, start
 from omniservo.calibration.hand_eye.wrong_views import robust_step
 from omniservo.cameras import UnifiedCamera
-from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
 
 _ROBUST_STEPS = 6
 _STEPS = 30
@@ -114,14 +114,10 @@ def _fit(
         return refusal or Refusal("not_converged", "the closed forms of all views fail")
     views = [view.with_pose(int(k), turns) for view, k in zip(views, first.chosen, strict=True)]
     noise_px = max(float(np.median([view.noise_px for view in views])), _LEAST_NOISE_PX)
-    state = LoopState(first.tool_T_camera, first.base_T_board, np.zeros((len(views), 6)))
-    seen = together(views)
-    for _ in range(_ROBUST_STEPS):
-        linear = linearise(camera, seen, state, noise_px)
-        if linear is None:
-            return Refusal("not_converged", "the board leaves the camera's field on the way to a minimum")
-        step, wrong = robust_step(linear)
-        state = state.stepped(step, state.offsets)
+    found = _agreed(camera, views, first, noise_px)
+    if isinstance(found, Refusal):
+        return found
+    state, wrong = found
     for view, is_wrong in zip(views, wrong, strict=True):
         if is_wrong:
             reasons[view.number] = (
@@ -130,6 +126,28 @@ def _fit(
     views = [view for view, is_wrong in zip(views, wrong, strict=True) if not is_wrong]
     refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_tool for view in views])
     return refusal or _adjusted(camera, views, replace(state, offsets=state.offsets[~wrong]), noise_px)
+
+
+def _agreed(
+    camera: UnifiedCamera, views: list[SeenView], first: Start, noise_px: float
+) -> tuple[LoopState, BoolArray] | Refusal:
+    """Return what most views agree with, and which (n,) are wrong beside that.
+
+    Each is linearised where it saw the board itself: the loop may put a wrong view's board out of sight.
+    """
+    seen = together(views)
+    own = RigidTransform.concatenate([view.poses[0] for view in views])
+    X, Z = first.tool_T_camera, first.base_T_board
+    for _ in range(_ROBUST_STEPS):
+        offset = seen.base_T_tool.inv() * Z * (X * own).inv()
+        state = LoopState(X, Z, np.hstack([offset.translation, offset.rotation.as_rotvec()]))
+        linear = linearise(camera, seen, state, noise_px)
+        if linear is None:
+            return Refusal("not_converged", "a corner lies at the rim of the camera's field")
+        step, wrong = robust_step(linear)
+        moved = state.stepped(step, state.offsets)
+        X, Z = moved.tool_T_camera, moved.base_T_board
+    return moved, wrong
 
 
 def _adjusted(
