@@ -4,6 +4,8 @@ import yaml
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError
+from omniservo.robots import load_arm
+from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
 
 SHIPPED = (
@@ -270,3 +272,42 @@ def test_a_damaged_goal_file_is_refused_with_its_reason(tmp_path, old, new, says
     with pytest.raises(InputError, match=str(path)) as refusal:
         TaughtGoal.load(path)
     assert says in str(refusal.value)
+
+
+def test_an_arm_of_ones_own_is_a_file_inside_the_tasks_folder(tmp_path):
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "mine.xml").write_text(load_arm("ur5e").path.read_text())
+    task = load_task(written(tmp_path, changed("arm.model", "robots/mine.xml")))
+    assert task.arm.model == str(tmp_path / "robots" / "mine.xml")
+    assert scene_of_task(task).arm.dof == 6
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("arm.model", "kr6", "arm.model: 'kr6' is neither a file nor a shipped arm: panda, rx60, ur5e"),
+        ("arm.model", "../mine.urdf", "arm.model: '../mine.urdf' given; legal: a relative path inside"),
+        ("arm.model", "/mine.urdf", "legal: a relative path inside the file's folder"),
+        ("arm.model", 7, "arm.model: Input should be a valid string"),
+        ("start.joints_near", [0, 0, 0, 0, 0], "start.joints_near: Tuple should have at least 6"),
+        ("start.joints_near", [0] * 8, "start.joints_near: Tuple should have at most 7"),
+    ],
+)
+def test_an_arm_that_cannot_be_had_is_named(tmp_path, field, value, message):
+    with pytest.raises(InputError, match=message):
+        load_task(written(tmp_path, changed(field, value)))
+
+
+def test_seven_joints_for_an_arm_of_six_are_refused(tmp_path):
+    task = load_task(written(tmp_path, changed("start.joints_near", [0] * 7)))
+    with pytest.raises(InputError, match="start.joints_near: 7 numbers given; rx60 has 6 joints"):
+        scene_of_task(task)
+
+
+def test_the_mount_may_be_called_tool_T_camera_but_not_both(tmp_path):
+    document = changed("arm.tool_T_camera", {"translation": [0, 0, 50]})
+    with pytest.raises(InputError, match="give flange_T_camera or tool_T_camera, which mean the same"):
+        load_task(written(tmp_path, document))
+    del document["arm"]["flange_T_camera"]
+    task = load_task(written(tmp_path, document))
+    np.testing.assert_allclose(task.arm.flange_T_camera.translation, [0, 0, 0.05])

@@ -38,6 +38,7 @@ def draw_arm(arm: Arm) -> list[Drawing]:
         picture, ranges = figure.subplots(1, 2, width_ratios=(1.0, 1.0))
         picture.imshow(view.render(q))
         picture.set_axis_off()
+        picture.set_title("at the flange: x red, y green, z blue", fontsize=9, fontweight="normal")
         _mark_joints(picture, view, data)
         _mark_flange(picture, view, arm.base_T_flange(q), _AXIS * math.dist(viewpoint.eye, viewpoint.focus))
         _draw_ranges(ranges, arm)
@@ -117,11 +118,11 @@ def _draw_ranges(axes: Axes, arm: Arm) -> None:
         axes.text(last, place - 0.42, _degrees(last), ha="right", va="center", fontsize=8)
         axes.text(0.5 * (first + last), place, f"{speed:.0f} °/s", ha="center", va="center", fontsize=9)
     axes.use_sticky_edges = False
-    axes.margins(x=0.04, y=0.02)
+    axes.margins(x=0.04)
+    axes.set_ylim(arm.dof + 0.4, 0.35)
     axes.axvline(0.0, color=QUIET, lw=0.8)
     names = [f"{number} {name}" for number, name in enumerate(arm.joint_names, 1)]
     axes.set_yticks(places, names)
-    axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("joint position [deg]")
     axes.set_title(f"{arm.name}: reaches {arm.reach:.2f} m from its first axis")

@@ -18,6 +18,8 @@ STARTS = 64
 _EXACT = 1e-10
 """norm of the twist at the goal, metres over a link's length beside radians"""
 _SETTLED = 1e-14
+_CRAWL = 0.999
+"""a step that leaves more than this of the twist leads nowhere"""
 _ITERATIONS = 60
 _SAME = 1e-6
 """[rad] postures closer than this are one"""
@@ -40,7 +42,10 @@ def descend(miss: Miss, start: FloatArray, joint_range: FloatArray) -> FloatArra
         next_error, next_jacobian = miss(ahead)
         next_size = float(np.linalg.norm(next_error))
         if next_size < size:
+            crawls = next_size > _CRAWL * size
             q, error, jacobian, size, damping = ahead, next_error, next_jacobian, next_size, 0.1 * damping
+            if crawls:
+                break  # out of reach, or against the ends of the ranges
         elif size < _EXACT:
             break
         else:

@@ -78,6 +78,13 @@ class ArmMount(Section):
     """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``, and either may name
     the file of a hand-eye calibration in the task's folder"""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_mount(cls, fields: Any) -> Any:
+        if isinstance(fields, dict) and {"flange_T_camera", "tool_T_camera"} <= set(fields):
+            raise ValueError("give flange_T_camera or tool_T_camera, which mean the same; not both")
+        return fields
+
 
 class Start(Section):
     """Where the camera is at the beginning."""

@@ -33,6 +33,9 @@ _DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sens
 _KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator"})
 _OF_BODIES = frozenset({"body", "joint", "geom", "site", "frame", "inertial"})
 _UNSEEN = frozenset({"light", "camera"})
+_OF_MESHES = frozenset(
+    {"name", "class", "file", "vertex", "face", "scale", "refpos", "refquat", "maxhullvert"}
+)
 _FOLDERS = ("assetdir", "meshdir", "texturedir", "strippath", "discardvisual", "fusestatic")
 
 
@@ -140,8 +143,7 @@ class _Mjcf:
                 )
 
     def _mesh(self, mesh: XmlElement, folder: str) -> ET.Element:
-        attributes = dict(mesh.attrib)
-        attributes.pop("content_type", None)
+        attributes = {name: value for name, value in mesh.attrib.items() if name in _OF_MESHES}
         if "file" not in attributes:
             return ET.Element("mesh", attributes)
         place, reference = self._fields.place(mesh), self._fields.text(mesh, "file")
