@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omniservo.reporting.signals import joint_velocities
 from omniservo.runs import estimate_simulated, run_task
 from omniservo.tasks import load_task
 
@@ -58,3 +59,16 @@ def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared
     estimate = estimate_simulated("paper-example-1", camera=str(camera)).estimate
     assert estimate.status == "ok"
     assert estimate.initial_T_goal.translation == pytest.approx(TRUE_TRANSLATION, abs=0.5e-3)
+
+
+def test_seven_joints_reach_the_goal_and_are_drawn():
+    task = load_task("panda-table")
+    slower = task.sensor.model_copy(update={"rate": 4.0})  # pictures take most of the time
+    result = run_task(task.model_copy(update={"sensor": slower}), filmed=False)
+    metrics = result.metrics
+    assert (metrics["status"], metrics["contacts"]) == ("converged", [])
+    assert metrics["final_translation_error_m"] <= 0.3e-3
+    assert metrics["clearance_executed_m"] >= task.planning.clearance
+    assert metrics["arm_clearance_executed_m"] >= 0.005
+    assert result.log.column("joints").shape[1] == 7
+    assert len(joint_velocities(result).figure.axes[0].lines) == 7
