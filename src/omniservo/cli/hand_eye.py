@@ -89,7 +89,7 @@ def _lines(found: ImageHandEye, tool_T_camera: RigidTransform) -> Iterator[str]:
     )
     if result.board_size_disputed:
         yield (
-            f"the board seems {result.board_scale:.3f} ± {result.board_scale_sigma:.3f} times as large as"
+            f"the board seems {result.board_scale:.4f} ± {result.board_scale_sigma:.4f} times as large as"
             " stated: measure its squares"
         )
     yield f"{len(result.used)} of {len(found.images)} images used"

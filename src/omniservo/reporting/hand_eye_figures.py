@@ -10,7 +10,6 @@ from matplotlib.patches import Rectangle
 from omniservo.calibration.hand_eye import ImageHandEye
 from omniservo.reporting.style import (
     ASKED,
-    CERTIFIED,
     EXECUTED,
     PLANNED,
     QUIET,
@@ -31,41 +30,32 @@ def hand_eye_drawings(found: ImageHandEye) -> Iterator[Drawing]:
             yield draw(found)
 
 
-def _seen(found: ImageHandEye) -> list[int]:
-    return [i for i, view in enumerate(found.result.views) if np.isfinite(view.position_m)]
-
-
 def _scatter(found: ImageHandEye) -> Drawing:
     """Position and rotation of each view's own board, off base_T_board."""
-    seen, views = _seen(found), found.result.views
-    figure = new_figure(max(6.4, 1.6 + 0.3 * len(seen)), 4.6)
+    used, views = found.result.used, found.result.views
+    figure = new_figure(max(6.4, 1.6 + 0.3 * len(used)), 4.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    places = np.arange(len(seen))
-    colours = [EXECUTED if views[i].used else CERTIFIED for i in seen]
-    upper.bar(places, [1e3 * views[i].position_m for i in seen], color=colours, width=0.7)
-    lower.bar(places, [np.degrees(views[i].rotation_rad) for i in seen], color=colours, width=0.7)
+    places = np.arange(len(used))
+    upper.bar(places, [1e3 * views[i].position_m for i in used], color=EXECUTED, width=0.7)
+    lower.bar(places, [np.degrees(views[i].rotation_rad) for i in used], color=EXECUTED, width=0.7)
     upper.set_ylabel("position [mm]")
     lower.set_ylabel("rotation [deg]")
     for axes in (upper, lower):
         axes.grid(visible=False, axis="x")
-    lower.set_xticks(places, [found.images[i].stem for i in seen], rotation=60, ha="right", fontsize=8)
-    if not all(views[i].used for i in seen):
-        lower.bar([0], [0], color=CERTIFIED, label="not used")
-        legend_below(figure, lower, 1)
-    caption = "Where each view alone puts the board, from where all together put it."
+    lower.set_xticks(places, [found.images[i].stem for i in used], rotation=60, ha="right", fontsize=8)
+    caption = "How far each used view alone puts the board from where all of them put it."
     return Drawing("board-scatter", "The board by each view alone", caption, figure)
 
 
 def _pixels(found: ImageHandEye) -> Drawing:
     """Root mean square of the corners: own pose, and through the loop."""
-    seen, views = _seen(found), found.result.views
-    figure = new_figure(max(6.4, 1.6 + 0.3 * len(seen)), 3.8)
+    used, views = found.result.used, found.result.views
+    figure = new_figure(max(6.4, 1.6 + 0.3 * len(used)), 3.8)
     axes = figure.subplots()
-    places = np.arange(len(seen))
-    axes.bar(places - 0.2, [views[i].own_rms_px for i in seen], 0.4, color=QUIET, label="view's own pose")
-    axes.bar(places + 0.2, [views[i].loop_rms_px for i in seen], 0.4, color=PLANNED, label="robot's pose")
-    axes.set_yscale("log")
-    axes.set_xticks(places, [found.images[i].stem for i in seen], rotation=60, ha="right", fontsize=8)
+    places = np.arange(len(used))
+    axes.bar(places - 0.2, [views[i].own_rms_px for i in used], 0.4, color=QUIET, label="view's own pose")
+    axes.bar(places + 0.2, [views[i].loop_rms_px for i in used], 0.4, color=PLANNED, label="robot's pose")
+    axes.set_xticks(places, [found.images[i].stem for i in used], rotation=60, ha="right", fontsize=8)
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("root mean square [px]")
     legend_below(figure, axes, 2)

@@ -114,7 +114,7 @@ def _pose(result: HandEye) -> Markup:
 
 def _board_size(result: HandEye) -> Markup:
     words = (
-        f"By the robot's lengths the board is {result.board_scale:.3f} ± {result.board_scale_sigma:.3f} "
+        f"By the robot's lengths the board is {result.board_scale:.4f} ± {result.board_scale_sigma:.4f} "
         "times as large as stated"
     )
     if not result.board_size_disputed:
