@@ -291,6 +291,14 @@ BAD_MJCF = {
     ),
     "plugin": (mjcf(extra='<extension><plugin plugin="x"/></extension>'), "<extension> in <mujoco>; legal"),
     "coupled": (mjcf(extra='<equality><joint joint1="a"/></equality>'), "<equality> in <mujoco>; legal"),
+    "NaN": (
+        mjcf().replace('pos="0 0 0.1"', 'pos="0 nan 0"', 1),
+        "body: pos: 'nan' given; legal: numbers up to",
+    ),
+    "huge number": (
+        mjcf().replace('pos="0 0 0.1"', 'pos="0 0 1e308"', 1),
+        "'1e308' given; legal: numbers up to",
+    ),
     "nonsense": (mjcf().replace('pos="0 0 0.1"', 'pos="here"', 1), "MuJoCo cannot read it: XML Error"),
 }
 

@@ -66,6 +66,7 @@ class _Mjcf:
         self._left_out = 0
 
     def description(self) -> Description:
+        self._fields.sober(self._root)
         fields, clean = self._fields, ET.Element("mujoco", model=self._root.get("model", "arm"))
         folder = self._mesh_folder()
         for section in fields.children(self._root):

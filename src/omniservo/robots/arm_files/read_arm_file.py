@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ from omniservo.xml_files import parse_elements
 
 SPEEDING_UP = 0.25
 """[s] in which a joint is taken to reach its speed where its acceleration is not stated"""
+
+_LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # [kg], [kg m²] of a link whose file states less or none
 
 
 def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
@@ -57,6 +60,8 @@ def _spec(description: Description, file: Path) -> Any:
         spec = mujoco.MjSpec.from_string(description.xml, assets=description.assets)
     except ValueError as error:
         raise _unreadable(file, error) from None
+    spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
+    spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_INERTIA)
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX  # open surfaces have one too
     return spec
@@ -64,7 +69,9 @@ def _spec(description: Description, file: Path) -> Any:
 
 def _compiled(spec: Any, file: Path) -> Any:
     try:
-        return spec.compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of masses and inertias, which drives and bounds make harmless
+            return spec.compile()
     except ValueError as error:
         raise _unreadable(file, error) from None
 

@@ -24,8 +24,6 @@ _SETTINGS = {
     "discardvisual": "false",
     "strippath": "false",
     "balanceinertia": "true",
-    "boundmass": "0.001",
-    "boundinertia": "0.000001",
 }
 
 _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}

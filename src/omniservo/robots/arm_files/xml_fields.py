@@ -11,6 +11,9 @@ from omniservo.xml_files import XmlElement
 _LARGEST = 1e6
 """no length, angle, mass or rate of an arm is larger, whatever its unit"""
 
+_ODD = 1e9
+"""stiffness of a drive is the largest number that makes sense in a model"""
+
 
 class XmlFields:
     """Reads attributes of one file's elements; every message names file, line, element and what is legal."""
@@ -57,6 +60,19 @@ class XmlFields:
             raise InputError(f"{name}: {values.min():g} given; greater than 0 is legal")
         return values
 
+    def sober(self, root: XmlElement) -> None:
+        """Refuse NaN, infinity and numbers above 10⁹ in any attribute of any element."""
+        for element in root.iter():
+            if not isinstance(element, XmlElement):
+                continue
+            for name, value in element.attrib.items():
+                words = value.split() if name != "name" else []
+                odd = next((word for word in words if not _is_sober(word)), None)
+                if odd is not None:
+                    raise InputError(
+                        f"{self.place(element)}: {name}: {spelled(odd)} given; legal: numbers up to {_ODD:g}"
+                    )
+
     def only(self, element: XmlElement, tag: str) -> XmlElement | None:
         """Return the one child of this tag; None: there is none."""
         found = [child for child in element.findall(tag) if isinstance(child, XmlElement)]
@@ -67,3 +83,10 @@ class XmlFields:
     def children(self, element: XmlElement, tag: str = "*") -> list[XmlElement]:
         """Return the children, or those of one tag."""
         return [child for child in element.findall(tag) if isinstance(child, XmlElement)]
+
+
+def _is_sober(word: str) -> bool:
+    try:
+        return abs(float(word)) <= _ODD
+    except ValueError:
+        return True
