@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.hand_eye.evidence import (
+    LEAST_VIEWS,
     Refusal,
     judge_fit,
     judge_rotations,
@@ -118,6 +119,7 @@ def _fit(
     if isinstance(found, Refusal):
         return found
     state, wrong = found
+    wrong &= len(views) > LEAST_VIEWS  # of the least number none can be spared: a wrong one shows in the σ
     for view, is_wrong in zip(views, wrong, strict=True):
         if is_wrong:
             reasons[view.number] = (
