@@ -110,7 +110,15 @@ def _motion(estimate: TwoViewEstimate, size: int = 5) -> tuple[FloatArray, Float
 def _covered(error: FloatArray, law: tuple[FloatArray, FloatArray, float]) -> bool:
     basis, matrix, freedom = law
     inner = basis.T @ error
-    return bool(inner @ np.linalg.solve(matrix, inner) < _quantile(len(inner), freedom))
+    return _square(inner, matrix) < _quantile(len(inner), freedom)
+
+
+def _square(error: FloatArray, matrix: FloatArray) -> float:
+    """Return eᵀM⁻¹e; a point nearly at infinity has variances of another order than all others."""
+    unit = 1.0 / np.sqrt(np.diag(matrix))
+    scaled = unit * error
+    values, vectors = np.linalg.eigh(unit[:, None] * matrix * unit)
+    return float(np.sum(np.square(scaled @ vectors) / np.maximum(values, np.finfo(float).eps)))
 
 
 def _covered_structure(error: FloatArray, estimate: TwoViewEstimate) -> bool:
@@ -120,7 +128,7 @@ def _covered_structure(error: FloatArray, estimate: TwoViewEstimate) -> bool:
     matrix = rows.T @ rows
     for j in range(n):
         matrix[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += law.own[j]
-    return bool(error @ np.linalg.solve(matrix, error) < _quantile(3 * n, law.freedom))
+    return _square(error, matrix) < _quantile(3 * n, law.freedom)
 
 
 def _points_covered(error: FloatArray, estimate: TwoViewEstimate) -> float:
@@ -130,8 +138,8 @@ def _points_covered(error: FloatArray, estimate: TwoViewEstimate) -> float:
     rows = law.noise[:, 6:].reshape(len(law.noise), -1, 3)
     matrices = law.own + np.einsum("kmi,kmj->mij", rows, rows)
     gaps = error.reshape(-1, 3)
-    squares = np.einsum("mi,mi->m", gaps, np.linalg.solve(matrices, gaps[..., None])[..., 0])
-    return float(np.mean(squares < _quantile(3, law.freedom)))
+    squares = [_square(gap, matrix) for gap, matrix in zip(gaps, matrices, strict=True)]
+    return float(np.mean(np.array(squares) < _quantile(3, law.freedom)))
 
 
 def _length_covered(estimate: TwoViewEstimate, scene: Scene) -> bool:

@@ -34,7 +34,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
-LARGEST_BODY = 0.1
+LARGEST_BODY = 0.06
 """of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one."""
 
 LARGEST_FOCAL_ERROR = 0.05
@@ -109,16 +109,19 @@ def focal_error(
     essential, tangents = np.empty((3, 3)), np.empty((2, 3))
     essential_matrix(rotation, translation, essential)
     tangent_plane(translation, tangents)
-    longer = members.parameters.copy()
-    for i in (0, 1, 4):
-        longer[i] *= 1.0 + SMALL_STEP
+    # A longer focal length sees what is nearer to the centre c: p → c + (p − c)/(1 + φ).
+    nearer, shrink = np.empty_like(members.pixels), 1.0 / (1.0 + SMALL_STEP)
+    for j in range(nearer.shape[0]):
+        for i in range(4):
+            centre = members.parameters[2 + i % 2]
+            nearer[j, i] = centre + shrink * (members.pixels[j, i] - centre)
     bearings, jacobians = np.empty_like(members.bearings), np.empty_like(members.jacobians)
-    if bearings_of_pixels(longer, members.pixels, bearings, jacobians) >= 0:
+    if bearings_of_pixels(members.parameters, nearer, bearings, jacobians) >= 0:
         return 0.0, math.inf, 0.0
     cost = 0.0
     for j in range(members.pixels.shape[0]):
         for i in range(12):
-            jacobians[j, i] /= members.weights[j, i // 6]
+            jacobians[j, i] *= shrink / members.weights[j, i // 6]
         distance = sampson_row(members.bearings, members.jacobians, j, rotation, essential, tangents, row)
         row[size - 1] = (sampson_distance(bearings, jacobians, j, essential) - distance) / SMALL_STEP
         cost += distance * distance

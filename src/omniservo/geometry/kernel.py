@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.types.misc import unliteral
 
 BLOCK = 512
 """numbers: all arrays of such a loop stay in the nearest cache"""
@@ -35,7 +36,15 @@ def inlined(function: F) -> F:
 
 
 def _compiled(function: F, inline: str) -> F:
-    compiled = numba.njit(
+    compiled: Any = numba.njit(
         cache=True, nogil=True, error_model="numpy", fastmath=False, inline=inline, no_cfunc_wrapper=True
     )(function)
+    of_types = compiled.get_call_template
+
+    def of_wider_types(arguments: Any, keywords: Any) -> Any:
+        wide = tuple(unliteral(a) for a in arguments)
+        return of_types(wide, {name: unliteral(a) for name, a in keywords.items()})
+
+    # Numba would compile a kernel anew for every constant it is called with: 3 is a type of its own.
+    compiled.get_call_template = of_wider_types
     return cast(F, compiled)
