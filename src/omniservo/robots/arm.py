@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm_files import read_arm_file
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.numeric_inverse import STARTS, descend, solutions
+from omniservo.robots.parallel_geometry import ParallelGeometry
 from omniservo.robots.reach import farthest
 from omniservo.robots.wrist_geometry import WristGeometry
 
@@ -114,8 +114,8 @@ class Arm:
         axis, foot = self._data.xaxis[0].copy(), self._data.xanchor[0].copy()
 
         def distance(q: FloatArray) -> tuple[float, FloatArray]:
-            moved = self._base_jacobian(q)[:3]
-            arm = self._tool_frame()[0] - foot
+            jacobian, place, _ = self._base_jacobian(q)
+            moved, arm = jacobian[:3], place - foot
             arm = arm - (arm @ axis) * axis
             length = float(np.linalg.norm(arm))
             return length, arm @ moved / max(length, 1e-12)
@@ -142,8 +142,8 @@ class Arm:
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        jacobian, flange_R_base = self._base_jacobian(q), self._tool_frame()[1].T
-        return np.concatenate([flange_R_base @ jacobian[:3], flange_R_base @ jacobian[3:]])
+        jacobian, _, base_R_flange = self._base_jacobian(q)
+        return np.concatenate([base_R_flange.T @ jacobian[:3], base_R_flange.T @ jacobian[3:]])
 
     def camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
         """Return J (6, n): camera twist (linear [m/s], angular [rad/s], camera frame) = J q̇.
@@ -198,18 +198,19 @@ class Arm:
     def inverse(self, base_T_flange: RigidTransform) -> FloatArray:
         """Return q (k, n) [rad] within the limits that reach the pose, sorted lexicographically.
 
-        With a closed form (parallel shoulder and elbow axes, spherical wrist) these are all branches: full
-        turns of joints 4 and 6 count as branches of their own where their range allows them; where joints 4
-        and 6 are coaxial (sin q5 = 0) one representative with q4 = 0 is given. For other arms they are what a
+        With a closed form (parallel shoulder and elbow axes and a spherical wrist, as the RX60; or axes 2, 3
+        and 4 parallel, as the arms of Universal Robots) these are all branches: full turns of a joint count
+        as branches of their own where its range allows them; where axes 4 and 6 are parallel (sin q5 = 0) one
+        representative with the first q4 = 0, the second q6 = 0 is given. For other arms they are what a
         seeded numeric search finds, which may miss some; of seven joints they are samples of families.
 
         Raises:
             InputError: the pose is out of reach, or reached by no branch within the limits.
         """
         if self._geometry is not None:
-            return self._branches(self._geometry, base_T_flange, 0.0)
+            return self._legal_branches(self._geometry, base_T_flange, 0.0)
         goal = base_T_flange.as_matrix()
-        found = solutions(lambda q: self._miss(q, goal), self.joint_range)
+        found = solutions(lambda q: self.miss(q, goal), self.joint_range)
         if not len(found):
             raise self._not_found(base_T_flange)
         ordered: FloatArray = found[np.lexsort(found.T[::-1])]
@@ -219,49 +220,91 @@ class Arm:
         """Return joints (n,) [rad] that reach the pose, on the branch nearest to ``q``.
 
         With a closed form: the branch of `inverse` whose largest joint motion from ``q`` is smallest; where
-        joints 4 and 6 are coaxial joint 4 stays where it is. For other arms: where a descent from ``q`` leads
-        (least joint motion); only if that fails, the nearest of `inverse`.
+        axes 4 and 6 are parallel joint 4 (RX60) or joint 6 (Universal Robots) stays where it is. For other
+        arms: where a descent from ``q`` leads (least joint motion); only if that fails, the nearest of
+        `inverse`.
 
         Raises:
             InputError: the pose is out of reach; or ``q`` has a wrong shape, NaN or infinity.
         """
         near = finite_array("q", q, (self.dof,))
         if self._geometry is not None:
-            branches = self._branches(self._geometry, base_T_flange, float(near[3]))
+            free = float(near[self._geometry.free_joint])
+            branches = self._legal_branches(self._geometry, base_T_flange, free)
         else:
             goal = base_T_flange.as_matrix()
-            found = descend(lambda q: self._miss(q, goal), near, self.joint_range)
+            found = descend(lambda q: self.miss(q, goal), near, self.joint_range)
             branches = self.inverse(base_T_flange) if found is None else found[None]
         nearest: FloatArray = branches[int(np.argmin(np.abs(branches - near).max(axis=1)))]
         return nearest
 
-    def _miss(self, q: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the twist (6,) from ``q`` to the pose (4, 4), and its Jacobian; metres over a length."""
-        jacobian = self.flange_jacobian(q)
-        place, base_R_flange = self._tool_frame()
-        twist, quaternion = np.empty(6), np.empty(4)
-        twist[:3] = base_R_flange.T @ (goal[:3, 3] - place) / LENGTH_SCALE
-        mujoco.mju_mat2Quat(quaternion, (base_R_flange.T @ goal[:3, :3]).ravel())
-        mujoco.mju_quat2Vel(twist[3:], quaternion, 1.0)
-        jacobian[:3] /= LENGTH_SCALE
-        return twist, jacobian
+    def miss(self, q: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the flange's twist (6,) from ``q`` (n,) to ``goal`` (4, 4), and its Jacobian (6, n).
 
-    def _branches(self, geometry: WristGeometry, base_T_flange: RigidTransform, free_q4: float) -> FloatArray:
-        rotation = base_T_flange.rotation.as_matrix()
+        Both in the flange frame, linear rows divided by `LENGTH_SCALE`; to first order in the distance. The
+        goal is not checked.
+
+        Raises:
+            InputError: ``q`` has a wrong shape, NaN or infinity.
+        """
+        jacobian, place, base_R_flange = self._base_jacobian(q)
+        back = base_R_flange.T
+        twist, quaternion = np.empty(6), np.empty(4)
+        twist[:3] = back @ (goal[:3, 3] - place) / LENGTH_SCALE
+        mujoco.mju_mat2Quat(quaternion, (back @ goal[:3, :3]).ravel())
+        mujoco.mju_quat2Vel(twist[3:], quaternion, 1.0)
+        return twist, np.concatenate([(back / LENGTH_SCALE) @ jacobian[:3], back @ jacobian[3:]])
+
+    def branches(self, base_T_flange: RigidTransform) -> FloatArray:
+        """Return q (k, n) [rad] that reach the pose, one of all that differ by full turns, sorted.
+
+        With a closed form: all branches (k ≤ 8), whatever the limits say, each joint in (−π, π]. For other
+        arms what `inverse` finds within the limits.
+
+        Raises:
+            InputError: the pose is out of reach.
+        """
+        if self._geometry is not None:
+            found = self._solutions(self._geometry, base_T_flange, 0.0)
+            ordered: FloatArray = found[np.lexsort(found.T[::-1])]
+            return ordered
+        kept: list[FloatArray] = []
+        for q in self.inverse(base_T_flange):
+            if all(np.abs(np.sin(0.5 * (q - other))).max() > 1e-6 for other in kept):
+                kept.append(q)
+        return np.array(kept)
+
+    def _solutions(
+        self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, free: float
+    ) -> FloatArray:
         target = np.asarray(base_T_flange.translation, dtype=np.float64)
-        found = geometry.solutions(rotation, target, free_q4)
+        found = geometry.solutions(base_T_flange.rotation.as_matrix(), target, free)
         if not len(found):
             raise InputError(f"{_place(base_T_flange)}: out of the arm's reach")
-        turns = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=2))) * 2.0 * np.pi
-        shifts = np.zeros((len(turns), 6))
-        shifts[:, [3, 5]] = turns
-        every = (found[:, None, :] + shifts[None]).reshape(-1, 6)
+        return found
+
+    def _legal_branches(
+        self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, free: float
+    ) -> FloatArray:
+        found = self._solutions(geometry, base_T_flange, free)
+        every = (found[:, None, :] + self._turns[None]).reshape(-1, 6)
         low, high = self.joint_range.T
         legal = every[((every >= low) & (every <= high)).all(axis=1)]
         if not len(legal):
             raise InputError(f"{_place(base_T_flange)}: every branch leaves a joint's range")
         ordered: FloatArray = legal[np.lexsort(legal.T[::-1])]
         return ordered
+
+    @cached_property
+    def _turns(self) -> FloatArray:
+        """(m, 6) shifts by full turns [rad] that lead from (−π, π] into the ranges."""
+        whole = [
+            2.0
+            * np.pi
+            * np.arange(np.ceil((low - np.pi) / (2 * np.pi)), np.floor((high + np.pi) / (2 * np.pi)) + 1)
+            for low, high in self.joint_range
+        ]
+        return np.stack(np.meshgrid(*whole, indexing="ij"), axis=-1).reshape(-1, 6)
 
     def _not_found(self, base_T_flange: RigidTransform) -> InputError:
         distance = float(np.linalg.norm(base_T_flange.translation))
@@ -276,13 +319,14 @@ class Arm:
         place = self._data.xpos[self._tool_body] + base_R_link @ self._link_T_flange[:3, 3]
         return place, base_R_link @ self._link_T_flange[:3, :3]
 
-    def _base_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Return J (6, n) of the flange in the base frame; overwritten by the next call."""
+    def _base_jacobian(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return J (6, n) of the flange in the base frame, overwritten by the next call; place and axes."""
         self._move(q)
         mujoco.mj_comPos(self._model, self._data)
         linear, angular = self._jacobian[:3], self._jacobian[3:]
-        mujoco.mj_jac(self._model, self._data, linear, angular, self._tool_frame()[0], self._tool_body)
-        return self._jacobian
+        place, base_R_flange = self._tool_frame()
+        mujoco.mj_jac(self._model, self._data, linear, angular, place, self._tool_body)
+        return self._jacobian, place, base_R_flange
 
     def _move(self, q: npt.ArrayLike) -> None:
         self._data.qpos[:] = finite_array("q", q, (self.dof,))
@@ -293,9 +337,10 @@ class Arm:
             return None
         return frozen(np.abs(self._model.jnt_actfrcrange).min(axis=1))
 
-    def _read_geometry(self) -> WristGeometry | None:
+    def _read_geometry(self) -> WristGeometry | ParallelGeometry | None:
         flange = self.base_T_flange(np.zeros(self.dof)).as_matrix()
-        return WristGeometry.of(self._data.xaxis.copy(), self._data.xanchor.copy(), flange)
+        axes, anchors = self._data.xaxis.copy(), self._data.xanchor.copy()
+        return WristGeometry.of(axes, anchors, flange) or ParallelGeometry.of(axes, anchors, flange)
 
     def _shapes(self, body: int) -> list[Shape]:
         model = self._model

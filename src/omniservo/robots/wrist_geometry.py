@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class WristGeometry:
     """axis 3 to the wrist's centre"""
     flange: float
     """wrist's centre to the flange"""
+    free_joint: ClassVar[int] = 3
+    """the joint that may stand anywhere where axes 4 and 6 are the same line"""
 
     @classmethod
     def of(cls, axes: FloatArray, anchors: FloatArray, flange: FloatArray) -> WristGeometry | None:
@@ -65,15 +68,15 @@ class WristGeometry:
             flange=float(top[2] - anchors[4, 2]),
         )
 
-    def solutions(self, rotation: FloatArray, translation: FloatArray, free_q4: float) -> FloatArray:
+    def solutions(self, rotation: FloatArray, translation: FloatArray, free: float) -> FloatArray:
         """Return every q (k, 6) [rad] in (−π, π] that reaches the pose; k ≤ 8, and 0 out of reach.
 
-        Where q5 is a multiple of π joints 4 and 6 are coaxial: then q4 = ``free_q4``.
+        Where q5 is a multiple of π joints 4 and 6 are coaxial: then q4 = ``free``.
 
         Args:
             rotation: (3, 3) base_R_flange.
             translation: (3,) of base_T_flange [m].
-            free_q4: [rad]
+            free: [rad]
         """
         centre = translation - self.flange * rotation[:, 2]
         found: list[tuple[float, ...]] = []
@@ -81,7 +84,7 @@ class WristGeometry:
             float(centre[0]), float(centre[1]), float(centre[2]) - self.height
         ):
             forearm_R_flange = _turn(q1, q2 + q3).T @ rotation
-            found += [(q1, q2, q3, *wrist) for wrist in _wrist_angles(forearm_R_flange, free_q4)]
+            found += [(q1, q2, q3, *wrist) for wrist in _wrist_angles(forearm_R_flange, free)]
         wrapped = np.array(found, dtype=np.float64).reshape(-1, 6)
         return np.pi - np.mod(np.pi - wrapped, 2.0 * np.pi)
 

@@ -1,0 +1,142 @@
+"""A camera path followed by an arm, on every branch of its inverse kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.robots.arm import Arm
+from omniservo.robots.joint_path import JointPath, PathFailure, quintic_spline
+from omniservo.robots.path_steps import PathSteps, PosePath, State, Stop
+
+_FAMILIES = 8
+"""Starts of an arm with seven joints, spread over the postures that a search finds."""
+
+_DENSE = 16
+"""places between two samples at which limits are looked at"""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedPath:
+    """What every branch makes of a camera path."""
+
+    branches: tuple[JointPath, ...]
+    """those that the arm can follow first, by `JointPath.travel`; then the others, the longest followed
+    first"""
+    all_tried: bool
+    """True: closed form, these are all branches. False: those that a seeded numeric search found; of seven
+    joints some of a family."""
+
+    @property
+    def best(self) -> JointPath:
+        """The first branch, which may fail, too."""
+        return self.branches[0]
+
+
+def follow_path(
+    arm: Arm, path: PosePath, base_T_initial: RigidTransform, flange_T_camera: RigidTransform
+) -> FollowedPath:
+    """Return the joints that carry the camera along a path, on every branch in which the arm can start.
+
+    Each branch is continued from w = 0: the step is foretold by dq/dw and d²q/dw², corrected by Newton's
+    iteration on the pose, and halved until the joints do not leap and the quintic between two samples keeps
+    the camera on its path within 1e-6 m and rad. Seven joints: least motion, and beside it a motion of the
+    arm in itself away from the limits, −k·half range·(distance from the middle / half range)⁵. Limits do not
+    steer a branch of six joints; they are judged afterwards, with the full turn of each joint that leaves
+    most room.
+
+    Args:
+        arm: six or seven joints.
+        path: of w (m,) and an order: 0: initial_T_camera(w), 1: the camera's twist (m, 6) per unit w in its
+        own
+            frame, 2: that twist's derivative. `omniservo.planning.CameraPath` is one.
+        base_T_initial: the frame that the path is stated in.
+        flange_T_camera: how the camera sits in the hand.
+
+    Raises:
+        InputError: no posture reaches the path's start; or the path is not finite.
+    """
+    _check_pose("base_T_initial", base_T_initial)
+    _check_pose("flange_T_camera", flange_T_camera)
+    steps = PathSteps(arm, path, base_T_initial, flange_T_camera)
+    try:
+        starts = arm.branches(RigidTransform.from_matrix(steps.goal(0.0)))
+    except InputError as error:
+        raise InputError(f"path: its start cannot be reached: {error}") from None
+    if arm.dof > 6:
+        starts = _spread(starts, arm.joint_range)
+    branches = [_joint_path(arm, *steps.follow(start)) for start in starts]
+    return FollowedPath(tuple(sorted(branches, key=_rank)), arm.has_closed_form)
+
+
+def _rank(branch: JointPath) -> tuple[bool, float, float]:
+    first = branch.failures[0].w if branch.failures else 1.0
+    return not branch.feasible, -first, branch.travel
+
+
+def _joint_path(arm: Arm, states: list[State], stop: Stop | None) -> JointPath:
+    w = np.array([state.w for state in states])
+    q, slope, bend = (np.array([getattr(s, name) for s in states]) for name in ("q", "slope", "bend"))
+    fine, dense = w, q
+    if len(w) > 1:
+        shares = np.arange(_DENSE) / _DENSE
+        fine = np.append((w[:-1, None] + np.diff(w)[:, None] * shares).ravel(), w[-1])
+        dense = quintic_spline(w, q, slope, bend)(fine)
+    if arm.dof == 6:  # seven joints were pushed off the limits of the turn that they are in
+        middle = 0.5 * (dense.min(axis=0) + dense.max(axis=0))
+        turn = 2.0 * np.pi * np.round((arm.joint_range.mean(axis=1) - middle) / (2.0 * np.pi))
+        q, dense = q + turn, dense + turn
+    failures = _passed_limits(arm, fine, dense)
+    if stop is not None:
+        failures.append(PathFailure(stop.kind, arm.joint_names[stop.joint], stop.w, stop.amount, stop.w))
+    way = np.abs(np.diff(dense, axis=0)).sum(axis=0)
+    return JointPath(
+        w=frozen(w),
+        positions=frozen(q),
+        velocities=frozen(slope),
+        accelerations=frozen(bend),
+        singular_values=frozen(np.array([state.singular_value for state in states])),
+        limit_margins=frozen(_margins(arm, q)),
+        failures=tuple(sorted(failures, key=lambda failure: failure.w)),
+        travel=float((way / arm.joint_speed).max()),
+    )
+
+
+def _margins(arm: Arm, q: FloatArray) -> FloatArray:
+    low, high = arm.joint_range.T
+    margins: FloatArray = np.minimum(q - low, high - q)
+    return margins
+
+
+def _passed_limits(arm: Arm, w: FloatArray, q: FloatArray) -> list[PathFailure]:
+    margins = _margins(arm, q)
+    found = []
+    for joint in np.flatnonzero(margins.min(axis=0) < 0.0):
+        room = margins[:, joint]
+        first, worst = int(np.argmax(room < 0.0)), int(np.argmin(room))
+        begins = float(w[first])
+        if first:  # linear between two places so close together
+            begins -= float(w[first] - w[first - 1]) * room[first] / (room[first] - room[first - 1])
+        name = arm.joint_names[joint]
+        found.append(PathFailure("limit", name, begins, float(-room[worst]), float(w[worst])))
+    return found
+
+
+def _spread(starts: FloatArray, joint_range: FloatArray) -> FloatArray:
+    """Return up to `_FAMILIES` postures: that with most room, then ever the one farthest from those."""
+    relative = (starts - joint_range[:, 0]) / np.diff(joint_range, axis=1)[:, 0]
+    room = np.minimum(relative, 1.0 - relative).min(axis=1)
+    chosen = [int(np.argmax(room))]
+    apart = np.abs(relative - relative[chosen[0]]).max(axis=1)
+    while len(chosen) < min(_FAMILIES, len(starts)):
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.abs(relative - relative[chosen[-1]]).max(axis=1))
+    return starts[chosen]
+
+
+def _check_pose(name: str, pose: RigidTransform) -> None:
+    finite_array(name, pose.as_matrix(), (4, 4))
