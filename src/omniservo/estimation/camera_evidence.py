@@ -34,7 +34,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
-LARGEST_BODY = 0.06
+LARGEST_BODY = 0.08
 """of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one."""
 
 LARGEST_FOCAL_ERROR = 0.05

@@ -9,6 +9,10 @@ from omniservo.geometry.kernel import kernel
 
 MOST_STEPS = 80
 
+CLOSE = 1e-11
+"""A last step of so many times the root: Newton's error after it is nearly the square of that. Asked for
+more, the step becomes rounding, and rounding ends no iteration."""
+
 
 @kernel
 def real_roots(coefficients: FloatArray, bound: float, roots: FloatArray) -> int:
@@ -51,10 +55,29 @@ def _roots_between(p: FloatArray, degree: int, turns: FloatArray, count: int, ro
         high = turns[i + 1]
         at_high, _ = _value(p, degree, high)
         if (at_low < 0.0) != (at_high < 0.0):
-            roots[found] = _root(p, degree, low, high, at_low < 0.0)
+            left, right = low, high
+            if count > 0 and i == 0:
+                left, right = _beyond(p, degree, high, low)
+            elif count > 0 and i == count:
+                left, right = _beyond(p, degree, low, high)
+            roots[found] = _root(p, degree, left, right, at_low < 0.0)
             found += 1
         low, at_low = high, at_high
     return found
+
+
+@kernel
+def _beyond(p: FloatArray, degree: int, turn: float, bound: float) -> tuple[float, float]:
+    """Return an interval, no wider than its distance from the outermost ``turn``, with the root beyond it."""
+    at_turn, _ = _value(p, degree, turn)
+    near, reach = turn, math.copysign(0.5 + 0.5 * abs(turn), bound - turn)
+    while abs(turn + reach) < abs(bound):
+        far = turn + reach
+        at_far, _ = _value(p, degree, far)
+        if (at_far < 0.0) != (at_turn < 0.0):
+            return min(near, far), max(near, far)
+        near, reach = far, 2.0 * reach
+    return min(near, bound), max(near, bound)
 
 
 @kernel
@@ -74,7 +97,7 @@ def _root(p: FloatArray, degree: int, low: float, high: float, rising: bool) -> 
             trial = 0.5 * (low + high)
             step = x - trial
         before = abs(step)
-        if before <= 4e-16 * abs(x) + 1e-300 or trial == x:
+        if before <= CLOSE * abs(x) + 1e-300 or trial == x:
             return trial
         x = trial
     return x
