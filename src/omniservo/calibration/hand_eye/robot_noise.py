@@ -7,8 +7,8 @@ what θ has taken up, is
 
     L(σ_t, σ_r) ∝ Π|V|^(−½) · |Σ MᵀV⁻¹M|^(−½) · exp(−½ Σ rᵀV⁻¹r),   r = q − M θ,
 
-(Patterson & Thompson, Biometrika 58, 1971). θ and its covariance are mean and covariance over L, flat in σ_t
-and σ_r: few views say little about the two, and an estimate "0" would claim more than is known.
+(Patterson & Thompson, Biometrika 58, 1971). θ and its covariance are mean and covariance over L, flat in σ_t²
+and σ_r²: few views say little about the two, and an estimate "0" would claim more than is known.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def solve_loop(linear: LinearLoop) -> LoopSolution:
         axes = [np.linspace(low, high, _NODES) for low, high in ranges]
         logs = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         steps, covariances, likelihoods = _given(linear, np.exp(logs))
-        weights = np.exp(likelihoods + logs.sum(axis=1) - (likelihoods + logs.sum(axis=1)).max())
+        posterior = likelihoods + 2.0 * logs.sum(axis=1)  # the grid is even in ln σ: dσ² = 2σ² d(ln σ)
+        weights = np.exp(posterior - posterior.max())
         ranges = np.array([_narrowed(axis, w) for axis, w in zip(axes, _margins(weights), strict=True)])
     weights /= weights.sum()
     step = weights @ steps
