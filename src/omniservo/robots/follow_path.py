@@ -52,8 +52,7 @@ def follow_path(
     Args:
         arm: six or seven joints.
         path: of w (m,) and an order: 0: initial_T_camera(w), 1: the camera's twist (m, 6) per unit w in its
-        own
-            frame, 2: that twist's derivative. `omniservo.planning.CameraPath` is one.
+            own frame, 2: that twist's derivative. `omniservo.planning.CameraPath` is one.
         base_T_initial: the frame that the path is stated in.
         flange_T_camera: how the camera sits in the hand.
 
