@@ -11,13 +11,14 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from benchmarks.tables import print_table
 from tests.calibration import rendered_boards
 
 from omniservo import calibrate_camera
@@ -245,14 +246,6 @@ def main() -> None:
     print()
     head = "| board | camera | points found | median [px] | p95 | max | median without the camera |"
     print_table(head, rendered_rows())
-
-
-def print_table(head: str, rows: Iterable[str]) -> None:
-    """Print rows as Markdown as they come."""
-    print(head)
-    print("|---" * (head.count("|") - 1) + "|")
-    for row in rows:
-        print(f"| {row} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -22,10 +22,10 @@ from benchmarks.board_corners import (
     NEAR,
     SETS,
     draw_pose,
-    print_table,
     share_near,
     stated_views,
 )
+from benchmarks.tables import print_table
 from scipy.ndimage import gaussian_filter, map_coordinates
 from tests.calibration import rendered_boards
 

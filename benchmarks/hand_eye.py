@@ -18,6 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
+from benchmarks.tables import print_table
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 from tests.calibration.hand_eye_scenes import (
@@ -239,14 +240,6 @@ def main() -> None:
         "| camera | views | robot off by | closed form | pixels alone | ours | ours states | inside 95% |",
         drawn_rows(runs),
     )
-
-
-def print_table(head: str, rows: Iterator[str]) -> None:
-    """Print rows as Markdown as they come."""
-    print(head)
-    print("|---" * (head.count("|") - 1) + "|")
-    for row in rows:
-        print(f"| {row} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,19 +3,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-
-from omniservo.cli.main import main
-
-
-def call(capsys, *arguments):
-    """Exit code, standard output and standard error of one command."""
-    try:
-        main([str(a) for a in arguments])
-        code = 0
-    except SystemExit as end:
-        code = end.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
+from tests.cli.calling import call
 
 
 def problem(**changes):

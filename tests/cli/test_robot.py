@@ -6,20 +6,9 @@ import math
 import numpy as np
 import pytest
 from PIL import Image
+from tests.cli.calling import call
 
-from omniservo.cli.main import main
 from omniservo.robots import load_arm, shipped_arms
-
-
-def call(capsys, *arguments):
-    """Exit code, standard output and standard error of one command."""
-    try:
-        main([str(a) for a in arguments])
-        code = 0
-    except SystemExit as end:
-        code = end.code or 0
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 @pytest.mark.parametrize("name", shipped_arms())

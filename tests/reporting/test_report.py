@@ -12,6 +12,7 @@ from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
 from omniservo.reporting.spelling import significant, spell
 from omniservo.reporting.verdict import verdict_of
+from omniservo.reporting.write_report import report_html
 from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}
@@ -198,3 +199,9 @@ def test_numbers_keep_the_digits_that_matter(value, words):
 )
 def test_quantities_are_given_in_units_people_read(value, unit, words):
     assert spell(value, unit) == words
+
+
+def test_the_verdict_has_the_colour_of_what_happened(run, stopped_run):
+    for result, good in ((run, True), (stopped_run, False)):
+        assert f'class="verdict {"good" if good else "bad"}"' in report_html([result])
+        assert f'class="verdict {"bad" if good else "good"}"' not in report_html([result])

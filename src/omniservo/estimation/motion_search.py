@@ -29,6 +29,7 @@ START_ANGLES = np.array([0.0, 0.6, -0.6, 1.2, -1.2])
 """a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
 
 EARLY_STEPS = 4
+"""Starts that lead to one minimum have met by then."""
 EPIPOLAR_STEPS = 20
 FIRST_STEPS = 8
 JOINT_STEPS = 200

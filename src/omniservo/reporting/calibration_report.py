@@ -13,10 +13,9 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.files import write_whole
 from omniservo.reporting.calibration_figures import calibration_drawings, view_residuals
 from omniservo.reporting.camera_field import draw_field
-from omniservo.reporting.figure_files import image_bytes
-from omniservo.reporting.html import Markup, inlined, page, part, table, tag, tiles
+from omniservo.reporting.framed_figure import framed
+from omniservo.reporting.html import Markup, banner, judged, page, part, table, tag, tiles
 from omniservo.reporting.spelling import NOTHING, significant
-from omniservo.reporting.style import Drawing
 
 
 def write_calibration_report(result: ImageCalibration, path: str | Path, *, force: bool = False) -> None:
@@ -32,21 +31,13 @@ def calibration_html(result: ImageCalibration) -> str:
     """Return the report's text."""
     found = result.calibration
     body = [
-        tag(
-            "header",
-            tag("p", "omniservo", class_="brand"),
-            tag("h1", "Camera calibration"),
-            tag(
-                "p",
-                f"{len(result.images)} images of {result.size[0]} × {result.size[1]} px",
-                class_="summary",
-            ),
+        banner(
+            "Camera calibration", f"{len(result.images)} images of {result.size[0]} × {result.size[1]} px"
         ),
-        tag(
-            "div",
+        judged(
+            found.status == "ok",
             tag("strong", "Calibrated" if found.status == "ok" else "No camera"),
             *(tag("p", line) for line in found.report().splitlines()[:1]),
-            class_="verdict good" if found.status == "ok" else "verdict bad",
         ),
     ]
     if result.camera is not None:
@@ -54,7 +45,7 @@ def calibration_html(result: ImageCalibration) -> str:
         body += [
             tiles(_numbers(found, result.camera)),
             part("The camera", _parameters(result), *_words(result)),
-            part("Figures", tag("div", *(_figure(d) for d in drawn), class_="figures")),
+            part("Figures", tag("div", *(framed(d, "half") for d in drawn), class_="figures")),
         ]
     body.append(part("Images", _images(result)))
     return page("camera calibration", body)
@@ -101,11 +92,6 @@ def _words(result: ImageCalibration) -> list[Markup]:
     if result.mirrored:
         lines.append("The camera looks into a mirror: fy (and p1) of the file have the opposite sign.")
     return [tag("p", line) for line in lines]
-
-
-def _figure(drawing: Drawing) -> Markup:
-    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words, class_="half")
 
 
 def _images(result: ImageCalibration) -> Markup:

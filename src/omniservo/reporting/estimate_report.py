@@ -8,9 +8,8 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.files import write_whole
 from omniservo.reporting.estimate_figures import estimate_drawings
 from omniservo.reporting.estimate_table import estimate_table
-from omniservo.reporting.figure_files import image_bytes
-from omniservo.reporting.html import Markup, inlined, page, part, tag
-from omniservo.reporting.style import Drawing
+from omniservo.reporting.framed_figure import framed
+from omniservo.reporting.html import Markup, banner, judged, page, part, tag
 from omniservo.simulation.run_result import Seen
 
 
@@ -30,24 +29,19 @@ def estimate_html(seen: Seen, estimate: TwoViewEstimate) -> str:
     good = estimate.status == "ok"
     height, width = seen.initial_image.shape
     body = [
-        tag(
-            "header",
-            tag("p", "omniservo", class_="brand"),
-            tag("h1", "Motion and structure from two images"),
-            tag("p", f"{len(seen.matched)} matched points, {width} × {height} px", class_="summary"),
+        banner(
+            "Motion and structure from two images",
+            f"{len(seen.matched)} matched points, {width} × {height} px",
         ),
-        tag(
-            "div",
+        judged(
+            good,
             tag("strong", "Estimated" if good else f"No pose: {estimate.status}"),
             tag("p", estimate.message) if estimate.message else Markup(""),
-            class_="verdict good" if good else "verdict bad",
         ),
         part("Result", estimate_table(estimate)),
-        part("Figures", tag("div", *map(_figure, estimate_drawings(seen, estimate)), class_="figures")),
+        part(
+            "Figures",
+            tag("div", *(framed(d, "wide") for d in estimate_drawings(seen, estimate)), class_="figures"),
+        ),
     ]
     return page("two-view estimate", body)
-
-
-def _figure(drawing: Drawing) -> Markup:
-    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words, class_="wide")

@@ -10,11 +10,10 @@ import numpy as np
 from omniservo.calibration.hand_eye import HandEye, ImageHandEye
 from omniservo.files import write_whole
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.hand_eye_figures import hand_eye_drawings
-from omniservo.reporting.html import Markup, inlined, page, part, table, tag, tiles
+from omniservo.reporting.html import Markup, banner, judged, page, part, table, tag, tiles
 from omniservo.reporting.spelling import NOTHING, significant, spell
-from omniservo.reporting.style import Drawing
 
 
 def write_hand_eye_report(found: ImageHandEye, path: str | Path, *, force: bool = False) -> None:
@@ -33,21 +32,11 @@ def hand_eye_html(found: ImageHandEye) -> str:
     good = known and not result.board_size_disputed
     words = f"{len(result.used)} of {len(found.images)} images used" if known else result.message
     body = [
-        tag(
-            "header",
-            tag("p", "omniservo", class_="brand"),
-            tag("h1", "Hand-eye calibration"),
-            tag("p", f"{len(found.images)} robot poses, one picture each", class_="summary"),
-        ),
-        tag(
-            "div",
-            tag("strong", _verdict(result)),
-            tag("p", words),
-            class_="verdict good" if good else "verdict bad",
-        ),
+        banner("Hand-eye calibration", f"{len(found.images)} robot poses, one picture each"),
+        judged(good, tag("strong", _verdict(result)), tag("p", words)),
     ]
     if known:
-        figures = tag("div", *(_figure(d) for d in hand_eye_drawings(found)), class_="figures")
+        figures = tag("div", *(framed(d, "half") for d in hand_eye_drawings(found)), class_="figures")
         body += [
             tiles(_numbers(result)),
             part("The camera in the tool's frame", _pose(result), _board_size(result)),
@@ -121,11 +110,6 @@ def _board_size(result: HandEye) -> Markup:
         return tag("p", f"{words}: both agree.")
     reach = "The standard deviations above reach to the pose that this size would give."
     return tag("p", tag("strong", f"{words}: measure its squares. "), reach)
-
-
-def _figure(drawing: Drawing) -> Markup:
-    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", inlined(image_bytes(drawing, "png"), "png", drawing.title), words, class_="half")
 
 
 def _images(found: ImageHandEye) -> Markup:

@@ -66,6 +66,17 @@ def page(title: str, body: Iterable[Cell]) -> str:
     return f"<!doctype html>\n{whole.html}\n"
 
 
+def banner(title: str, summary: str) -> Markup:
+    """Return what stands first on a page."""
+    brand = tag("p", "omniservo", class_="brand")
+    return tag("header", brand, tag("h1", title), tag("p", summary, class_="summary"))
+
+
+def judged(good: bool, *content: Cell) -> Markup:
+    """Return the box that says how it went."""
+    return tag("div", *content, class_="verdict good" if good else "verdict bad")
+
+
 def part(title: str, *content: Markup) -> Markup:
     """Return a section with its title."""
     return tag("section", tag("h2", title), *content)

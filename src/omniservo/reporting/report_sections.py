@@ -6,7 +6,7 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from omniservo.reporting.html import Cell, Markup, inlined, joined, table, tag, tiles
+from omniservo.reporting.html import Cell, Markup, inlined, joined, judged, table, tag, tiles
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
@@ -26,15 +26,14 @@ _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-p
 
 def verdict(result: RunResult, *, named: bool) -> Markup:
     """Return the verdict's box; ``named``: with the method's name."""
-    judged = verdict_of(result)
+    found = verdict_of(result)
     name = [tag("span", METHODS.get(result.method, result.method), class_="method")] if named else []
-    return tag(
-        "div",
+    return judged(
+        found.good,
         *name,
-        tag("strong", judged.word),
-        tag("p", judged.sentence),
+        tag("strong", found.word),
+        tag("p", found.sentence),
         tag("p", plan_sentence(result), class_="quiet"),
-        class_="verdict good" if judged.good else "verdict bad",
     )
 
 

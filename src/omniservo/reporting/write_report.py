@@ -11,7 +11,8 @@ from omniservo.reporting import report_sections as section
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.estimate_table import estimate_table
 from omniservo.reporting.figure_files import image_bytes
-from omniservo.reporting.html import Markup, inlined, joined, page, part, tag
+from omniservo.reporting.framed_figure import framed
+from omniservo.reporting.html import Markup, banner, inlined, joined, page, part, tag
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_result import RunResult
@@ -42,12 +43,7 @@ def report_html(results: Sequence[RunResult]) -> str:
     task = results[0].task
     several = len(results) > 1
     body = [
-        tag(
-            "header",
-            tag("p", "omniservo", class_="brand"),
-            tag("h1", task.name),
-            tag("p", task.summary, class_="summary"),
-        ),
+        banner(task.name, task.summary),
         tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
@@ -79,7 +75,9 @@ def _figures(results: Sequence[RunResult]) -> list[Markup]:
     """Return every figure: of one run in reading order, of several beside each other figure by figure."""
     per_run = [list(drawings(r)) for r in results]
     if len(results) == 1:
-        return [tag("div", *(_figure(d) for d in per_run[0]), class_="figures")]
+        return [
+            tag("div", *(framed(d, "wide" if _is_wide(d) else "half") for d in per_run[0]), class_="figures")
+        ]
     names = list(dict.fromkeys(d.name for run in per_run for d in run))
     found = [
         [(r, d) for r, run in zip(results, per_run, strict=True) for d in run if d.name == name]
@@ -103,11 +101,6 @@ def _beside_each_other(same: Sequence[tuple[RunResult, Drawing]], columns: int) 
         *([tag("p", first.caption, class_="caption")] if agreed else []),
         tag("div", *figures, class_="columns" if alone else f"columns of{columns}"),
     ]
-
-
-def _figure(drawing: Drawing) -> Markup:
-    words = tag("figcaption", tag("strong", f"{drawing.title}. "), drawing.caption)
-    return tag("figure", _image(drawing, ""), words, class_="wide" if _is_wide(drawing) else "half")
 
 
 def _image(drawing: Drawing, method: str) -> Markup:

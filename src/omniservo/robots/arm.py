@@ -18,6 +18,7 @@ from omniservo.robots.link import Link, Shape
 from omniservo.robots.numeric_inverse import STARTS, descend, solutions
 from omniservo.robots.parallel_geometry import ParallelGeometry
 from omniservo.robots.reach import farthest
+from omniservo.robots.twist_matrix import twist_matrix
 from omniservo.robots.wrist_geometry import WristGeometry
 
 SINGULAR_VALUE = 0.02
@@ -148,17 +149,11 @@ class Arm:
     def camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
         """Return J (6, n): camera twist (linear [m/s], angular [rad/s], camera frame) = J q̇.
 
-        With flange_T_camera = (R, t): v_c = Rᵀ(v_f + ω_f × t), ω_c = Rᵀ ω_f.
-
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        flange = self.flange_jacobian(q)
-        camera_R_flange = flange_T_camera.rotation.as_matrix().T
-        x, y, z = flange_T_camera.translation
-        cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # ω × t = cross @ ω
-        linear = camera_R_flange @ (flange[:3] + cross @ flange[3:])
-        return np.concatenate([linear, camera_R_flange @ flange[3:]])
+        jacobian: FloatArray = twist_matrix(flange_T_camera) @ self.flange_jacobian(q)
+        return jacobian
 
     def joint_velocities(
         self, q: npt.ArrayLike, camera_twist: npt.ArrayLike, flange_T_camera: RigidTransform

@@ -8,22 +8,10 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PPoly
+from scipy.interpolate import BPoly
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array
-
-_QUINTIC = np.array(
-    [
-        [-6.0, -3.0, -0.5, 6.0, -3.0, 0.5],
-        [15.0, 8.0, 1.5, -15.0, 7.0, -1.0],
-        [-10.0, -6.0, -1.5, 10.0, -4.0, 0.5],
-        [0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
-        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    ]
-)
-"""Powers of s in [0, 1], highest first, of the quintic with q, q′, q″ at s = 0 and at s = 1."""
 
 FailureKind = Literal["limit", "singular", "jump"]
 
@@ -112,13 +100,10 @@ class JointPath:
         return found
 
     @cached_property
-    def _spline(self) -> PPoly:
+    def _spline(self) -> BPoly:
         return quintic_spline(self.w, self.positions, self.velocities, self.accelerations)
 
 
-def quintic_spline(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> PPoly:
+def quintic_spline(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> BPoly:
     """Return the spline with values, first and second derivatives (m, n) at w (m,), m ≥ 2."""
-    step = np.diff(w)[:, None]
-    ends = (q[:-1], step * slope[:-1], step**2 * bend[:-1], q[1:], step * slope[1:], step**2 * bend[1:])
-    powers = np.einsum("ab,bmn->amn", _QUINTIC, np.stack(ends))
-    return PPoly(powers / step[None] ** np.arange(5, -1, -1)[:, None, None], w)
+    return BPoly.from_derivatives(w, np.stack((q, slope, bend), axis=1))

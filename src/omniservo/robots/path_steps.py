@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE, Arm
 from omniservo.robots.joint_path import FailureKind
+from omniservo.robots.twist_matrix import twist_matrix
 
 PosePath: TypeAlias = Callable[..., Any]
 """``path(w, order)``: order 0: RigidTransform of the camera; 1: its twist (…, 6) [m], [rad] per unit w in its
@@ -71,7 +72,7 @@ class PathSteps:
         self._arm, self._path = arm, path
         self._base_T_initial = base_T_initial.as_matrix()
         self._camera_T_flange = flange_T_camera.inv().as_matrix()
-        self._to_camera = _twist_of_camera(flange_T_camera)
+        self._to_camera = twist_matrix(flange_T_camera, LENGTH_SCALE)
         self._known: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = {}
         grid = np.linspace(0.0, 1.0, round(2 / _LONGEST) + 1)
         self._look_up(grid)
@@ -206,14 +207,6 @@ class PathSteps:
         )
         for i, value in enumerate(w.tolist()):
             self._known[value] = poses[i], twists[i], growths[i]
-
-
-def _twist_of_camera(flange_T_camera: RigidTransform) -> FloatArray:
-    """Return A (6, 6): camera twist = A · flange twist, linear rows of both over LENGTH_SCALE."""
-    camera_R_flange = flange_T_camera.rotation.as_matrix().T
-    x, y, z = flange_T_camera.translation / LENGTH_SCALE
-    cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-    return np.block([[camera_R_flange, camera_R_flange @ cross], [np.zeros((3, 3)), camera_R_flange]])
 
 
 def _growth(J: FloatArray, slope: FloatArray) -> FloatArray:

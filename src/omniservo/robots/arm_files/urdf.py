@@ -10,6 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from omniservo.errors import InputError, spelled
+from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
 from omniservo.robots.arm_files.urdf_tree import in_order
@@ -114,12 +115,7 @@ class _Urdf:
         return float(self._fields.positive(self._limit(joint), "velocity", 1)[0])
 
     def _limit(self, joint: XmlElement) -> XmlElement:
-        limit = self._fields.only(joint, "limit")
-        if limit is None:
-            raise InputError(
-                f"{self._fields.place(joint)}: no <limit>; legal: <limit lower=… upper=… velocity=…> "
-                "[rad, rad/s]"
-            )
+        limit = self._fields.needed(joint, "limit", "<limit lower=… upper=… velocity=…> [rad, rad/s]")
         for attribute in ("lower", "upper", "velocity"):
             if not limit.get(attribute, "").strip():
                 raise InputError(
@@ -132,8 +128,7 @@ class _Urdf:
         fields, kind = self._fields, joint.get("type", "")
         clean = ET.Element("joint", name=fields.text(joint, "name"), type=kind)
         for end in ("parent", "child"):
-            held = fields.only(joint, end)
-            assert held is not None  # in_order has seen it  # noqa: S101
+            held = fields.needed(joint, end, f"<{end} link=…>")
             ET.SubElement(clean, end, link=fields.text(held, "link"))
         self._origin(joint, clean)
         if kind == "fixed":
@@ -237,5 +232,5 @@ class _Urdf:
         ET.SubElement(clean, "origin", {name: _words(values) for name, values in given.items()})
 
 
-def _words(values: object) -> str:
-    return " ".join(repr(float(value)) for value in values)  # type: ignore[attr-defined]
+def _words(values: FloatArray) -> str:
+    return " ".join(map(repr, values.tolist()))

@@ -55,10 +55,7 @@ def _unique(elements: Sequence[XmlElement], fields: XmlFields) -> list[str]:
 
 
 def _end(joint: XmlElement, end: str, names: Sequence[str], fields: XmlFields) -> str:
-    held = fields.only(joint, end)
-    if held is None:
-        raise InputError(f"{fields.place(joint)}: no <{end}>; legal: <{end} link=…>")
-    name = fields.text(held, "link")
+    name = fields.text(fields.needed(joint, end, f"<{end} link=…>"), "link")
     if name not in names:
         raise InputError(f"{fields.place(joint)}: {end} {spelled(name)}: no such link")
     return name

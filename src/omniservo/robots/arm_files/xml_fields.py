@@ -80,6 +80,13 @@ class XmlFields:
             raise InputError(f"{self.place(element)}: {len(found)} elements <{tag}>; legal: one")
         return found[0] if found else None
 
+    def needed(self, element: XmlElement, tag: str, legal: str) -> XmlElement:
+        """Return the one child of this tag, which must be there; ``legal``: what it looks like."""
+        found = self.only(element, tag)
+        if found is None:
+            raise InputError(f"{self.place(element)}: no <{tag}>; legal: {legal}")
+        return found
+
     def children(self, element: XmlElement, tag: str = "*") -> list[XmlElement]:
         """Return the children, or those of one tag."""
         return [child for child in element.findall(tag) if isinstance(child, XmlElement)]

@@ -1,0 +1,23 @@
+"""A twist seen from another point of the same body."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.geometry.arrays import FloatArray
+
+
+def twist_matrix(flange_T_camera: RigidTransform, length: float = 1.0) -> FloatArray:
+    """Return A (6, 6): camera twist = A · flange twist, each (linear, angular) in its own frame.
+
+    With flange_T_camera = (R, t): v_c = Rᵀ(v_f + ω_f × t), ω_c = Rᵀ ω_f. Linear parts of both are in units of
+    ``length`` [m].
+    """
+    camera_R_flange = flange_T_camera.rotation.as_matrix().T
+    x, y, z = flange_T_camera.translation / length
+    cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # ω × t = cross @ ω
+    A = np.zeros((6, 6))
+    A[:3, :3] = A[3:, 3:] = camera_R_flange
+    A[:3, 3:] = camera_R_flange @ cross
+    return A
