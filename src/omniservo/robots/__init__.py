@@ -1,17 +1,26 @@
 """The arm (kinematics, limits) and the protocol that every robot, real or simulated, implements."""
 
 from omniservo.robots.arm import Arm
+from omniservo.robots.arm_bodies import ArmBodies
+from omniservo.robots.arm_clearance import SELF_CLEARANCE, ArmClearance, Closeness, arm_clearance
 from omniservo.robots.arm_files import SHOWN_GROUP
+from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.load_arm import load_arm, shipped_arms
 from omniservo.robots.robot import CameraImage, Robot, RobotState
+from omniservo.robots.solid import Solid
 
 __all__ = [
+    "CAMERA_HOUSING",
+    "SELF_CLEARANCE",
     "SHOWN_GROUP",
     "Arm",
+    "ArmBodies",
+    "ArmClearance",
     "CameraImage",
+    "Closeness",
     "FollowedPath",
     "JointPath",
     "Link",
@@ -19,6 +28,8 @@ __all__ = [
     "Robot",
     "RobotState",
     "Shape",
+    "Solid",
+    "arm_clearance",
     "follow_path",
     "load_arm",
     "shipped_arms",

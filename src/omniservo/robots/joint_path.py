@@ -99,6 +99,15 @@ class JointPath:
         found: FloatArray = self._spline(at, order)
         return found
 
+    def bernstein_pieces(self) -> tuple[FloatArray, FloatArray]:
+        """Return where the quintic pieces begin and end (m,), and their coefficients (m − 1, 6, n) [rad].
+
+        Of a path that ends where it begins to be followed (m = 1): one piece that stands still.
+        """
+        if len(self.w) == 1:
+            return np.repeat(self.w, 2), np.tile(self.positions, (1, 6, 1))
+        return self.w, np.ascontiguousarray(self._spline.c.transpose(1, 0, 2))
+
     @cached_property
     def _spline(self) -> BPoly:
         return quintic_spline(self.w, self.positions, self.velocities, self.accelerations)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.robots import SHOWN_GROUP
+from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP
 from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
 
 TICK = 0.001
@@ -33,10 +33,6 @@ _THICKNESS = 1e-5  # [m] of dots and panels: thinner than any pixel shows from t
 
 _FACING = 0.5  # cosine between normals that tells a panel's front from its sides and back
 
-# Camera frame [m]: the pupil lies 5 mm behind the lens front; the housing reaches back to the flange.
-_LENS_FRONT, _LENS_BACK, _LENS_RADIUS = 0.005, -0.030, 0.025
-_HOUSING_BACK, _HOUSING_HALF_WIDTH, _HOUSING_HALF_HEIGHT = -0.088, 0.032, 0.022
-
 
 class World:
     """The scene as a MuJoCo model. Immutable after construction; every user makes its own MjData."""
@@ -54,7 +50,7 @@ class World:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         _put_base(spec, scene.world_T_base)
         link_T_camera = scene.arm.link_T_flange * scene.flange_T_camera
-        _add_camera(spec.body(scene.arm.tool_link), link_T_camera)
+        _add_camera(spec, spec.body(scene.arm.tool_link), link_T_camera)
         for body in (*scene.boards, *scene.obstacles):
             _add_body(spec, body)
         if scene.dots is not None:
@@ -143,21 +139,12 @@ def _put_base(spec: Any, world_T_base: RigidTransform) -> None:
             element.set_frame(foot)
 
 
-def _add_camera(link: Any, pose: RigidTransform) -> None:
+def _add_camera(spec: Any, link: Any, pose: RigidTransform) -> None:
     camera = link.add_body(
         name="camera", pos=pose.translation, quat=_mujoco_quaternion(pose.rotation), gravcomp=1.0
     )
-    lens = camera.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=[_LENS_RADIUS, (_LENS_FRONT - _LENS_BACK) / 2, 0.0],
-        pos=[0.0, 0.0, (_LENS_FRONT + _LENS_BACK) / 2],
-    )
-    housing = camera.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[_HOUSING_HALF_WIDTH, _HOUSING_HALF_HEIGHT, (_LENS_BACK - _HOUSING_BACK) / 2],
-        pos=[0.0, 0.0, (_LENS_BACK + _HOUSING_BACK) / 2],
-    )
-    for geom in (lens, housing):
+    for solid in CAMERA_HOUSING:
+        geom = solid.add_to(spec, camera)
         geom.mass = 0.15
         _paint(geom, _HOUSING_COLOUR, CAMERA_GROUP)
 

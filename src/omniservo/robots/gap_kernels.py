@@ -1,0 +1,144 @@
+"""Gaps between convex bodies, and how far joints move them: bounds that hold whatever a search has found.
+
+The width of the slab between two bodies across a unit vector n, min n·x over the one − max n·x over the
+other, is a lower bound of their distance for every n, and the distance itself for the best one. So nobody
+needs to trust the search that proposes n.
+"""
+
+import math
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.kernel import kernel
+
+SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 2, 3, 4, 5, 6, 7
+"""MuJoCo's numbers of the shapes."""
+
+
+@kernel
+def extent(
+    kind: int, size: FloatArray, axes: FloatArray, corners: FloatArray, x: float, y: float, z: float
+) -> float:
+    """Return max n·y over a shape about its own origin, n = (x, y, z) a unit vector of the outer frame.
+
+    ``axes`` (9,): outer_R_shape by rows; ``corners`` (m, 3) those of a hull, in its own frame.
+    """
+    a = axes[0] * x + axes[3] * y + axes[6] * z
+    b = axes[1] * x + axes[4] * y + axes[7] * z
+    c = axes[2] * x + axes[5] * y + axes[8] * z
+    if kind == SPHERE:
+        return float(size[0])
+    if kind == CAPSULE:
+        return float(size[0] + size[1] * abs(c))
+    if kind == CYLINDER:
+        return float(size[0] * math.sqrt(a * a + b * b) + size[1] * abs(c))
+    if kind == BOX:
+        return float(size[0] * abs(a) + size[1] * abs(b) + size[2] * abs(c))
+    if kind == ELLIPSOID:
+        return math.sqrt((size[0] * a) ** 2 + (size[1] * b) ** 2 + (size[2] * c) ** 2)
+    most = -math.inf
+    for i in range(corners.shape[0]):
+        most = max(most, a * corners[i, 0] + b * corners[i, 1] + c * corners[i, 2])
+    return most
+
+
+@kernel
+def lower_gaps(
+    pairs: IntArray,
+    chosen: IntArray,
+    kinds: IntArray,
+    sizes: FloatArray,
+    radii: FloatArray,
+    corners: FloatArray,
+    firsts: IntArray,
+    places: FloatArray,
+    axes: FloatArray,
+    normals: FloatArray,
+    gaps: FloatArray,
+) -> None:
+    """Write a lower bound of the distance of every chosen pair into ``gaps`` (chosen,).
+
+    Args:
+        pairs: (p, 2) indices of two shapes.
+        chosen: (m,) indices of pairs.
+        kinds: (g,) of the shapes.
+        sizes: (g, 3) as MuJoCo states them [m].
+        radii: (g,) of balls about the shapes' origins that hold them [m].
+        corners: (v, 3) of all hulls.
+        firsts: (g + 1,) index of each shape's first corner.
+        places: (g, 3) origins [m].
+        axes: (g, 9) rotations by rows.
+        normals: (p, 3) unit, from the first shape to the second; 0 where none is known.
+        gaps: [m]: the larger one of the balls' gap and the slab's width.
+    """
+    for k in range(chosen.shape[0]):
+        pair = chosen[k]
+        i, j = pairs[pair, 0], pairs[pair, 1]
+        dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
+        gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j]
+        x, y, z = normals[pair, 0], normals[pair, 1], normals[pair, 2]
+        if x != 0.0 or y != 0.0 or z != 0.0:
+            near = extent(kinds[i], sizes[i], axes[i], corners[firsts[i] : firsts[i + 1]], x, y, z)
+            far = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
+            gap = max(gap, dx * x + dy * y + dz * z - near - far)
+        gaps[k] = gap
+
+
+@kernel
+def farthest_moves(
+    anchors: FloatArray,
+    directions: FloatArray,
+    places: FloatArray,
+    radii: FloatArray,
+    carried: IntArray,
+    turns: FloatArray,
+    moves: FloatArray,
+) -> None:
+    """Write how far any point of a shape can be moved by the joints from i on, into ``moves`` (g, n + 1).
+
+    Let the joints turn one after the other, the last first: joint j, whose axis those after it do not move,
+    carries a point at most r_j + (what those have moved it) times its turn, r_j the distance from its axis
+    to the shape's farthest point before.
+
+    Args:
+        anchors: (n, 3) points on the joints' axes [m].
+        directions: (n, 3) unit, of the axes.
+        places: (g, 3) shapes' origins [m].
+        radii: (g,) of balls about them that hold the shapes [m].
+        carried: (g,) how many joints carry the shape.
+        turns: (n,) how far each joint turns at most [rad].
+        moves: [m]; 0 in the columns from ``carried`` on.
+    """
+    for g in range(places.shape[0]):
+        for j in range(moves.shape[1] - 1, -1, -1):
+            if j >= carried[g]:
+                moves[g, j] = 0.0
+                continue
+            x = places[g, 0] - anchors[j, 0]
+            y = places[g, 1] - anchors[j, 1]
+            z = places[g, 2] - anchors[j, 2]
+            a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
+            across = math.sqrt((y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2)
+            moves[g, j] = moves[g, j + 1] + turns[j] * (across + radii[g] + moves[g, j + 1])
+
+
+@kernel
+def middle_of_piece(piece: FloatArray, first: FloatArray, second: FloatArray, turns: FloatArray) -> None:
+    """Halve a polynomial piece by de Casteljau; write how far it strays from its middle at most.
+
+    ``piece``, ``first``, ``second``: Bernstein coefficients (k + 1, n), of the halves in reading order; its
+    middle is the last row of ``first``. ``turns`` (n,): the largest distance of a coefficient from the
+    middle, which a polynomial cannot exceed.
+    """
+    rows, n = piece.shape
+    work = piece.copy()
+    for level in range(rows):
+        for j in range(n):
+            first[level, j] = work[0, j]
+            second[rows - 1 - level, j] = work[rows - 1 - level, j]
+        for i in range(rows - 1 - level):
+            for j in range(n):
+                work[i, j] = 0.5 * (work[i, j] + work[i + 1, j])
+    for j in range(n):
+        turns[j] = 0.0
+        for i in range(rows):
+            turns[j] = max(turns[j], abs(piece[i, j] - first[rows - 1, j]))

@@ -1,0 +1,100 @@
+"""A rigid convex body: what an arm carries, or must not touch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+
+Kind = Literal["sphere", "capsule", "cylinder", "box", "hull"]
+
+SIZES: dict[Kind, int] = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}
+
+_THINNEST = 1e-6
+"""What is thinner is taken to be so thick [m]: MuJoCo knows no body without a size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A convex body in the frame that it is stated in.
+
+    Raises:
+        InputError: a size that is negative, not finite, or of another length than the kind has.
+    """
+
+    name: str
+    """what it is called in results"""
+    kind: Kind
+    size: FloatArray
+    """sphere: radius. Capsule, cylinder: radius, half of the axis, which is z. Box: half extents. Hull: none.
+    [m], read-only"""
+    pose: RigidTransform
+    """its own frame in that one"""
+    vertices: FloatArray | None = None
+    """(n, 3) of a hull, n ≥ 4, not all in one plane [m], read-only; else None"""
+
+    def __post_init__(self) -> None:
+        if self.kind not in SIZES:
+            raise InputError(f"kind: {self.kind!r} given; legal: {', '.join(SIZES)}")
+        size = finite_array(f"{self.name}: size", self.size, (SIZES[self.kind],))
+        if (size < 0.0).any():
+            raise InputError(f"{self.name}: size {size.tolist()} m given; legal: ≥ 0")
+        object.__setattr__(self, "size", frozen(np.maximum(size, _THINNEST)))
+        if (self.kind == "hull") != (self.vertices is not None):
+            raise InputError(f"{self.name}: a hull has vertices, and nothing else has")
+        if self.vertices is not None:
+            corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 3))
+            object.__setattr__(self, "vertices", frozen(corners))
+
+    @classmethod
+    def sphere(cls, name: str, center: npt.ArrayLike, radius: float) -> Self:
+        """Return the ball about a point (3,) [m]."""
+        place = RigidTransform.from_translation(finite_array("center", center, (3,)))
+        return cls(name, "sphere", np.array([radius]), place)
+
+    @classmethod
+    def box(cls, name: str, pose: RigidTransform, half_extents: npt.ArrayLike) -> Self:
+        """Return the box of half extents (3,) [m] along the axes of ``pose``, about its origin."""
+        return cls(name, "box", finite_array("half_extents", half_extents, (3,)), pose)
+
+    def moved(self, a_T_b: RigidTransform) -> Solid:
+        """Return the same body, stated in frame b, in frame a."""
+        return Solid(self.name, self.kind, self.size, a_T_b * self.pose, self.vertices)
+
+    def add_to(self, spec: Any, body: Any) -> Any:
+        """Add it to a MuJoCo body of ``spec``, in whose frame it is stated; return the new geom."""
+        geom = body.add_geom(
+            type=_GEOMS[self.kind],
+            pos=self.pose.translation,
+            quat=self.pose.rotation.as_quat(scalar_first=True),
+        )
+        if self.vertices is None:
+            geom.size = _padded(self.size.tolist())
+        else:
+            mesh = spec.add_mesh(
+                uservert=self.vertices.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            )
+            mesh.name = f"hull of {self.name} {len(spec.meshes)}"
+            geom.meshname = mesh.name
+        return geom
+
+
+_GEOMS: dict[Kind, Any] = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "hull": mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def _padded(size: Sequence[float]) -> list[float]:
+    return [*size, 0.0, 0.0][:3]

@@ -1,0 +1,253 @@
+"""Whole-arm clearance: what it proves holds wherever one looks, and what it cannot prove it shows."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+from scipy.optimize import minimize
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.errors import InputError
+from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
+from omniservo.robots.gap_kernels import middle_of_piece
+
+TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
+CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), [0.03, 0.02, 0.05])
+
+
+def joint_path(first, last, knots=9):
+    """From rest to rest in a straight line of joints: q = first + (3w² − 2w³)(last − first)."""
+    w, way = np.linspace(0.0, 1.0, knots), np.asarray(last) - np.asarray(first)
+    shape = (3 * w**2 - 2 * w**3, 6 * w - 6 * w**2, 6 - 12 * w)
+    q, slope, bend = (np.outer(values, way) for values in shape)
+    return JointPath(w, first + q, slope, bend, np.ones(knots), np.ones((knots, len(way))), (), 1.0)
+
+
+def random_solid(random, name):
+    kind = ("sphere", "capsule", "cylinder", "box", "hull")[random.integers(5)]
+    pose = RigidTransform.from_components(random.uniform(-0.3, 0.3, 3), Rotation.random(rng=random))
+    count = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}[kind]
+    vertices = random.uniform(-0.1, 0.1, (12, 3)) if kind == "hull" else None
+    return Solid(name, kind, random.uniform(0.01, 0.1, count), pose, vertices)
+
+
+def inside(solid, local):
+    """Points (m, 3) in [−1, 1]³ to points of the solid, in its outer frame."""
+    if solid.kind == "box":
+        points = local * solid.size
+    elif solid.kind == "hull":
+        weights = np.abs(local @ np.random.default_rng(0).normal(size=(3, len(solid.vertices)))) + 1e-9
+        points = (weights / weights.sum(axis=1, keepdims=True)) @ solid.vertices
+    else:
+        radius = local[:, :3] / np.maximum(1.0, np.linalg.norm(local, axis=1, keepdims=True))
+        points = radius * solid.size[0]
+        if solid.kind == "capsule":
+            points[:, 2] += local[:, 2] * solid.size[1]
+        elif solid.kind == "cylinder":
+            flat = local[:, :2] / np.maximum(1.0, np.linalg.norm(local[:, :2], axis=1, keepdims=True))
+            points = np.column_stack([flat * solid.size[0], local[:, 2] * solid.size[1]])
+    return solid.pose.apply(points)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_two_points_of_a_pair_are_nearer_than_its_lower_gap(seed):
+    random = np.random.default_rng(seed)
+    arm = load_arm("rx60")
+    carried, stands = random_solid(random, "a"), random_solid(random, "b")
+    bodies = ArmBodies(arm, mounted=[carried], surroundings=[stands])
+    pair = next(i for i in range(len(bodies.pairs)) if bodies.names(i) == ("camera", "b"))
+    q = random.uniform(-1.0, 1.0, 6)
+    bodies.place(q)
+    own, other = (
+        inside(carried, random.uniform(-1, 1, (4000, 3))),
+        inside(stands, random.uniform(-1, 1, (4000, 3))),
+    )
+    sampled = np.linalg.norm(arm.base_T_flange(q).apply(own) - other, axis=1).min()
+    chosen = np.array([pair])
+    rough = bodies.lower_gaps(chosen)[0]
+    found = bodies.measure(pair)
+    sharp = bodies.lower_gaps(chosen)[0]
+    assert rough <= sharp <= sampled
+    assert sharp == pytest.approx(found, abs=2e-5)
+
+
+def test_the_distance_of_two_boxes_is_that_of_a_quadratic_program():
+    random = np.random.default_rng(3)
+    arm = load_arm("rx60")
+    for _ in range(5):
+        poses = [
+            RigidTransform.from_components(random.uniform(-0.2, 0.2, 3), Rotation.random(rng=random))
+            for _ in "ab"
+        ]
+        boxes = [Solid.box(n, p, random.uniform(0.01, 0.05, 3)) for n, p in zip("ab", poses, strict=True)]
+        bodies = ArmBodies(arm, mounted=boxes[:1], surroundings=boxes[1:])
+        bodies.place(np.full(6, 0.3))
+        pair = next(i for i in range(len(bodies.pairs)) if bodies.names(i) == ("camera", "b"))
+        bodies.measure(pair)
+        base_T_a = arm.base_T_flange(np.full(6, 0.3)) * poses[0]
+
+        def square(y, base_T_a=base_T_a, poses=poses, boxes=boxes):
+            gap = base_T_a.apply(y[:3] * boxes[0].size) - poses[1].apply(y[3:] * boxes[1].size)
+            return float(gap @ gap)
+
+        best = minimize(square, np.zeros(6), bounds=[(-1, 1)] * 6, options={"ftol": 1e-14, "gtol": 1e-12})
+        assert bodies.lower_gaps(np.array([pair]))[0] == pytest.approx(np.sqrt(best.fun), abs=1e-5)
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_no_point_of_a_link_moves_farther_than_its_bound(name):
+    """Corners of each shape's bounding box that lie inside its bounding ball stand for its points."""
+    arm, random = load_arm(name), np.random.default_rng(5)
+    bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
+    model, data = bodies._model, bodies._data
+    for _ in range(20):
+        q = random.uniform(*arm.joint_range.T)
+        turns = random.uniform(0.0, 0.4, arm.dof)
+        bodies.place(q)
+        bounds = bodies.moves(turns)
+        balls = random.normal(size=(model.ngeom, 3))
+        balls *= model.geom_rbound[:, None] / np.linalg.norm(balls, axis=1, keepdims=True)
+        frames = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
+        bodies.place(q + random.choice([-1.0, 1.0], arm.dof) * turns)
+        moved = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
+        for pair, (first, second) in enumerate(bodies.pairs):
+            here, there = (
+                R[first].T @ (p[second] + R[second] @ balls[second] - p[first]) for p, R in (frames, moved)
+            )
+            assert np.linalg.norm(there - here) <= bounds[pair] + 1e-12
+
+
+def test_halves_of_a_piece_are_the_piece_and_its_turns_bound_it():
+    piece = np.random.default_rng(1).normal(size=(6, 3))
+    first, second, turns = np.empty((6, 3)), np.empty((6, 3)), np.empty(3)
+    middle_of_piece(piece, first, second, turns)
+    whole = BPoly(piece[:, None], [0.0, 1.0])
+    for part, ends in ((first, (0.0, 0.5)), (second, (0.5, 1.0))):
+        half = BPoly(part[:, None], ends)
+        w = np.linspace(*ends, 50)
+        np.testing.assert_allclose(half(w), whole(w), atol=1e-13)
+        assert (np.abs(whole(w) - whole(0.5)) <= turns + 1e-13).all()
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_what_is_proven_holds_wherever_one_looks(name):
+    """Contacts come from MuJoCo's collision detection, which is not what the proof asks."""
+    arm, random = load_arm(name), np.random.default_rng(7)
+    bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
+    statuses = set()
+    for _ in range(16):
+        begin = 0.7 * random.uniform(*arm.joint_range.T)
+        path = joint_path(begin, begin + random.uniform(-0.5, 0.5, arm.dof))
+        found = arm_clearance(bodies, path, clearance=0.01)
+        statuses.add(found.status)
+        least = min(_left(bodies, path(w)) for w in np.linspace(0.0, 1.0, 60))
+        if found.status == "clear":
+            assert found.proven >= 0.0
+            assert least >= found.proven - 1e-9
+        else:
+            assert found.status == "too_close"
+            assert found.closest.gap < (0.01 if found.closest.other == "table" else 0.002)
+            assert found.closest.link in found.reason
+    assert statuses == {"clear", "too_close"}
+
+
+def _left(bodies, q):
+    """What is left beyond the clearance of the closest pair, by MuJoCo's distances; 1 where all is far."""
+    bodies.place(q)
+    asked = [0.01 if bodies.is_around(i) else 0.002 for i in range(len(bodies.pairs))]
+    near = bodies.near(0.02)
+    return min((one.gap - asked[one.pair] for one in near), default=1.0)
+
+
+def test_a_needle_between_samples_is_found():
+    """Two balls of half a millimetre meet for a thousandth of the path."""
+    arm = load_arm("rx60")
+    path = joint_path(np.array([-0.5, 0.6, -1.0, 0.1, 1.2, 0.2]), np.array([0.6, 0.7, -1.1, 0.1, 1.2, 0.2]))
+    tip = Solid.sphere("tip", [0.0, 0.0, 0.2], 5e-4)
+    needle = Solid.sphere("needle", arm.base_T_flange(path(0.4137)).apply([0.0, 0.0, 0.2]), 5e-4)
+    alone, beside = ArmBodies(arm, mounted=[tip]), ArmBodies(arm, mounted=[tip], surroundings=[needle])
+    assert arm_clearance(alone, path, clearance=0.0).status == "clear"
+    found = arm_clearance(beside, path, clearance=0.0)
+    assert found.status == "too_close"
+    assert found.closest.other == "needle"
+    for w in np.linspace(0.0, 1.0, 17):
+        beside.place(path(w))
+        assert all(beside.names(one.pair)[1] != "needle" for one in beside.near(0.0))
+
+
+def test_the_slope_of_a_gap_is_its_finite_difference():
+    arm, random = load_arm("panda"), np.random.default_rng(2)
+    bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
+    seen = 0
+    for _ in range(8):
+        q = 0.8 * random.uniform(*arm.joint_range.T)
+        bodies.place(q)
+        for one in bodies.near(0.2):
+            numeric = np.empty(arm.dof)
+            for i in range(arm.dof):
+                step = 1e-6 * np.eye(arm.dof)[i]
+                ends = []
+                for sign in (1.0, -1.0):
+                    bodies.place(q + sign * step)
+                    ends.append(bodies.measure(one.pair))
+                numeric[i] = (ends[0] - ends[1]) / 2e-6
+            # where the nearest points jump along a flat side the gap has no slope; few pairs do
+            seen += bool(np.allclose(one.slope, numeric, atol=2e-3))
+            assert np.abs(one.slope).max() < 2.0
+    assert seen >= 15
+
+
+def test_a_path_of_one_posture_is_judged_there():
+    arm = load_arm("rx60")
+    still = JointPath(
+        np.zeros(1), np.zeros((1, 6)), np.ones((1, 6)), np.ones((1, 6)), np.ones(1), np.ones((1, 6)), (), 0.0
+    )
+    assert arm_clearance(ArmBodies(arm), still, clearance=0.01).status == "clear"
+
+
+def test_a_gap_that_is_just_what_is_asked_is_undecided_and_not_claimed():
+    """The table lies below the camera by exactly the clearance while joint 1 turns about the upright axis."""
+    arm = load_arm("rx60")
+    q = np.array([0.0, 0.5, 0.8, 0.0, np.pi - 1.3 - 1e-9, 0.0])
+    bodies = ArmBodies(arm, mounted=[Solid.sphere("ball", [0.0, 0.0, 0.1], 0.05)])
+    bodies.place(q)
+    low = arm.base_T_flange(q).apply([0.0, 0.0, 0.1])[2] - 0.05
+    table = Solid.box(
+        "table", RigidTransform.from_translation([0.0, 0.0, low - 0.05 - 0.01]), [2.0, 2.0, 0.05]
+    )
+    bodies = ArmBodies(arm, mounted=[Solid.sphere("ball", [0.0, 0.0, 0.1], 0.05)], surroundings=[table])
+    path = joint_path(q, q + 0.3 * np.eye(6)[0])
+    assert arm_clearance(bodies, path, clearance=0.01 + 1e-10).status in ("undecided", "too_close")
+    assert arm_clearance(bodies, path, clearance=0.0).status != "undecided"
+
+
+def test_wrong_solids_and_clearances_are_named():
+    with pytest.raises(InputError, match=r"table: size \[-1\.0\] m given; legal: ≥ 0"):
+        Solid.sphere("table", [0, 0, 0], -1.0)
+    with pytest.raises(InputError, match=r"kind: 'cone' given; legal: sphere, capsule"):
+        Solid("x", "cone", [1.0], RigidTransform.identity())
+    with pytest.raises(InputError, match="hull has vertices"):
+        Solid("x", "hull", [], RigidTransform.identity())
+    with pytest.raises(InputError, match="'table' is given twice"):
+        ArmBodies(load_arm("rx60"), surroundings=[TABLE, TABLE])
+    arm = load_arm("rx60")
+    with pytest.raises(InputError, match="clearance"):
+        arm_clearance(ArmBodies(arm), joint_path(np.zeros(6), np.ones(6)), clearance=-1.0)
+    with pytest.raises(InputError, match="q"):
+        ArmBodies(arm).place(np.full(6, np.nan))
+
+
+def test_pairs_are_those_between_which_mujoco_finds_contacts():
+    """Whatever MuJoCo's own broad phase reports in random postures is among the pairs."""
+    for name in shipped_arms():
+        arm, random = load_arm(name), np.random.default_rng(4)
+        bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
+        known = {frozenset(pair) for pair in bodies.pairs.tolist()}
+        data = mujoco.MjData(bodies._model)
+        met = set()
+        for _ in range(300):
+            data.qpos[:] = random.uniform(*arm.joint_range.T)
+            mujoco.mj_fwdPosition(bodies._model, data)
+            met |= {frozenset(int(g) for g in pair) for pair in data.contact.geom}
+        assert len(met) > 5
+        assert met <= known
