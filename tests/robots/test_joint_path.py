@@ -209,6 +209,26 @@ def test_panda_starts_apart_and_comes_away_from_its_limits(load):
     assert np.mean([last - first for first, last in tight]) > 0.0
 
 
+def test_stated_start_is_where_the_only_branch_begins_with_its_full_turns(followed):
+    arm, base_T_initial, _ = followed
+    stand = np.array(arm.inverse(base_T_initial * FLANGE_T_CAMERA.inv())[-1])
+    result = follow_path(arm, CURVE, base_T_initial, FLANGE_T_CAMERA, start=stand)
+    (branch,) = result.branches
+    assert not result.all_tried
+    np.testing.assert_allclose(branch.positions[0], stand, atol=1e-8)
+    assert camera_error(arm, base_T_initial, branch(branch.w[-1]), branch.w[-1]) < 1e-6
+
+
+def test_start_off_the_path_is_refused_with_its_distance(load):
+    arm = load("ur5e")
+    base_T_initial = arm.base_T_flange(STARTS["ur5e"]) * FLANGE_T_CAMERA
+    aside = STARTS["ur5e"] + np.array([0.01, 0, 0, 0, 0, 0])
+    with pytest.raises(InputError, match=r"start: [\d.]+ mm and 0.573 deg from the path's start"):
+        follow_path(arm, CURVE, base_T_initial, FLANGE_T_CAMERA, start=aside)
+    with pytest.raises(InputError, match="start: shape"):
+        follow_path(arm, CURVE, base_T_initial, FLANGE_T_CAMERA, start=aside[:5])
+
+
 def test_joint_limit_is_named_with_joint_place_and_amount(load):
     """The camera on a circle about axis 1, by 2.4 rad from 1 rad on; joint 1 of the RX60 ends at 160 deg."""
     arm = load("rx60")

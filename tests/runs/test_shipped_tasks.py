@@ -5,7 +5,7 @@ import pytest
 
 from omniservo.runs import estimate_simulated
 from omniservo.runs.followed_points import followed_points
-from omniservo.runs.pace import joint_path
+from omniservo.runs.own_branch import own_branch
 from omniservo.runs.plan_task import plan_task
 from omniservo.simulation import World
 from omniservo.simulation.scene_of_task import scene_of_task
@@ -43,7 +43,7 @@ def test_the_arm_follows_the_plan_with_room_to_every_obstacle(prepared):
     task, _, plan, _ = prepared
     scene = scene_of_task(task)
     world = World(scene)
-    for joints in joint_path(task, scene, plan.path, np.linspace(0, 1, 41)):
+    for joints in own_branch(task, scene, plan.path)(np.linspace(0, 1, 41)):
         data = world.data_at(joints)
         assert world.arm_obstacle_distance(data) > ROOM
         assert not world.touching(data)

@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
-from omniservo.robots.arm import Arm
+from omniservo.robots.arm import LENGTH_SCALE, Arm
 from omniservo.robots.joint_path import JointPath, PathFailure, quintic_spline
 from omniservo.robots.path_steps import PathSteps, PosePath, State, Stop
 
 _FAMILIES = 8
 """Starts of an arm with seven joints, spread over the postures that a search finds."""
+
+_AT_START = 1e-6
+"""[m], [rad] from the pose of a stated start to the path's"""
 
 _DENSE = 16
 """places between two samples at which limits are looked at"""
@@ -28,8 +32,8 @@ class FollowedPath:
     """those that the arm can follow first, by `JointPath.travel`; then the others, the longest followed
     first"""
     all_tried: bool
-    """True: closed form, these are all branches. False: those that a seeded numeric search found; of seven
-    joints some of a family."""
+    """True: closed form, these are all branches. False: those that a seeded numeric search found, of seven
+    joints some of a family; or the one whose start was stated."""
 
     @property
     def best(self) -> JointPath:
@@ -38,7 +42,12 @@ class FollowedPath:
 
 
 def follow_path(
-    arm: Arm, path: PosePath, base_T_initial: RigidTransform, flange_T_camera: RigidTransform
+    arm: Arm,
+    path: PosePath,
+    base_T_initial: RigidTransform,
+    flange_T_camera: RigidTransform,
+    *,
+    start: npt.ArrayLike | None = None,
 ) -> FollowedPath:
     """Return the joints that carry the camera along a path, on every branch in which the arm can start.
 
@@ -55,21 +64,38 @@ def follow_path(
             own frame, 2: that twist's derivative. `omniservo.planning.CameraPath` is one.
         base_T_initial: the frame that the path is stated in.
         flange_T_camera: how the camera sits in the hand.
+        start: (n,) [rad], where the arm stands: only the branch that goes on from there is followed, with
+            these full turns; None: every branch, each with the full turns that leave most room.
 
     Raises:
-        InputError: no posture reaches the path's start; or the path is not finite.
+        InputError: no posture reaches the path's start, or ``start`` is not one; or something is not finite.
     """
     _check_pose("base_T_initial", base_T_initial)
     _check_pose("flange_T_camera", flange_T_camera)
     steps = PathSteps(arm, path, base_T_initial, flange_T_camera)
+    if start is not None:
+        stand = _checked_start(arm, steps.goal(0.0), start)
+        return FollowedPath((_joint_path(arm, *steps.follow(stand), turns=False),), all_tried=False)
     try:
         starts = arm.branches(RigidTransform.from_matrix(steps.goal(0.0)))
     except InputError as error:
         raise InputError(f"path: its start cannot be reached: {error}") from None
     if arm.dof > 6:
         starts = _spread(starts, arm.joint_range)
-    branches = [_joint_path(arm, *steps.follow(start)) for start in starts]
+    # Seven joints were pushed off the limits of the turn that they are in, so they keep it.
+    branches = [_joint_path(arm, *steps.follow(each), turns=arm.dof == 6) for each in starts]
     return FollowedPath(tuple(sorted(branches, key=_rank)), arm.has_closed_form)
+
+
+def _checked_start(arm: Arm, goal: FloatArray, start: npt.ArrayLike) -> FloatArray:
+    stand = finite_array("start", start, (arm.dof,))
+    twist, _ = arm.miss(stand, goal)
+    linear, angular = LENGTH_SCALE * float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
+    if max(linear, angular) > _AT_START:
+        raise InputError(
+            f"start: {1e3 * linear:.3g} mm and {np.rad2deg(angular):.3g} deg from the path's start"
+        )
+    return stand
 
 
 def _rank(branch: JointPath) -> tuple[bool, float, float]:
@@ -77,7 +103,7 @@ def _rank(branch: JointPath) -> tuple[bool, float, float]:
     return not branch.feasible, -first, branch.travel
 
 
-def _joint_path(arm: Arm, states: list[State], stop: Stop | None) -> JointPath:
+def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool) -> JointPath:
     w = np.array([state.w for state in states])
     q, slope, bend = (np.array([getattr(s, name) for s in states]) for name in ("q", "slope", "bend"))
     fine, dense = w, q
@@ -85,7 +111,7 @@ def _joint_path(arm: Arm, states: list[State], stop: Stop | None) -> JointPath:
         shares = np.arange(_DENSE) / _DENSE
         fine = np.append((w[:-1, None] + np.diff(w)[:, None] * shares).ravel(), w[-1])
         dense = quintic_spline(w, q, slope, bend)(fine)
-    if arm.dof == 6:  # seven joints were pushed off the limits of the turn that they are in
+    if turns:
         middle = 0.5 * (dense.min(axis=0) + dense.max(axis=0))
         turn = 2.0 * np.pi * np.round((arm.joint_range.mean(axis=1) - middle) / (2.0 * np.pi))
         q, dense = q + turn, dense + turn

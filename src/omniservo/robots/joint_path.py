@@ -60,7 +60,8 @@ class JointPath:
     w: FloatArray
     """(m,) samples, closer where the joints turn sharply"""
     positions: FloatArray
-    """(m, n) q [rad], continuous; of the full turns the one that leaves most room to the limits"""
+    """(m, n) q [rad], continuous; of the full turns the one that leaves most room to the limits, or those
+    of the stated start"""
     velocities: FloatArray
     """(m, n) dq/dw [rad]: joint speed per unit of path speed"""
     accelerations: FloatArray

@@ -1,0 +1,49 @@
+"""The joints that carry the camera along the plan from where the arm stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import AnswerIsNo
+from omniservo.planning import CameraPath
+from omniservo.robots import FollowedPath, JointPath, follow_path
+from omniservo.simulation.scene import Scene
+from omniservo.tasks import Task
+
+
+def own_branch(task: Task, scene: Scene, path: CameraPath) -> JointPath:
+    """Return the branch that goes on from the scene's start joints, with their full turns.
+
+    Raises:
+        AnswerIsNo: the arm cannot follow on it; the message says which joint, at which w, by how much, and
+            whether the arm could from another posture.
+    """
+    branch = follow_path(
+        scene.arm, path, base_T_initial(task, scene), scene.flange_T_camera, start=scene.start_joints
+    ).best
+    if branch.feasible:
+        return branch
+    others = every_branch(task, scene, path)
+    raise AnswerIsNo(f"the arm cannot follow the planned path: {branch.failures[0]}; {_advice(others)}")
+
+
+def every_branch(task: Task, scene: Scene, path: CameraPath) -> FollowedPath:
+    """Return what each branch in which the arm can begin makes of the path, each with its best full turns."""
+    return follow_path(scene.arm, path, base_T_initial(task, scene), scene.flange_T_camera)
+
+
+def base_T_initial(task: Task, scene: Scene) -> RigidTransform:
+    """Return the initial camera frame as seen from the arm's foot."""
+    return scene.world_T_base.inv() * task.start.world_T_camera.transform
+
+
+def _advice(followed: FollowedPath) -> str:
+    """Say whether another posture at the start would do."""
+    if followed.best.feasible:
+        start = ", ".join(f"{angle:.1f}" for angle in np.rad2deg(followed.best.positions[0]))
+        return f"it can from start.joints_near = [{start}] deg"
+    count = len(followed.branches)
+    if followed.all_tried:
+        return f"nor can it on any of its {count} branches"
+    return f"nor can it on any of the {count} branches that a search found, which may miss some"
