@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE, Arm
 from omniservo.robots.joint_path import FailureKind
+from omniservo.robots.twist_growth import twist_growth
 from omniservo.robots.twist_matrix import twist_matrix
 
 PosePath: TypeAlias = Callable[..., Any]
@@ -181,7 +182,7 @@ class PathSteps:
         weights = inverse @ (twist - J @ push)
         slope = push + J.T @ weights
         push_growth = -5.0 * self._push * off**4 * slope
-        J_growth = _growth(J, slope)
+        J_growth = twist_growth(J, slope)
         wanted = growth - J_growth @ slope - J @ (push_growth + J_growth.T @ weights)
         bend = push_growth + J_growth.T @ weights + J.T @ (inverse @ wanted)
         return State(
@@ -207,18 +208,6 @@ class PathSteps:
         )
         for i, value in enumerate(w.tolist()):
             self._known[value] = poses[i], twists[i], growths[i]
-
-
-def _growth(J: FloatArray, slope: FloatArray) -> FloatArray:
-    """Return dJ/dw (6, n) along q′ = slope."""
-    moved = J * slope
-    after = np.cumsum(moved[:, ::-1], axis=1)[:, ::-1] - moved
-    linear = _cross(J[3:], after[:3]) + _cross(J[:3], after[3:])
-    return np.concatenate([linear, _cross(J[3:], after[3:])])
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _least_between(now: State, ahead: State) -> float:

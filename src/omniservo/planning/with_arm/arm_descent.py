@@ -1,0 +1,157 @@
+"""From a camera path that the arm cannot follow to one nearby that it can, at samples of w.
+
+Levenberg–Marquardt on squared hinges as in `omniservo.planning.search.descent`, with the arm's demands beside
+the camera's: at every sample the joints are known, and J⁻¹ turns their slopes into slopes of the camera's
+pose. Joints follow the path by Newton's iteration from where they were before the step, so that they stay on
+their branch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
+from omniservo.planning.search.path_family import Family, add_sample, unknowns
+from omniservo.planning.search.settle import PULL
+from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.joint_demands import GROUPS, JointDemands, Pull
+
+TARGETS = np.array([0.03, 0.02, 0.03])
+"""What the arm's constraints are pushed to: limits [rad], singular value, gaps over ℓ."""
+
+STEPS = 30
+"""of a descent at most"""
+
+STALLED = 1e-3
+"""A step that gains less than this part of the cost ends a descent."""
+
+_ITERATIONS = 6
+_EXACT = 1e-9
+"""twist from the joints to the pose, linear part over `LENGTH_SCALE`"""
+
+_LEAP = 0.5
+"""[rad] A step that moves a joint farther at some sample is too long to stay on the branch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The path at the samples: what it costs, what is least of every constraint, and where to go."""
+
+    cost: float
+    normal: FloatArray
+    joints: FloatArray
+    """(m, n) at the samples that the arm reaches [rad]"""
+    camera_least: FloatArray
+    arm_least: FloatArray
+
+
+class ArmDescent:
+    """Moves the free control points of a path family."""
+
+    def __init__(
+        self, demands: Demands, family: Family, setting: ArmSetting, joint_demands: JointDemands
+    ) -> None:
+        """Join a problem's arrays and the arm's demands."""
+        self._demands, self._family, self._setting, self._joint_demands = demands, family, setting, joint_demands
+        self._ell = float(demands.numbers[2])
+        self._camera_ends = self._end_values()
+
+    def lower(
+        self, x: FloatArray, places: FloatArray, joints: FloatArray, end_least: FloatArray, higher: float
+    ) -> tuple[FloatArray, bool]:
+        """Return the offsets where the descent ends, and whether half of every target is reached there.
+
+        Args:
+            x: offsets to begin with.
+            places: (m,) w of the samples, ascending.
+            joints: (k, n) at the first k ≤ m samples [rad]: as far as the arm can follow the path of x.
+            end_least: (GROUPS,) smallest g of the arm at its end postures, which no path can improve.
+            higher: factor of the targets.
+        """
+        camera = np.maximum(0.0, np.minimum(higher * 0.03, 0.5 * self._camera_ends))
+        arm = np.maximum(0.0, np.minimum(higher * TARGETS, 0.5 * end_least))
+        self._family.samples[0] = 0
+        for w in places:
+            add_sample(self._family, float(w))
+        room = room_for(len(places), self._demands.points.shape[0])
+        now = self._look(x, camera, arm, joints, room, moved=False)
+        damping, factor, step = 1e-6, np.empty((len(x), len(x))), np.empty(len(x))
+        for _ in range(STEPS):
+            if now is None or self._reached(now, camera, arm):
+                break
+            if not solve_damped(now.normal, damping, factor, step):
+                break
+            tried = self._look(x + step, camera, arm, now.joints, room, moved=True)
+            if tried is None or tried.cost >= now.cost:
+                damping = max(5.0 * damping, 1e-4)
+                if damping > 1e4:
+                    break
+                continue
+            stalled = now.cost - tried.cost < STALLED * now.cost
+            x, now, damping = x + step, tried, max(0.2 * damping, 1e-9)
+            if stalled:
+                break
+        return x, now is not None and len(joints) == len(places) and self._reached(now, camera, arm)
+
+    def _reached(self, look: Look, camera: FloatArray, arm: FloatArray) -> bool:
+        return bool((look.camera_least >= ENOUGH * camera).all() and (look.arm_least >= ENOUGH * arm).all())
+
+    def _look(
+        self, x: FloatArray, camera: FloatArray, arm: FloatArray, joints: FloatArray, room: Room, *, moved: bool
+    ) -> Look | None:
+        """Return what there is at x; None where the arm cannot follow from the joints of before."""
+        cost, least, normal = camera_equations(self._demands, self._family, x, camera, PULL, room)
+        if moved:
+            followed = self._followed(room.poses[: len(joints)], joints)
+            if followed is None:
+                return None
+            joints = followed
+        pulls: list[Pull] = [self._joint_demands.pull(q, arm) for q in joints]
+        active = np.array([i for i, pull in enumerate(pulls) if pull.cost > 0.0], dtype=np.float64)
+        if len(active):
+            systems = np.array([pulls[int(i)].system for i in active])
+            add_arm(self._family, self._ell, room, active, systems, normal)
+        arm_least = np.min([pull.least for pull in pulls], axis=0, initial=1.0)
+        total = cost + sum(pull.cost for pull in pulls)
+        return Look(total, normal, joints, least, np.broadcast_to(arm_least, (GROUPS,)))
+
+    def _followed(self, poses: FloatArray, joints: FloatArray) -> FloatArray | None:
+        """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""
+        rotations = Rotation.from_matrix(poses[:, :9].reshape(-1, 3, 3))
+        cameras = RigidTransform.from_components(poses[:, 9:12], rotations)
+        goals = self._setting.base_T_flange(cameras).as_matrix()
+        found = []
+        for q, goal in zip(joints, goals, strict=True):
+            settled = self._settled(q, goal)
+            if settled is None or np.abs(settled - q).max() > _LEAP:
+                return None
+            found.append(settled)
+        return np.array(found)
+
+    def _settled(self, q: FloatArray, goal: FloatArray) -> FloatArray | None:
+        for _ in range(_ITERATIONS):
+            twist, jacobian = self._setting.arm.miss(q, goal)
+            if np.abs(twist).max() < _EXACT:
+                return q
+            try:
+                q = q + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T, twist)
+            except np.linalg.LinAlgError:
+                return None
+        return None
+
+    def _end_values(self) -> FloatArray:
+        """Return the smallest g of every camera constraint at the two end poses."""
+        self._family.samples[0] = 0
+        add_sample(self._family, 0.0)
+        add_sample(self._family, 1.0)
+        targets = np.full(groups(self._demands), -np.inf)
+        room = room_for(2, self._demands.points.shape[0])
+        offsets = np.zeros(unknowns(self._family))
+        _, least, _ = camera_equations(self._demands, self._family, offsets, targets, 0.0, room)
+        return least

@@ -1,0 +1,83 @@
+"""The arm that is to follow a camera path, where it stands, and what it has to keep."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.with_arm.solids_of import solids_of
+from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid
+
+LIMIT_RESERVE = math.radians(1.0)
+"""What joints keep to the ends of their ranges [rad], where nothing else is asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSetting:
+    """An arm, its camera and its surroundings.
+
+    Raises:
+        InputError: something is not finite, negative, or of a wrong shape.
+    """
+
+    arm: Arm
+    base_T_initial: RigidTransform
+    """the initial camera, in which problems are stated, in the arm's base frame"""
+    flange_T_camera: RigidTransform
+    start: FloatArray | None = None
+    """(n,) where the arm stands [rad], read-only; None: any posture that sees the initial image"""
+    mounted: tuple[Solid, ...] = ()
+    """what the flange carries, in the camera frame"""
+    surroundings: tuple[Solid, ...] = ()
+    """what else stands around than a problem's obstacles, in the base frame"""
+    clearance: float = 0.0
+    """of the arm and what it carries to every obstacle [m]"""
+    self_clearance: float = SELF_CLEARANCE
+    """of the arm's parts to each other [m]"""
+    limit_reserve: float = LIMIT_RESERVE
+    """of every joint to the ends of its range [rad]"""
+
+    def __post_init__(self) -> None:
+        for name in ("clearance", "self_clearance", "limit_reserve"):
+            finite_number(name, getattr(self, name), minimum=0.0)
+        for name in ("base_T_initial", "flange_T_camera"):
+            finite_array(name, getattr(self, name).as_matrix(), (4, 4))
+        if self.start is not None:
+            start = frozen(finite_array("start", self.start, (self.arm.dof,)))
+            object.__setattr__(self, "start", start)
+            low, high = self.arm.joint_range.T
+            inside = (start >= low + self.limit_reserve) & (start <= high - self.limit_reserve)
+            if not inside.all():
+                j = int(np.argmin(inside))
+                raise InputError(
+                    f"start: {self.arm.joint_names[j]} at {np.rad2deg(start[j]):.2f} deg; its range "
+                    f"{np.rad2deg(low[j]):.2f} … {np.rad2deg(high[j]):.2f} deg, of which "
+                    f"{np.rad2deg(self.limit_reserve):g} deg are kept at both ends, does not hold it"
+                )
+
+    @cached_property
+    def camera_T_flange(self) -> RigidTransform:
+        """The flange in the camera frame."""
+        return self.flange_T_camera.inv()
+
+    def base_T_flange(self, initial_T_camera: RigidTransform) -> RigidTransform:
+        """Return the flange's pose for a pose of the camera."""
+        return self.base_T_initial * initial_T_camera * self.camera_T_flange
+
+    def bodies(self, obstacles: tuple[Obstacle, ...]) -> ArmBodies:
+        """Return the arm among these obstacles and its surroundings.
+
+        Raises:
+            InputError: see `solids_of`.
+        """
+        carried = tuple(solid.moved(self.flange_T_camera) for solid in self.mounted)
+        far = self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0
+        around = (*solids_of(obstacles, self.base_T_initial, far), *self.surroundings)
+        return ArmBodies(self.arm, mounted=carried, surroundings=around)

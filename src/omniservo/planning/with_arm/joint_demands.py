@@ -1,0 +1,105 @@
+"""What a posture leaves of the arm's demands, and how a motion of the camera changes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.robots import ArmBodies
+from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
+from omniservo.robots.twist_growth import twist_growth
+
+GROUPS = 3
+"""joint limits, singularity, clearance"""
+
+_NEAR = 0.1
+"""Gaps beyond it, over ℓ, are plenty."""
+
+_DAMPED = 1e-3
+"""Singular values below it are not inverted: what a camera motion asks of the joints stays bounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pull:
+    """Rows of one posture as in `omniservo.planning.constraints.push`."""
+
+    system: FloatArray
+    """(6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
+    cost: float
+    """Σ r²/2"""
+    least: FloatArray
+    """(GROUPS,) smallest g"""
+
+
+class JointDemands:
+    """Dimensionless constraints g ≥ 0 of a posture.
+
+    Room to the ends of each joint's range beyond the reserve [rad]; smallest singular value of the camera
+    Jacobian beyond `SINGULAR_VALUE`; gap of each pair of bodies beyond its clearance over a length ℓ.
+    """
+
+    def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
+        """Prepare; ``ell`` [m] makes gaps comparable with angles."""
+        self._setting, self._bodies, self._ell = setting, bodies, ell
+        self._low = setting.arm.joint_range[:, 0] + setting.limit_reserve
+        self._high = setting.arm.joint_range[:, 1] - setting.limit_reserve
+        self._asked = np.array(
+            [setting.clearance if bodies.is_around(i) else setting.self_clearance for i in range(len(bodies.pairs))]
+        )
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """Return the smallest g of each group (GROUPS,) at the joints q (n,); 1 where no bodies are near."""
+        return self.pull(q, np.array([0.0, 0.0, _NEAR])).least
+
+    def pull(self, q: FloatArray, targets: FloatArray) -> Pull:
+        """Return the rows of what is below its target (GROUPS,) at the joints q (n,)."""
+        J = self._setting.arm.camera_jacobian(q, self._setting.flange_T_camera)
+        left, values, right = np.linalg.svd(_scaled(J), full_matrices=False)
+        rows = [*self._limits(q, targets[0]), self._singular(J, left, values, right, targets[1]), *self._gaps(q, targets[2])]
+        groups, g, slopes = (np.array(column) for column in zip(*rows, strict=True))
+        least = np.array([g[groups == k].min(initial=1.0) for k in range(GROUPS)])
+        residuals = np.maximum(targets[groups] - g, 0.0)
+        active = residuals > 0.0
+        to_joints = (right.T / np.maximum(values, _DAMPED)) @ left.T
+        to_joints[:, :3] /= LENGTH_SCALE
+        a = slopes[active] @ to_joints
+        system = np.column_stack([a.T @ a, a.T @ residuals[active]])
+        return Pull(system, float(0.5 * residuals @ residuals), least)
+
+    def _limits(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
+        unit = np.eye(len(q))
+        rooms = [(q - self._low, 1.0), (self._high - q, -1.0)]
+        nearest = [(0, float(room.min()), sign * unit[room.argmin()]) for room, sign in rooms]
+        return nearest + [
+            (0, float(room[j]), sign * unit[j])
+            for room, sign in rooms
+            for j in np.flatnonzero(room < target)
+            if j != room.argmin()
+        ]
+
+    def _singular(
+        self, J: FloatArray, left: FloatArray, values: FloatArray, right: FloatArray, target: float
+    ) -> tuple[int, float, FloatArray]:
+        """Return σ − σ₀ and ∂σ/∂q_k = uᵀ (∂J/∂q_k) v."""
+        n, g = J.shape[1], float(values[-1]) - SINGULAR_VALUE
+        if g >= target:
+            return 1, g, np.zeros(n)
+        slope = np.array([left[:, -1] @ _scaled(twist_growth(J, row)) @ right[-1] for row in np.eye(n)])
+        return 1, g, slope
+
+    def _gaps(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
+        self._bodies.place(q)
+        most = float(self._asked.max(initial=0.0)) + self._ell * max(target, 0.0)
+        return [
+            (2, (near.gap - float(self._asked[near.pair])) / self._ell, near.slope / self._ell)
+            for near in self._bodies.near(most)
+        ]
+
+
+def _scaled(J: FloatArray) -> FloatArray:
+    scaled = J.copy()
+    scaled[:3] /= LENGTH_SCALE
+    return scaled

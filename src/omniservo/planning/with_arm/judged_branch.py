@@ -1,0 +1,66 @@
+"""What keeps an arm from following a camera path on one branch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
+
+_DENSE = 129
+"""places at which the reserve to the joints' limits is looked at; a cubic through them is trusted between"""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedBranch:
+    """One branch, and why it will not do."""
+
+    branch: JointPath
+    clearance: ArmClearance | None
+    """None: a limit, a singularity or the reach stops it before"""
+    reason: str
+    """"" where it will do"""
+    w: float
+    """where it fails worst"""
+
+    @property
+    def until(self) -> float:
+        """How far the arm gets, as a part of the path."""
+        failures = self.branch.failures
+        return failures[0].w if failures else 1.0
+
+
+def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> JudgedBranch:
+    """Return the first of these that fails: the branch itself, the reserve to its limits, its clearance."""
+    if branch.failures:
+        first = branch.failures[0]
+        return JudgedBranch(branch, None, str(first), first.worst_w)
+    w, short, joint = _least_room(setting, branch)
+    if short > 0.0:
+        reason = (
+            f"{setting.arm.joint_names[joint]} comes {math.degrees(short):.2f} deg nearer to the end of its range "
+            f"than the {math.degrees(setting.limit_reserve):g} deg that are kept, at w = {w:.3f}"
+        )
+        return JudgedBranch(branch, None, reason, w)
+    found = arm_clearance(
+        bodies, branch, clearance=setting.clearance, self_clearance=setting.self_clearance
+    )
+    if found.status == "clear":
+        return JudgedBranch(branch, found, "", 0.0)
+    asked = setting.clearance if found.closest and bodies_is_around(found) else setting.self_clearance
+    reason = f"{found.reason}; {1e3 * asked:g} mm are asked for"
+    return JudgedBranch(branch, found, reason, found.closest.w if found.closest else 0.5)
+
+
+def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:
+    """Return w, by how much the reserve is missed there [rad] (≤ 0: kept), and the joint."""
+    w = np.linspace(0.0, branch.w[-1], _DENSE)
+    q: FloatArray = branch(w)
+    low, high = setting.arm.joint_range.T
+    short = setting.limit_reserve - np.minimum(q - low, high - q)
+    place, joint = np.unravel_index(int(np.argmax(short)), short.shape)
+    return float(w[place]), float(short[place, joint]), int(joint)

@@ -1,0 +1,74 @@
+"""The planner's obstacles as bodies around an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.errors import InputError
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.capsule import Capsule
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.mesh import Mesh
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.robots import Solid
+
+
+def solids_of(
+    obstacles: Sequence[Obstacle], base_T_initial: RigidTransform, reach: float
+) -> tuple[Solid, ...]:
+    """Return the obstacles in the base frame, called as in a certificate: ``obstacle i``.
+
+    A half-space becomes a block that is much larger than what the arm can reach.
+
+    Args:
+        obstacles: in the initial camera frame.
+        base_T_initial: the initial camera in the arm's base frame.
+        reach: [m] the arm with what it carries stays within it of the base.
+
+    Raises:
+        InputError: a point cloud or an obstacle that moves, which are not judged for the whole arm.
+    """
+    found = []
+    for i, obstacle in enumerate(obstacles):
+        if obstacle.motion is not None:
+            raise InputError(f"obstacle {i}: it moves; the whole arm is judged among what stands still")
+        found.append(_solid(f"obstacle {i}", obstacle, base_T_initial, reach))
+    return tuple(found)
+
+
+def _solid(name: str, obstacle: Obstacle, base_T_initial: RigidTransform, reach: float) -> Solid:
+    match obstacle:
+        case Sphere():
+            return Solid.sphere(name, base_T_initial.apply(obstacle.center), obstacle.radius)
+        case Box():
+            own = RigidTransform.from_components(obstacle.center, Rotation.from_quat(obstacle.quaternion))
+            return Solid.box(name, base_T_initial * own, obstacle.half_extents)
+        case Capsule():
+            along = obstacle.end - obstacle.start
+            middle = RigidTransform.from_components(
+                0.5 * (obstacle.start + obstacle.end), _turned_to(along)
+            )
+            size = np.array([obstacle.radius, 0.5 * np.linalg.norm(along)])
+            return Solid(name, "capsule", size, base_T_initial * middle)
+        case HalfSpace():
+            upright = base_T_initial.rotation.apply(obstacle.normal)
+            height = float(obstacle.offset + base_T_initial.translation @ upright)
+            block = RigidTransform.from_components((height - 2.0 * reach) * upright, _turned_to(upright))
+            return Solid.box(name, block, [2.0 * reach] * 3)
+        case Mesh():
+            return Solid(name, "hull", np.zeros(0), base_T_initial, obstacle.vertices)
+        case _:
+            raise InputError(
+                f"{name}: a point cloud; legal for the whole arm: sphere, box, capsule, half_space, mesh"
+            )
+
+
+def _turned_to(direction: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Rotation:
+    """Return a rotation that takes z to a direction of any length; the identity where it has none."""
+    if not np.any(direction):
+        return Rotation.identity()
+    return Rotation.align_vectors([direction / np.linalg.norm(direction)], [[0.0, 0.0, 1.0]])[0]
