@@ -16,8 +16,13 @@ from omniservo.planning.planning_problem import Degrees, PlanningProblem, Worksp
 from omniservo.planning.replan import replan
 from omniservo.planning.risk.plan_with_risk import plan_with_risk
 from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
+from omniservo.planning.with_arm.arm_plan import ArmPlan
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.plan_with_arm import plan_with_arm
 
 __all__ = [
+    "ArmPlan",
+    "ArmSetting",
     "Box",
     "CameraPath",
     "Capsule",
@@ -37,6 +42,7 @@ __all__ = [
     "certify",
     "improving_plans",
     "plan_path",
+    "plan_with_arm",
     "plan_with_risk",
     "replan",
 ]

@@ -155,6 +155,16 @@ class Arm:
         jacobian: FloatArray = twist_matrix(flange_T_camera) @ self.flange_jacobian(q)
         return jacobian
 
+    def scaled_camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
+        """Return `camera_jacobian` (6, n) with its linear rows over `LENGTH_SCALE`: as singularity is judged.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        scaled = self.camera_jacobian(q, flange_T_camera)
+        scaled[:3] /= LENGTH_SCALE
+        return scaled
+
     def joint_velocities(
         self, q: npt.ArrayLike, camera_twist: npt.ArrayLike, flange_T_camera: RigidTransform
     ) -> FloatArray:
@@ -168,8 +178,7 @@ class Arm:
             InputError: wrong shape, NaN or infinity.
         """
         twist = finite_array("camera_twist", camera_twist, (6,)).copy()
-        scaled = self.camera_jacobian(q, flange_T_camera)
-        scaled[:3] /= LENGTH_SCALE
+        scaled = self.scaled_camera_jacobian(q, flange_T_camera)
         twist[:3] /= LENGTH_SCALE
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
         if values[-1] < SINGULAR_VALUE:

@@ -163,8 +163,9 @@ class ArmBodies:
             (-1.0, 1.0), self.pairs[pair], (self._fromto[:3], self._fromto[3:]), strict=True
         ):
             joints = int(self._shapes.carried[shape])
-            arms = place - self._data.xanchor[:joints]
-            slope[:joints] += sign * np.cross(self._data.xaxis[:joints], arms) @ self._normals[pair]
+            (a, b, c), (x, y, z) = self._data.xaxis[:joints].T, (place - self._data.xanchor[:joints]).T
+            u, v, w = sign * self._normals[pair]
+            slope[:joints] += u * (b * z - c * y) + v * (c * x - a * z) + w * (a * y - b * x)
         return slope
 
 

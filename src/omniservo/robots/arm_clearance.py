@@ -37,6 +37,8 @@ class Closeness:
     w: float
     gap: float
     """[m]; negative: depth"""
+    asked: float
+    """[m]"""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ class ArmClearance:
         left = f"{found.link} and {found.other} are {1e3 * found.gap:.2f} mm apart at w = {found.w:.4f}"
         if found.gap <= 0.0:
             left = f"{found.link} and {found.other} overlap by {-1e3 * found.gap:.2f} mm at w = {found.w:.4f}"
+        left = f"{left}; {1e3 * found.asked:g} mm are asked for"
         return left if self.status == "too_close" else f"undecided: {left}"
 
 
@@ -153,5 +156,7 @@ class _Search:
         if left.min() < self._least:
             self._least = float(left.min())
             pair = int(pairs[worst])
-            self.closest = Closeness(*self._bodies.names(pair), w, float(gaps[worst]))
+            self.closest = Closeness(
+                *self._bodies.names(pair), w, float(gaps[worst]), float(self._asked[pair])
+            )
         self.failed = self._least < 0.0

@@ -58,7 +58,12 @@ class ArmDescent:
         self, demands: Demands, family: Family, setting: ArmSetting, joint_demands: JointDemands
     ) -> None:
         """Join a problem's arrays and the arm's demands."""
-        self._demands, self._family, self._setting, self._joint_demands = demands, family, setting, joint_demands
+        self._demands, self._family, self._setting, self._joint_demands = (
+            demands,
+            family,
+            setting,
+            joint_demands,
+        )
         self._ell = float(demands.numbers[2])
         self._camera_ends = self._end_values()
 
@@ -103,7 +108,14 @@ class ArmDescent:
         return bool((look.camera_least >= ENOUGH * camera).all() and (look.arm_least >= ENOUGH * arm).all())
 
     def _look(
-        self, x: FloatArray, camera: FloatArray, arm: FloatArray, joints: FloatArray, room: Room, *, moved: bool
+        self,
+        x: FloatArray,
+        camera: FloatArray,
+        arm: FloatArray,
+        joints: FloatArray,
+        room: Room,
+        *,
+        moved: bool,
     ) -> Look | None:
         """Return what there is at x; None where the arm cannot follow from the joints of before."""
         cost, least, normal = camera_equations(self._demands, self._family, x, camera, PULL, room)

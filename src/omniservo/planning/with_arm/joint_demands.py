@@ -11,6 +11,7 @@ from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
 from omniservo.robots.twist_growth import twist_growth
+from omniservo.robots.twist_matrix import twist_matrix
 
 GROUPS = 3
 """joint limits, singularity, clearance"""
@@ -44,10 +45,14 @@ class JointDemands:
     def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
         """Prepare; ``ell`` [m] makes gaps comparable with angles."""
         self._setting, self._bodies, self._ell = setting, bodies, ell
+        self._to_camera = twist_matrix(setting.flange_T_camera, LENGTH_SCALE)
         self._low = setting.arm.joint_range[:, 0] + setting.limit_reserve
         self._high = setting.arm.joint_range[:, 1] - setting.limit_reserve
         self._asked = np.array(
-            [setting.clearance if bodies.is_around(i) else setting.self_clearance for i in range(len(bodies.pairs))]
+            [
+                setting.clearance if bodies.is_around(i) else setting.self_clearance
+                for i in range(len(bodies.pairs))
+            ]
         )
 
     def values(self, q: FloatArray) -> FloatArray:
@@ -56,9 +61,15 @@ class JointDemands:
 
     def pull(self, q: FloatArray, targets: FloatArray) -> Pull:
         """Return the rows of what is below its target (GROUPS,) at the joints q (n,)."""
-        J = self._setting.arm.camera_jacobian(q, self._setting.flange_T_camera)
-        left, values, right = np.linalg.svd(_scaled(J), full_matrices=False)
-        rows = [*self._limits(q, targets[0]), self._singular(J, left, values, right, targets[1]), *self._gaps(q, targets[2])]
+        J = self._setting.arm.flange_jacobian(q)
+        J[:3] /= LENGTH_SCALE
+        J = self._to_camera @ J
+        left, values, right = np.linalg.svd(J, full_matrices=False)
+        rows = [
+            *self._limits(q, targets[0]),
+            self._singular(J, left, values, right, targets[1]),
+            *self._gaps(q, targets[2]),
+        ]
         groups, g, slopes = (np.array(column) for column in zip(*rows, strict=True))
         least = np.array([g[groups == k].min(initial=1.0) for k in range(GROUPS)])
         residuals = np.maximum(targets[groups] - g, 0.0)
@@ -87,7 +98,7 @@ class JointDemands:
         n, g = J.shape[1], float(values[-1]) - SINGULAR_VALUE
         if g >= target:
             return 1, g, np.zeros(n)
-        slope = np.array([left[:, -1] @ _scaled(twist_growth(J, row)) @ right[-1] for row in np.eye(n)])
+        slope = np.array([left[:, -1] @ twist_growth(J, row) @ right[-1] for row in np.eye(n)])
         return 1, g, slope
 
     def _gaps(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
@@ -97,9 +108,3 @@ class JointDemands:
             (2, (near.gap - float(self._asked[near.pair])) / self._ell, near.slope / self._ell)
             for near in self._bodies.near(most)
         ]
-
-
-def _scaled(J: FloatArray) -> FloatArray:
-    scaled = J.copy()
-    scaled[:3] /= LENGTH_SCALE
-    return scaled

@@ -42,18 +42,14 @@ def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> 
     w, short, joint = _least_room(setting, branch)
     if short > 0.0:
         reason = (
-            f"{setting.arm.joint_names[joint]} comes {math.degrees(short):.2f} deg nearer to the end of its range "
-            f"than the {math.degrees(setting.limit_reserve):g} deg that are kept, at w = {w:.3f}"
+            f"{setting.arm.joint_names[joint]} comes {math.degrees(short):.2f} deg nearer to the end of its "
+            f"range than the {math.degrees(setting.limit_reserve):g} deg that are kept, at w = {w:.3f}"
         )
         return JudgedBranch(branch, None, reason, w)
-    found = arm_clearance(
-        bodies, branch, clearance=setting.clearance, self_clearance=setting.self_clearance
-    )
+    found = arm_clearance(bodies, branch, clearance=setting.clearance, self_clearance=setting.self_clearance)
     if found.status == "clear":
         return JudgedBranch(branch, found, "", 0.0)
-    asked = setting.clearance if found.closest and bodies_is_around(found) else setting.self_clearance
-    reason = f"{found.reason}; {1e3 * asked:g} mm are asked for"
-    return JudgedBranch(branch, found, reason, found.closest.w if found.closest else 0.5)
+    return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)
 
 
 def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:

@@ -43,19 +43,19 @@ def solids_of(
 def _solid(name: str, obstacle: Obstacle, base_T_initial: RigidTransform, reach: float) -> Solid:
     match obstacle:
         case Sphere():
-            return Solid.sphere(name, base_T_initial.apply(obstacle.center), obstacle.radius)
+            return Solid.sphere(name, base_T_initial.apply(np.array(obstacle.center)), obstacle.radius)
         case Box():
-            own = RigidTransform.from_components(obstacle.center, Rotation.from_quat(obstacle.quaternion))
+            own = RigidTransform.from_components(
+                obstacle.center, Rotation.from_quat(np.array(obstacle.quaternion))
+            )
             return Solid.box(name, base_T_initial * own, obstacle.half_extents)
         case Capsule():
             along = obstacle.end - obstacle.start
-            middle = RigidTransform.from_components(
-                0.5 * (obstacle.start + obstacle.end), _turned_to(along)
-            )
+            middle = RigidTransform.from_components(0.5 * (obstacle.start + obstacle.end), _turned_to(along))
             size = np.array([obstacle.radius, 0.5 * np.linalg.norm(along)])
             return Solid(name, "capsule", size, base_T_initial * middle)
         case HalfSpace():
-            upright = base_T_initial.rotation.apply(obstacle.normal)
+            upright = base_T_initial.rotation.apply(np.array(obstacle.normal))
             height = float(obstacle.offset + base_T_initial.translation @ upright)
             block = RigidTransform.from_components((height - 2.0 * reach) * upright, _turned_to(upright))
             return Solid.box(name, block, [2.0 * reach] * 3)

@@ -1,0 +1,91 @@
+"""No path exists where the arm cannot stand at an end pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.robots import ArmBodies
+from omniservo.robots.arm import SINGULAR_VALUE
+
+
+def violation_at_start(setting: ArmSetting, bodies: ArmBodies) -> str:
+    """Return a sentence that says why the arm cannot stand at the initial pose; else "".
+
+    In the setting's posture, if there is one, else in any; see `violation_at_goal`.
+    """
+    if setting.start is not None:
+        return _sentence("start", _violation(setting.start, setting, bodies)[1], "")
+    return _violation_at("start", RigidTransform.identity(), setting, bodies)
+
+
+def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
+    """Return a sentence that says why the arm can stand at the goal in no posture; else "".
+
+    Every posture that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
+    """
+    return _violation_at("goal", problem.initial_T_goal, setting, bodies)
+
+
+def _violation_at(pose: str, initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> str:
+    try:
+        postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
+    except InputError as error:
+        return f"the {pose} pose cannot be reached: {error}"
+    reasons = []
+    for q in _apart(postures):
+        reasons.append(_violation(q, setting, bodies))
+        if not reasons[-1][1]:
+            return ""
+    known = "" if setting.arm.has_closed_form else " that a seeded search found"
+    return _sentence(pose, min(reasons)[1], f" in any of {len(reasons)} postures{known}")
+
+
+def _sentence(pose: str, reason: str, where: str) -> str:
+    return f"the {pose} pose is not free{where}: {reason}" if reason else ""
+
+
+def _apart(postures: FloatArray) -> FloatArray:
+    """Return one of all postures that differ by full turns: bodies and singularity are the same in them."""
+    _, first = np.unique(np.round(np.exp(1j * postures), 6), axis=0, return_index=True)
+    return postures[np.sort(first)]
+
+
+def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[float, str]:
+    """Return by how much a posture fails, and the words for it; "" where it will do."""
+    low, high = setting.arm.joint_range.T
+    room = np.minimum(q - low, high - q) - setting.limit_reserve
+    if room.min() < 0.0:
+        j = int(np.argmin(room))
+        return -float(room[j]), (
+            f"{setting.arm.joint_names[j]} at {math.degrees(q[j]):.2f} deg; its range "
+            f"{math.degrees(low[j]):.2f} … {math.degrees(high[j]):.2f} deg, "
+            f"{math.degrees(setting.limit_reserve):g} deg kept at both ends"
+        )
+    values = np.linalg.svd(setting.arm.scaled_camera_jacobian(q, setting.flange_T_camera), compute_uv=False)
+    if values[-1] < SINGULAR_VALUE:
+        return SINGULAR_VALUE - float(values[-1]), (
+            f"the arm is singular: smallest singular value {values[-1]:.4f}; at least {SINGULAR_VALUE:g} is "
+            "needed"
+        )
+    bodies.place(q)
+    worst = (0.0, "")
+    for near in bodies.near(max(setting.clearance, setting.self_clearance)):
+        asked = setting.clearance if bodies.is_around(near.pair) else setting.self_clearance
+        short = asked - near.gap
+        if short > worst[0]:
+            link, other = bodies.names(near.pair)
+            worst = (
+                short,
+                (
+                    f"{link} and {other} are {1e3 * near.gap:.2f} mm apart (negative: depth); "
+                    f"{1e3 * asked:g} mm are asked for"
+                ),
+            )
+    return worst

@@ -1,0 +1,208 @@
+"""From a problem and an arm to a camera path that the whole arm can follow."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.polynomial import PROVEN, bernstein_from_power
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.judged_plan import infeasible_plan, judged_plan
+from omniservo.planning.plan import Plan
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.search.path_family import offsets, path_family, unknowns
+from omniservo.planning.search.problem_search import Found, ProblemSearch
+from omniservo.planning.search.prove_path import prove_path
+from omniservo.planning.search.settle import power_path
+from omniservo.planning.with_arm.arm_descent import ArmDescent
+from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
+from omniservo.planning.with_arm.arm_plan import ArmPlan
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.joint_demands import JointDemands
+from omniservo.planning.with_arm.judged_branch import JudgedBranch, judged_branch
+from omniservo.robots import ArmBodies, FollowedPath, JointPath, follow_path
+
+ATTEMPTS = 16
+"""Camera paths from different starts at most."""
+
+ROUNDS = 5
+"""Descents for one of them."""
+
+BRANCHES = 3
+"""that are tried for one of them, where the arm may start in any"""
+
+_SAMPLES = 15
+_HIGHER = 1.5
+
+_FARTHER = 0.02
+"""What a descent adds at least to how far the arm gets; else another start is taken."""
+
+
+def plan_with_arm(problem: PlanningProblem, setting: ArmSetting, *, seed: int = 0) -> ArmPlan:
+    """Return a certified camera path that the arm can follow on one branch, clear of everything.
+
+    Paths that `plan_path` would find are followed by the arm; one that it cannot follow is moved until it
+    can: its joint limits, its smallest singular value and the gaps of its bodies take part in the descent
+    through J⁻¹, beside the camera's own constraints. If that fails another start is taken.
+
+    Args:
+        problem: what the camera has to keep; its obstacles count for the whole arm, too.
+        setting: the arm, where it stands, and what it has to keep.
+        seed: turns the directions in which detours are tried.
+
+    Raises:
+        InputError: an obstacle that cannot be judged for the whole arm; or what `plan_path` refuses.
+    """
+    begin = time.perf_counter()
+    finite_number("seed", seed, minimum=0)
+    bodies = setting.bodies(problem.obstacles)
+    reason = violation_at_end(problem) or violation_at_start(setting, bodies)
+    if not reason and setting.arm.has_closed_form:  # elsewhere that takes longer than most plans
+        reason = violation_at_goal(problem, setting, bodies)
+    if not reason:
+        found = _Planner(problem, setting, bodies, seed, begin).plan()
+        if found.certified or setting.arm.has_closed_form:
+            return found
+        reason = violation_at_goal(problem, setting, bodies)
+        if not reason:
+            return found
+    plan = infeasible_plan(problem, begin, "certified", reason)
+    return ArmPlan(plan, None, None, None, time.perf_counter() - begin, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    path: CameraPath
+    judged: JudgedBranch
+    followed: FollowedPath
+
+
+class _Planner:
+    def __init__(
+        self, problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies, seed: int, begin: float
+    ) -> None:
+        self._problem, self._setting, self._bodies, self._begin = problem, setting, bodies, begin
+        self._search = ProblemSearch.of(problem, int(seed))
+        self._demands = self._search.demands
+        self._ell = float(self._demands.numbers[2])
+        self._joint_demands = JointDemands(setting, bodies, self._ell)
+
+    def plan(self) -> ArmPlan:
+        """Try one start after the other."""
+        search, number, attempts = self._search, 0, 0
+        best: _Attempt | None = None
+        found = search.run(0, search.starts, 1)
+        while found.proven and attempts < ATTEMPTS:
+            attempts += 1
+            for attempt in self._attempts(found):
+                if not attempt.judged.reason:
+                    plan = judged_plan(self._problem, attempt.path, self._begin, "certified", "")
+                    if plan.status == "certified":
+                        return self._arm_plan(plan, attempt, attempts)
+                elif best is None or attempt.judged.until > best.judged.until:
+                    best = attempt
+            number = max(number, found.number) + 1
+            if number >= search.starts:
+                break
+            found = search.run(number, search.starts, 0)
+        if best is None:
+            plan = judged_plan(
+                self._problem, found.path, self._begin, "certified", "", f"no path in {found.tried} starts"
+            )
+            return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, attempts)
+        plan = judged_plan(self._problem, best.path, self._begin, "certified", "")
+        why = f"the arm can follow none of {attempts} camera paths; the best attempt: {best.judged.reason}"
+        return self._arm_plan(replace(plan, status="not_found", reason=why), best, attempts)
+
+    def _arm_plan(self, plan: Plan, attempt: _Attempt, attempts: int) -> ArmPlan:
+        seconds = time.perf_counter() - self._begin
+        judged = attempt.judged
+        return ArmPlan(
+            replace(plan, seconds=seconds),
+            judged.branch,
+            attempt.followed,
+            judged.clearance,
+            seconds,
+            attempts,
+        )
+
+    def _attempts(self, found: Found) -> list[_Attempt]:
+        """Return what came of a camera path: the first attempt that will do is the last."""
+        followed = self._follow(found.path, self._setting.start)
+        tried: list[_Attempt] = []
+        for branch in followed.branches:
+            tried.append(_Attempt(found.path, judged_branch(self._setting, self._bodies, branch), followed))
+            if not tried[-1].judged.reason:
+                return tried
+        for attempt in sorted(tried, key=lambda a: -a.judged.until)[:BRANCHES]:
+            better = self._moved(attempt)
+            tried.append(better)
+            if not better.judged.reason:
+                break
+        return tried
+
+    def _follow(self, path: CameraPath, start: FloatArray | None) -> FollowedPath:
+        setting = self._setting
+        return follow_path(setting.arm, path, setting.base_T_initial, setting.flange_T_camera, start=start)
+
+    def _moved(self, attempt: _Attempt) -> _Attempt:
+        """Return the attempt with its camera path moved until the arm can follow it, or as far as it came."""
+        sigma, tau = self._search.degrees.tolist()
+        family = path_family(self._search.ends, sigma, tau)
+        x = np.zeros(unknowns(family))
+        if not len(x):
+            return attempt
+        offsets(
+            family,
+            self._ell,
+            _controls(attempt.path.rotation, sigma),
+            _controls(attempt.path.translation, tau),
+            x,
+        )
+        descent = ArmDescent(self._demands, family, self._setting, self._joint_demands)
+        places = np.arange(1, _SAMPLES + 1) / (_SAMPLES + 1.0)
+        end_least = self._end_values(attempt.judged.branch)
+        if end_least.min() < 0.0:
+            return attempt  # what fails where the path ends cannot be helped on its way there
+        best = now = attempt
+        higher = 1.0
+        for _ in range(ROUNDS):
+            branch = now.judged.branch
+            joints = branch(places[places <= branch.w[-1]])
+            x, reached = descent.lower(x, places, joints, end_least, higher)
+            rotation, translation = power_path(family, self._ell, x)
+            path = CameraPath(rotation, translation)
+            followed, before = self._follow(path, branch.positions[0]), now.judged.until
+            now = _Attempt(path, judged_branch(self._setting, self._bodies, followed.best), followed)
+            status, w = prove_path(self._demands, rotation, translation)
+            if status == PROVEN and not now.judged.reason:
+                return now
+            if status == PROVEN and now.judged.until >= best.judged.until:
+                best = now
+            if not reached and (now.judged.until >= 1.0 or now.judged.until < before + _FARTHER):
+                break
+            further = [now.judged.w] if now.judged.reason else []
+            further += [w] if status != PROVEN else []
+            places = np.unique(np.concatenate([places, np.clip(further, 0.01, 0.99)]))
+            higher *= _HIGHER
+        return best
+
+    def _end_values(self, branch: JointPath) -> FloatArray:
+        """Return the smallest g of the arm's demands at the postures where the path begins and ends."""
+        ends = [self._joint_demands.values(branch.positions[0])]
+        if branch.w[-1] >= 1.0:
+            ends.append(self._joint_demands.values(branch.positions[-1]))
+        least: FloatArray = np.min(ends, axis=0)
+        return least
+
+
+def _controls(powers: FloatArray, degree: int) -> FloatArray:
+    """Return the Bernstein coefficients of a higher degree, from powers."""
+    missing = degree + 1 - powers.shape[1]
+    padded: FloatArray = np.hstack([np.zeros((len(powers), missing)), powers])
+    controls: FloatArray = bernstein_from_power(padded)
+    return controls

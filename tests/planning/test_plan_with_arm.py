@@ -1,0 +1,214 @@
+"""A plan with an arm is one that the whole arm can follow, wherever along it one looks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+from tests.planning.arm_scenes import random_task
+
+from omniservo.errors import InputError
+from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Mesh, Sphere, plan_path, plan_with_arm
+from omniservo.planning.with_arm.joint_demands import JointDemands
+from omniservo.planning.with_arm.solids_of import solids_of
+from omniservo.robots import ArmBodies, Solid, load_arm, shipped_arms
+
+
+def assert_kept(problem, setting, found, places=60):
+    """Every promise, at places of the path, by means that the planner does not use."""
+    assert found.plan.status == "certified"
+    bodies = setting.bodies(problem.obstacles)
+    low, high = setting.arm.joint_range.T
+    for w in np.linspace(0.0, 1.0, places):
+        q = found.branch(w)
+        camera = setting.arm.base_T_flange(q) * setting.flange_T_camera
+        off = (setting.base_T_initial * found.plan.path(w)).inv() * camera
+        assert np.linalg.norm(off.translation) < 2e-6
+        assert off.rotation.magnitude() < 2e-6
+        assert (q >= low + setting.limit_reserve - 1e-9).all()
+        assert (q <= high - setting.limit_reserve + 1e-9).all()
+        bodies.place(q)
+        for near in bodies.near(max(setting.clearance, setting.self_clearance)):
+            asked = setting.clearance if bodies.is_around(near.pair) else setting.self_clearance
+            assert near.gap >= asked - 1e-9
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_what_is_certified_holds_for_the_whole_arm(name):
+    """Random tasks; where it is not certified the reason says why."""
+    arm, certified = load_arm(name), 0
+    for seed in range(8):
+        problem, setting = random_task(arm, np.random.default_rng(seed))
+        found = plan_with_arm(problem, setting)
+        if found.certified:
+            certified += 1
+            np.testing.assert_allclose(found.branch(0.0), setting.start, atol=1e-6)
+            assert_kept(problem, setting, found)
+        else:
+            assert found.plan.status in ("not_found", "infeasible")
+            assert found.plan.reason
+    assert certified >= 2
+
+
+def test_a_path_that_the_arm_cannot_follow_is_moved_until_it_can():
+    """Of random tasks whose first camera path is none for the arm, most have another one."""
+    arm, failed, helped = load_arm("rx60"), 0, 0
+    for seed in range(60):
+        problem, setting = random_task(arm, np.random.default_rng([7, seed]))
+        first = plan_path(problem)
+        if first.status != "certified":
+            continue
+        found = plan_with_arm(problem, setting)
+        if found.plan.status == "infeasible":
+            continue
+        if found.certified and np.array_equal(found.plan.path.translation, first.path.translation):
+            continue
+        failed += 1
+        helped += found.certified
+        if found.certified:
+            assert_kept(problem, setting, found, places=15)
+        if failed == 5:
+            break
+    assert failed == 5
+    assert helped >= 2
+
+
+def _link_place(setting, link, q):
+    bodies = ArmBodies(setting.arm)
+    bodies.place(q)
+    return bodies._data.body(link).xpos.copy()
+
+
+def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
+    """∂g/∂ξ for each group alone: the row that a target just above its g makes active."""
+    arm = load_arm("rx60")
+    checked = np.zeros(3, dtype=int)
+    for seed in range(30):
+        problem, setting = random_task(arm, np.random.default_rng([3, seed]), clearance=0.0)
+        bodies = setting.bodies(problem.obstacles)
+        demands = JointDemands(setting, bodies, ell=0.4)
+        q = setting.start
+        least = demands.pull(q, np.array([0.0, 9.0, 0.3])).least
+        camera = setting.arm.base_T_flange(q) * setting.flange_T_camera
+        for group in range(3):
+            targets = np.full(3, -np.inf)
+            targets[group] = least[group] + 1e-7
+            pull = demands.pull(q, targets)
+            if pull.cost == 0.0 or (group == 2 and least[2] > 0.25):
+                continue
+            row = pull.system[:, 6] / 1e-7  # one row a with residual 1e-7
+            numeric = np.empty(6)
+            for k in range(6):
+                values = []
+                for sign in (1.0, -1.0):
+                    step = sign * 1e-6 * np.eye(6)[k]
+                    moved = camera * RigidTransform.from_components(step[:3], Rotation.from_rotvec(step[3:]))
+                    there = arm.inverse_near(moved * setting.camera_T_flange, q)
+                    values.append(demands.pull(there, np.array([0.0, 9.0, 0.3])).least[group])
+                numeric[k] = (values[0] - values[1]) / 2e-6
+            scale = max(1.0, np.abs(numeric).max())
+            checked[group] += np.abs(row - numeric).max() < 5e-3 * scale
+            if group < 2:
+                assert np.abs(row - numeric).max() < 5e-3 * scale
+    assert (checked >= 5).all()
+
+
+def test_the_same_seed_gives_the_same_plan():
+    arm = load_arm("rx60")
+    problem, setting = random_task(arm, np.random.default_rng(14))
+    first, second = plan_with_arm(problem, setting, seed=3), plan_with_arm(problem, setting, seed=3)
+    assert first.plan.status == second.plan.status
+    if first.plan.path is not None:
+        np.testing.assert_array_equal(first.plan.path.rotation, second.plan.path.rotation)
+
+
+def certified_task(seed=0):
+    arm = load_arm("rx60")
+    for k in range(50):
+        problem, setting = random_task(arm, np.random.default_rng([seed, k]))
+        if plan_with_arm(problem, setting).certified:
+            return problem, setting
+    raise AssertionError("none of 50 tasks has a plan")
+
+
+def test_a_start_that_touches_something_is_named():
+    problem, setting = certified_task()
+    elbow = setting.base_T_initial.inv().apply(_link_place(setting, "elbow", setting.start))
+    found = plan_with_arm(replace(problem, obstacles=(Sphere(elbow, 0.02),)), setting)
+    assert found.plan.status == "infeasible"
+    assert "the start pose is not free: " in found.plan.reason
+    assert "obstacle 0" in found.plan.reason
+
+
+def test_a_goal_out_of_reach_is_named():
+    problem, setting = certified_task()
+    far = RigidTransform.from_translation([0.0, 0.0, -3.0])
+    found = plan_with_arm(replace(problem, initial_T_goal=far, obstacles=()), setting)
+    assert found.plan.status == "infeasible"
+    assert "the goal pose cannot be reached: flange pose at" in found.plan.reason
+
+
+def test_a_goal_among_obstacles_is_named():
+    problem, setting = certified_task()
+    base_T_goal = setting.base_T_flange(problem.initial_T_goal)
+    wrist = (base_T_goal * RigidTransform.from_translation([0.0, 0.0, -0.03])).translation
+    ball = Sphere(setting.base_T_initial.inv().apply(wrist), 0.01)
+    found = plan_with_arm(replace(problem, obstacles=(ball,), clearance=0.0), setting)
+    assert found.plan.status == "infeasible"
+    assert "the goal pose is not free in any of" in found.plan.reason
+
+
+def test_a_start_outside_its_limits_is_refused_with_joint_and_range():
+    _, setting = certified_task()
+    beyond = setting.start.copy()
+    beyond[1] = setting.arm.joint_range[1, 1] - 0.001
+    with pytest.raises(InputError, match=r"start: j2 at 127\.44 deg; its range -127\.50 … 127\.50 deg"):
+        replace(setting, start=beyond)
+    with pytest.raises(InputError, match="start"):
+        replace(setting, start=np.full(6, np.nan))
+    with pytest.raises(InputError, match="clearance"):
+        replace(setting, clearance=-0.1)
+
+
+def test_any_start_is_tried_where_none_is_stated():
+    problem, setting = certified_task()
+    found = plan_with_arm(problem, replace(setting, start=None))
+    assert found.certified
+    assert found.branch in found.followed.branches
+    assert_kept(problem, replace(setting, start=None), found)
+
+
+def test_obstacles_become_the_same_bodies_in_the_base_frame():
+    """Distances of random points to every obstacle, by its own formula and by MuJoCo's to a tiny ball."""
+    random = np.random.default_rng(0)
+    base_T_initial = RigidTransform.from_components([0.4, -0.2, 0.6], Rotation.random(rng=random))
+    turned = Rotation.random(rng=random).as_quat()
+    normal = Rotation.random(rng=random).apply([0.0, 0.0, 1.0])
+    obstacles = (
+        Sphere(random.normal(size=3), 0.1),
+        Box(random.normal(size=3), np.array([0.1, 0.2, 0.3]), turned),
+        Capsule(random.normal(size=3), random.normal(size=3), 0.05),
+        HalfSpace(normal, 0.1),
+        Mesh(random.normal(size=(8, 3)) * 0.3),
+    )
+    arm, q = load_arm("rx60"), np.array([0.2, 0.4, 0.9, 0.1, 0.8, 0.0])
+    for _ in range(20):
+        place = random.uniform(-0.8, 0.8, 3)
+        tip = arm.base_T_flange(q).inv().apply(base_T_initial.apply(place))
+        ball = Solid.sphere("tip", tip, 1e-6)
+        bodies = ArmBodies(arm, mounted=[ball], surroundings=solids_of(obstacles, base_T_initial, 2.0))
+        bodies.place(q)
+        for i, obstacle in enumerate(obstacles):
+            pair = next(k for k in range(len(bodies.pairs)) if bodies.names(k) == ("camera", f"obstacle {i}"))
+            expected = obstacle.distance(place[None])[0]
+            if expected > 0.01:
+                assert bodies.measure(pair) == pytest.approx(expected, abs=1e-4)
+
+
+def test_what_cannot_be_judged_for_the_whole_arm_is_refused():
+    problem, setting = certified_task()
+    with pytest.raises(InputError, match="obstacle 0: a point cloud; legal for the whole arm"):
+        plan_with_arm(replace(problem, obstacles=(Cloud(np.ones((3, 3))),)), setting)
+    moving = Sphere(np.ones(3), 0.1, motion=np.array([[0.1, 0.0], [0.0, 0.0], [0.0, 0.0]]))
+    with pytest.raises(InputError, match="obstacle 0: it moves"):
+        plan_with_arm(replace(problem, obstacles=(moving,)), setting)
