@@ -10,8 +10,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.estimation import TwoViewEstimate
 from omniservo.perception import MatchedPoints
 from omniservo.planning import PlanningProblem, plan_path
+from omniservo.runs.pace import pace
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
+from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
@@ -137,6 +139,7 @@ def build(name="paper-example-1", method="certified", steps=40):
         estimate=estimate,
         plan=plan,
         risk=None,
+        motion=None if plan is None else pace(task, scene_of_task(task), plan),
         log=log,
         final_image=picture(task.camera, goal_dots, 2),
         outside_initial=outside_picture(0.0),

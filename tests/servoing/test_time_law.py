@@ -57,61 +57,6 @@ def test_exponential_starts_with_its_rate_and_finishes_at_a_thousandth():
     assert law.finished(1.001 * end)
 
 
-def cubic(w):
-    """A joint path, its first and second derivative: (m, 2) each."""
-    value = np.column_stack((2.0 * w**3 - w, 0.3 * w))
-    first = np.column_stack((6.0 * w**2 - 1.0, np.full_like(w, 0.3)))
-    second = np.column_stack((12.0 * w, np.zeros_like(w)))
-    return value, first, second
-
-
-@pytest.mark.parametrize(
-    ("speeds", "accelerations"),
-    [((1.0, 1.0), (50.0, 50.0)), ((9.0, 9.0), (1.5, 2.0)), ((9.0, 0.05), (90, 90))],
-)
-def test_shortest_duration_touches_one_limit_and_keeps_all(speeds, accelerations):
-    w = np.linspace(0.0, 1.0, 401)
-    _, first, second = cubic(w)
-    law = RestToRestLaw.for_limits(w, first, second, speeds, accelerations)
-    times = np.linspace(0.0, law.duration, 20001)
-    joints = cubic(np.array([law(t)[0] for t in times]))[0]
-    step = times[1]
-    speed = np.abs(np.diff(joints, axis=0)).max(axis=0) / step / speeds
-    acceleration = np.abs(np.diff(joints, 2, axis=0)).max(axis=0) / step**2 / accelerations
-    largest = max(speed.max(), acceleration.max())
-    assert largest == pytest.approx(1.0, abs=2e-3)
-
-
-def test_least_duration_is_kept():
-    w = np.linspace(0.0, 1.0, 11)
-    law = RestToRestLaw.for_limits(w, np.zeros((11, 1)), np.zeros((11, 1)), [1.0], [1.0], least_duration=4.0)
-    assert law.duration == 4.0
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"w": [0.0, 1.5]}, "w: "),
-        ({"rates": [[1.0], [np.nan]]}, "rates"),
-        ({"rates": [[1.0]]}, "rates"),
-        ({"second_rates": [[1.0, 2.0], [1.0, 2.0]]}, "second_rates"),
-        ({"speed_limits": [0.0]}, "limit"),
-        ({"acceleration_limits": [-1.0]}, "limit"),
-        ({"rates": [[0.0], [0.0]]}, "nothing moves"),
-    ],
-)
-def test_wrong_limits_are_named(change, message):
-    call = {
-        "w": [0.0, 1.0],
-        "rates": [[1.0], [1.0]],
-        "second_rates": [[0.0], [0.0]],
-        "speed_limits": [1.0],
-        "acceleration_limits": [1.0],
-    }
-    with pytest.raises(InputError, match=message):
-        RestToRestLaw.for_limits(**{**call, **change})
-
-
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 def test_rate_and_duration_must_be_positive(bad):
     with pytest.raises(InputError, match="rate"):

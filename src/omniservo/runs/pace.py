@@ -2,40 +2,88 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
-from omniservo.planning import CameraPath
-from omniservo.runs.own_branch import own_branch
-from omniservo.servoing import ExponentialLaw, RestToRestLaw
+from omniservo.errors import AnswerIsNo
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import CameraPath, Plan
+from omniservo.robots import Arm, JointPath
+from omniservo.runs.own_branch import every_branch, own_branch
+from omniservo.servoing import (
+    ExponentialLaw,
+    PathLimits,
+    RestToRestLaw,
+    TimeLaw,
+    TimeOptimalLaw,
+    image_speed,
+)
+from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
 LEAST_DURATION = 4.0
-"""[s]: slow enough for a person to watch, and for 30 frames a second."""
+"""[s] of the rest-to-rest law: slow enough for a person to watch, and for 30 frames a second."""
 
 JOINT_SHARE = 0.5
 """share of the arm's joint speed and acceleration that the path may use; the rest is left to feedback"""
 
-_SAMPLES = 201
+_PathSpeed: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
-def pace(task: Task, scene: Scene, path: CameraPath) -> RestToRestLaw | ExponentialLaw:
-    """Return the task's time law; the rest-to-rest law gets the shortest legal duration unless one is stated.
+def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
+    """Return the plan in joints and in time, with the task's law; None for a plan without a path.
+
+    The rest-to-rest law gets the shortest legal duration, at least `LEAST_DURATION`, unless one is stated.
 
     Raises:
-        AnswerIsNo: the arm cannot follow the path from where it stands.
+        AnswerIsNo: the arm cannot follow the path from where it stands, or not in the duration stated.
     """
-    joints = own_branch(task, scene, path)
-    if task.servo.time_law == "exponential":
-        return ExponentialLaw(task.servo.rate)
-    if task.servo.duration is not None:
-        return RestToRestLaw(task.servo.duration)
-    w = np.linspace(0.0, 1.0, _SAMPLES)
-    return RestToRestLaw.for_limits(
-        w,
-        joints(w, 1),
-        joints(w, 2),
-        JOINT_SHARE * scene.arm.joint_speed,
-        JOINT_SHARE * scene.arm.joint_acceleration,
-        least_duration=LEAST_DURATION,
+    if plan.path is None:
+        return None
+    joints = own_branch(task, scene, plan.path)
+    pixels = _image_speed_limit(task, plan.path, plan.problem.points)
+    limits = _limits(scene.arm, joints, JOINT_SHARE, pixels)
+    return PlannedMotion(
+        arm=scene.arm,
+        joints=joints,
+        law=_law(task, limits, _limits(scene.arm, joints, 1.0, pixels)),
+        limits=limits,
+        time_optimal_seconds=TimeOptimalLaw(limits).duration,
+        others=every_branch(task, scene, plan.path),
     )
+
+
+def _limits(arm: Arm, joints: JointPath, share: float, path_speed: _PathSpeed | None) -> PathLimits:
+    return PathLimits(joints, share * arm.joint_speed, share * arm.joint_acceleration, path_speed)
+
+
+def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _PathSpeed | None:
+    """Return what the task's image speed lets ẇ be, a function of w; None where it states none."""
+    top = task.servo.image_speed
+    if top is None:
+        return None
+
+    def path_speed(w: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            found: FloatArray = np.float64(top) / image_speed(task.camera, path, points, w)
+        return found
+
+    return path_speed
+
+
+def _law(task: Task, limits: PathLimits, arms_own: PathLimits) -> TimeLaw:
+    servo = task.servo
+    if servo.time_law == "exponential":
+        return ExponentialLaw(servo.rate)
+    if servo.time_law == "time-optimal":
+        return TimeOptimalLaw(limits)
+    if servo.duration is None:
+        return RestToRestLaw.for_limits(limits, least_duration=LEAST_DURATION)
+    least = RestToRestLaw.for_limits(arms_own, least_duration=1e-3).duration
+    if servo.duration < least:
+        bound = "the arm's limits" if servo.image_speed is None else "the arm's limits and servo.image_speed"
+        raise AnswerIsNo(f"servo.duration: {servo.duration:g} s given; {bound} need {least:.3g} s at least")
+    return RestToRestLaw(servo.duration)

@@ -30,6 +30,7 @@ from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.closed_loop import Controller, servo
 from omniservo.simulation.outside_view import OutsideView
+from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import Film, RunResult, Truth
 from omniservo.simulation.scene import Scene
@@ -87,10 +88,11 @@ def run_task(
     if method != "ibvs":
         planned, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
         plan, risk = planned
+    motion = None if plan is None else pace(task, scene, plan)
     progress("servoing")
     matched = seen.matched.where(followed)
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
-    controller = _controller(task, scene, plan, estimate.points[followed], matched)
+    controller = _controller(task, plan, motion, estimate.points[followed], matched)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     log, images = _drive(task, robot, controller, tracker, truth)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
@@ -99,7 +101,21 @@ def run_task(
     final, outside = take_picture(robot).pixels, _outside(robot)
     seconds["whole"] = perf_counter() - started
     result = RunResult(
-        task, method, goal, seen, estimate, followed, plan, risk, log, final, *outside, film, truth, seconds
+        task,
+        method,
+        goal,
+        seen,
+        estimate,
+        followed,
+        plan,
+        risk,
+        motion,
+        log,
+        final,
+        *outside,
+        film,
+        truth,
+        seconds,
     )
     return replace(result, metrics=_metrics(result, seed))
 
@@ -120,9 +136,9 @@ def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
 
 
 def _controller(
-    task: Task, scene: Scene, plan: Plan | None, points: FloatArray, matched: MatchedPoints
+    task: Task, plan: Plan | None, motion: PlannedMotion | None, points: FloatArray, matched: MatchedPoints
 ) -> Controller:
-    if plan is None or plan.path is None:
+    if plan is None or motion is None:
         return GoalServo(
             task.camera,
             points,
@@ -136,14 +152,13 @@ def _controller(
         delay=task.sensor.latency + 0.5 / task.sensor.rate,
         tolerance_px=task.servo.tolerance_px,
     )
-    law = pace(task, scene, plan.path)
     return PathTracker(
         plan,
         task.camera,
         goal_pixels=matched.goal,
         initial_pixels=matched.initial,
         options=options,
-        time_law=law,
+        time_law=motion.law,
     )
 
 

@@ -9,7 +9,10 @@ from omniservo.servoing.features import (
     feature_named,
 )
 from omniservo.servoing.image_servo import ImageServo, ImageServoOptions, ImageServoReport
+from omniservo.servoing.image_speed import image_speed
+from omniservo.servoing.path_limits import PathLimits
 from omniservo.servoing.time_law import ExponentialLaw, RestToRestLaw, TimeLaw
+from omniservo.servoing.time_optimal_law import TimeOptimalLaw
 
 __all__ = [
     "BearingFeatures",
@@ -19,10 +22,13 @@ __all__ = [
     "ImageServo",
     "ImageServoOptions",
     "ImageServoReport",
+    "PathLimits",
     "RestToRestLaw",
     "TimeLaw",
+    "TimeOptimalLaw",
     "VirtualPlaneFeatures",
     "camera_twist",
     "feature_named",
+    "image_speed",
     "limited_twist",
 ]

@@ -8,6 +8,7 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan, RiskPlan
+from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
@@ -66,6 +67,8 @@ class RunResult:
     """None for "ibvs", which plans nothing"""
     risk: RiskPlan | None
     """what is known of the plan's risk, where the task states one"""
+    motion: PlannedMotion | None
+    """the plan in joints and in time; None for "ibvs\""""
     log: RunLog
     final_image: ByteArray
     outside_initial: ByteArray

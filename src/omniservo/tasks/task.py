@@ -190,9 +190,14 @@ class Servo(Section):
     """How the path is followed."""
 
     feature: Literal["bearing", "virtual-plane"] = "bearing"
-    time_law: Literal["rest-to-rest", "exponential"] = "rest-to-rest"
+    time_law: Literal["rest-to-rest", "time-optimal", "exponential"] = "rest-to-rest"
+    """rest-to-rest: smooth acceleration. time-optimal: the fastest within half of the arm's joint speeds and
+    accelerations. exponential: the paper's (42), whatever the limits"""
     duration: Annotated[FiniteFloat, Field(gt=0, le=600)] | None = None
-    """of the rest-to-rest law [s]; where absent: the shortest that keeps the joint limits, at least 4 s"""
+    """of the rest-to-rest law [s]; where absent: the shortest that keeps half of the arm's joint speeds and
+    accelerations, at least 4 s"""
+    image_speed: Annotated[FiniteFloat, Field(gt=0, le=1e6)] | None = None
+    """fastest that a followed point may move through the image, against motion blur [px/s]; by the plan"""
     rate: Annotated[FiniteFloat, Field(gt=0, le=100)] = 1.0
     """λ₁ of the exponential law (42) [1/s]"""
     gain: Annotated[FiniteFloat, Field(gt=0, le=100)] = 3.0
@@ -201,6 +206,14 @@ class Servo(Section):
     """rms distance to the goal image at which the job is done [px]"""
     time_limit: Annotated[FiniteFloat, Field(gt=0, le=3600)] = 30.0
     """[s]"""
+
+    @model_validator(mode="after")
+    def _law_takes_what_is_given(self) -> Servo:
+        if self.duration is not None and self.time_law != "rest-to-rest":
+            raise ValueError(f"duration goes with time_law: rest-to-rest, not with {self.time_law}")
+        if self.image_speed is not None and self.time_law == "exponential":
+            raise ValueError("image_speed bounds rest-to-rest and time-optimal; exponential is not stretched")
+        return self
 
 
 class Task(Section):

@@ -1,0 +1,77 @@
+"""What a time law must keep along a joint path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class PathLimits:
+    """Joint speeds and accelerations along q(w), and whatever else bounds ẇ: q̇ = q′ẇ, q̈ = q″ẇ² + q′ẅ.
+
+    Raises:
+        InputError: wrong shapes, or a limit that is not positive and finite.
+    """
+
+    joints: Callable[[FloatArray, int], FloatArray]
+    """of w (m,) in [0, 1] and an order 1 or 2: dq/dw, d²q/dw² (m, n); `omniservo.robots.JointPath` is one"""
+    speeds: FloatArray
+    """(n,) greatest |q̇|"""
+    accelerations: FloatArray
+    """(n,) greatest |q̈|"""
+    path_speed: Callable[[FloatArray], FloatArray] | None = None
+    """of w (m,): greatest ẇ [1/s] (m,), infinite where nothing bounds it; None: the joints alone do"""
+
+    def __post_init__(self) -> None:
+        for name in ("speeds", "accelerations"):
+            limits = finite_array(f"limits.{name}", getattr(self, name), (None,))
+            if not len(limits) or limits.min() <= 0.0:
+                raise InputError(f"limits.{name}: {limits} given; every limit must be > 0")
+            object.__setattr__(self, name, frozen(limits))
+        if len(self.speeds) != len(self.accelerations):
+            raise InputError(
+                f"limits: {len(self.speeds)} speeds and {len(self.accelerations)} accelerations given"
+            )
+
+    def rates(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dq/dw and d²q/dw² (m, n) at w (m,).
+
+        Raises:
+            InputError: what ``joints`` gives is not finite or of another shape.
+        """
+        first, second = (
+            finite_array(f"limits.joints(w, {order})", self.joints(w, order), (len(w), len(self.speeds)))
+            for order in (1, 2)
+        )
+        return first, second
+
+    def top_path_speed(self, w: FloatArray) -> FloatArray:
+        """Return the greatest ẇ that ``path_speed`` allows (m,) [1/s]; infinite where nothing bounds it.
+
+        Raises:
+            InputError: ``path_speed`` gives NaN, zero, a negative number, or another shape.
+        """
+        if self.path_speed is None:
+            return np.full(len(w), np.inf)
+        top = np.asarray(self.path_speed(w), dtype=np.float64)
+        if top.shape != w.shape or not (top > 0.0).all():
+            raise InputError("limits.path_speed: one number > 0 is needed for every w")
+        return top
+
+    def excess(self, w: FloatArray, speed: FloatArray, acceleration: FloatArray) -> float:
+        """Return by how much time must be stretched for the motion (w, ẇ, ẅ), (m,) each, to keep all limits.
+
+        Stretched by κ, speeds are divided by κ and accelerations by κ²: 1 means that a limit is just met.
+        """
+        first, second = self.rates(w)
+        by_speed = np.abs(first * speed[:, None]) / self.speeds
+        change = np.abs(second * speed[:, None] ** 2 + first * acceleration[:, None])
+        by_acceleration = np.sqrt(change / self.accelerations)
+        by_path = speed / self.top_path_speed(w)
+        return float(max(by_speed.max(), by_acceleration.max(), by_path.max()))

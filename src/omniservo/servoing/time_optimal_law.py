@@ -1,0 +1,105 @@
+"""The fastest time law within joint limits."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+import numpy as np
+
+from omniservo.errors import AnswerIsNo, InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.servoing.path_limits import PathLimits
+
+_STEPS = (400, 1600, 6400)
+"""of constant ẅ; 400 cost a few tenths of a percent of time, more are for paths with sharp bends"""
+
+_SMALL = 1.005
+"""A stretch by no more than this ends the search for steps that are fine enough."""
+
+_BETWEEN = 8
+"""places in each step at which the limits are looked at"""
+
+_RESERVE = 1e-4
+"""of the duration, for what may lie between those places"""
+
+
+class TimeOptimalLaw:
+    """w(t) from rest to rest in the least time: at every moment a limit is met, ẅ constant in short steps.
+
+    The steps are those of a reachability analysis (`reachable_speeds`), which keeps the limits at its grid;
+    what is missing between is looked for densely, and time is stretched by it as a whole. Acceleration jumps
+    at both ends and wherever another limit takes over.
+    """
+
+    def __init__(self, limits: PathLimits) -> None:
+        """Find the law.
+
+        Args:
+            limits: along the joint path.
+
+        Raises:
+            InputError: nothing moves, or as `PathLimits` says.
+            AnswerIsNo: the library finds no law; its numbers failed.
+        """
+        for steps in _STEPS:
+            w = np.linspace(0.0, 1.0, steps + 1)
+            speeds = _fastest(limits, w)
+            self.stretched = _stretch(limits, w, speeds)
+            """by this factor the law takes longer than those steps, so that limits hold between them, too"""
+            if self.stretched <= _SMALL:
+                break
+        speeds = speeds / self.stretched
+        times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(w) / (speeds[:-1] + speeds[1:]))])
+        self.duration = float(times[-1])
+        """[s]"""
+        self._times, self._speeds, self._w = times.tolist(), speeds.tolist(), w.tolist()
+
+    def __call__(self, time: float) -> tuple[float, float]:
+        """Return (w, ẇ [1/s]) at ``time`` [s]; (0, 0) before 0 and (1, 0) after the duration.
+
+        Raises:
+            InputError: the time is not finite.
+        """
+        if not math.isfinite(time):
+            raise InputError(f"time: {time} given; a finite number of seconds is needed")
+        if time <= 0.0:
+            return 0.0, 0.0
+        if time >= self.duration:
+            return 1.0, 0.0
+        step = bisect_right(self._times, time) - 1
+        begin, end = self._times[step], self._times[step + 1]
+        before, after = self._speeds[step], self._speeds[step + 1]
+        share = (time - begin) / (end - begin)
+        speed = before + share * (after - before)
+        if share <= 0.5:
+            return self._w[step] + 0.5 * (before + speed) * (time - begin), speed
+        # From its own end: w never exceeds the next step's beginning, nor 1.
+        return self._w[step + 1] - 0.5 * (speed + after) * (end - time), speed
+
+    def finished(self, time: float) -> bool:
+        """Return whether ``time`` [s] has reached the duration."""
+        return time >= self.duration
+
+
+def _fastest(limits: PathLimits, w: FloatArray) -> FloatArray:
+    """Return the greatest ẇ (m,) [1/s] at w (m,) from rest to rest."""
+    from omniservo.servoing.reachable_speeds import reachable_speeds  # loads pyplot
+
+    if not limits.rates(w)[0].any():
+        raise InputError("limits.joints: nothing moves, so no time is least")
+    speeds = reachable_speeds(limits, w)
+    if speeds is None or (speeds[:-1] + speeds[1:]).min() <= 0.0:
+        raise AnswerIsNo("no time-optimal law found: joint speeds or accelerations out of all proportion")
+    return speeds
+
+
+def _stretch(limits: PathLimits, w: FloatArray, speeds: FloatArray) -> float:
+    """Return the factor on time with which the limits hold between the places w (m,), too."""
+    squares, step = speeds**2, np.diff(w)
+    share = np.linspace(0.0, 1.0, _BETWEEN + 1)
+    places = w[:-1, None] + step[:, None] * share
+    here = np.sqrt(squares[:-1, None] + np.diff(squares)[:, None] * share)
+    acceleration = np.repeat(0.5 * np.diff(squares) / step, len(share))
+    needed = limits.excess(np.clip(places.ravel(), 0.0, 1.0), here.ravel(), acceleration)
+    return max(needed, 1.0) * (1.0 + _RESERVE)

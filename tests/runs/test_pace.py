@@ -1,0 +1,91 @@
+"""The task's time law: within half of the arm's limits and the stated image speed, by the plan."""
+
+import numpy as np
+import pytest
+
+from omniservo.errors import AnswerIsNo
+from omniservo.planning import PlanningProblem, plan_path
+from omniservo.runs.pace import JOINT_SHARE, pace
+from omniservo.servoing import ExponentialLaw
+from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.tasks import load_task
+
+
+@pytest.fixture(scope="module", params=["paper-example-1", "panda-table"])
+def planned(request):
+    """A task, its scene, and a plan to the taught goal for made-up points in front of the camera."""
+    task = load_task(request.param)
+    points = np.random.default_rng(1).uniform([-0.1, -0.1, 0.35], [0.1, 0.1, 0.45], (9, 3))
+    points[:, :2] += 0.5 * task.teach.initial_T_goal.transform.translation[:2]  # between both views
+    plan = plan_path(PlanningProblem(task.camera, points, task.teach.initial_T_goal.transform))
+    assert plan.status == "certified"
+    return task, scene_of_task(task), plan
+
+
+def motion(planned, **servo):
+    task, scene, plan = planned
+    return pace(
+        task.model_copy(update={"servo": task.servo.model_copy(update=servo)}),
+        scene,
+        plan,
+    )
+
+
+def image_speeds(planned, found):
+    """Of every point at every millisecond, by differences of its pixels [px/s]."""
+    task, _, plan = planned
+    times = found.times()
+
+    def pixels(at):
+        poses = plan.path(found.pace(at)[0])
+        return task.camera.project(np.stack([poses.inv().apply(p) for p in plan.problem.points], axis=1))[0]
+
+    return np.linalg.norm(pixels(times + 1e-4) - pixels(times - 1e-4), axis=-1) / 2e-4
+
+
+@pytest.mark.parametrize("law", ["rest-to-rest", "time-optimal"])
+@pytest.mark.parametrize("image_speed", [None, 40.0])
+def test_law_keeps_half_of_the_arms_limits_and_the_image_speed(planned, law, image_speed):
+    found = motion(planned, time_law=law, image_speed=image_speed)
+    times = found.times()
+    assert found.speed_shares(times).max() <= JOINT_SHARE + 1e-6
+    assert found.acceleration_shares(times).max() <= JOINT_SHARE + 1e-6
+    if image_speed is not None:
+        fastest = image_speeds(planned, found).max()
+        assert fastest <= image_speed * 1.0001
+        assert fastest > 0.98 * image_speed
+    assert found.seconds == pytest.approx(found.law.duration, rel=1e-5)
+    assert found.seconds >= (4.0 - 1e-5 if law == "rest-to-rest" else found.time_optimal_seconds - 1e-5)
+
+
+def test_joints_of_a_motion_begin_where_the_arm_stands_and_its_branch_is_among_all(planned):
+    found = motion(planned)
+    np.testing.assert_allclose(found.joints(0.0), planned[1].start_joints, atol=1e-8)
+    assert found.joints.feasible
+    assert len(found.others.branches) >= 4
+
+
+def test_a_duration_that_the_arm_cannot_keep_is_refused_with_the_least_it_can(planned):
+    with pytest.raises(AnswerIsNo, match=r"servo.duration: 0.1 s given; the arm's limits need 0\.\d+ s"):
+        motion(planned, duration=0.1)
+    with pytest.raises(AnswerIsNo, match=r"duration: 2 s given; .* and servo.image_speed need [\d.]+ s"):
+        motion(planned, duration=2.0, image_speed=20.0)
+    assert motion(planned, duration=2.0).seconds == pytest.approx(2.0, rel=1e-5)
+
+
+def test_the_papers_exponential_law_is_taken_as_it_is(planned):
+    found = motion(planned, time_law="exponential", rate=0.7)
+    assert found.law == ExponentialLaw(0.7)
+    assert found.acceleration_shares(found.times()) is None
+    assert found.seconds == pytest.approx(np.log(1e3) / 0.7, rel=1e-5)
+
+
+def test_a_plan_without_a_path_is_no_motion(planned):
+    task, scene, plan = planned
+    blocked = plan_path(
+        PlanningProblem.from_dict(
+            plan.problem.to_dict() | {"obstacles": [{"type": "sphere", "center": [0, 0, 0], "radius": 0.01}]}
+        )
+    )
+    assert blocked.path is None
+    assert pace(task, scene, blocked) is None
