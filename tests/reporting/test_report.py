@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from omniservo.errors import InputError
@@ -51,6 +52,33 @@ def report(run, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     write_report(folder, [run])
     return read(folder)
+
+
+def test_report_tells_joints_and_time_and_what_other_branches_would_do(report, run):
+    structure = report[1]
+    said = " ".join(structure.words)
+    motion = run.motion
+    assert "Joint path" in structure.words
+    assert "its own" in structure.words
+    assert "the motion takes 4.00 s; the fastest within half" in said
+    for name in motion.arm.joint_names:
+        assert structure.words.count(name) == 1
+    margins, places = motion.least_margins
+    fine = motion.joints(np.linspace(0.0, 1.0, 5001))
+    low, high = motion.arm.joint_range.T
+    np.testing.assert_allclose(margins, np.minimum(fine - low, high - fine).min(axis=0), atol=1e-5)
+    for margin, place in zip(margins, places, strict=True):
+        assert spell(margin, "rad") in structure.words
+        assert f"{place:.3f}" in structure.words
+    for branch in motion.others.branches:
+        for failure in branch.failures[:1]:
+            assert str(failure) in said
+    assert structure.words.count("can follow") == sum(b.feasible for b in motion.others.branches)
+
+
+def test_report_of_a_run_without_a_plan_is_silent_about_joints(made_up_run, tmp_path):
+    write_report(tmp_path, [made_up_run(method="ibvs", steps=3)])
+    assert "Joint path" not in read(tmp_path)[1].words
 
 
 def test_report_is_balanced_html_with_a_title(report):

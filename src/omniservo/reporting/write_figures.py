@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from omniservo.reporting.figure_files import write_drawings
+from omniservo.reporting.joint_figures import joint_positions, joint_speeds
 from omniservo.reporting.margins import arm_gap, clearance, visibility
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.robot_motion import rotation, translation
@@ -29,6 +30,8 @@ _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     image_error,
     camera_twist,
     joint_velocities,
+    joint_positions,
+    joint_speeds,
 )
 
 

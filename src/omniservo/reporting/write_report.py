@@ -13,6 +13,7 @@ from omniservo.reporting.estimate_table import estimate_table
 from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, inlined, joined, page, part, tag
+from omniservo.reporting.joint_section import joint_section
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_result import RunResult
@@ -50,6 +51,7 @@ def report_html(results: Sequence[RunResult]) -> str:
         _animations(results),
         *_paper(results),
         part("Figures", *_figures(results)),
+        *(block for r in results for block in _joints(r, several)),
         *(_details(r, several) for r in results),
         part("How to reproduce this", section.reproduce(results)),
     ]
@@ -109,6 +111,13 @@ def _image(drawing: Drawing, method: str) -> Markup:
 
 def _is_wide(drawing: Drawing) -> bool:
     return float(drawing.figure.get_size_inches()[0]) > _WIDE
+
+
+def _joints(result: RunResult, several: bool) -> list[Markup]:
+    found = joint_section(result)
+    if found is None:
+        return []
+    return [part(f"Joint path: {_method(result)}" if several else "Joint path", found)]
 
 
 def _details(result: RunResult, several: bool) -> Markup:

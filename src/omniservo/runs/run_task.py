@@ -19,6 +19,7 @@ from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.in_view import require_in_view
+from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
@@ -101,22 +102,9 @@ def run_task(
     final, outside = take_picture(robot).pixels, _outside(robot)
     seconds["whole"] = perf_counter() - started
     result = RunResult(
-        task,
-        method,
-        goal,
-        seen,
-        estimate,
-        followed,
-        plan,
-        risk,
-        motion,
-        log,
-        final,
-        *outside,
-        film,
-        truth,
+        task, method, goal, seen, estimate, followed, plan, risk, motion, log, final, *outside, film, truth,
         seconds,
-    )
+    )  # fmt: skip
     return replace(result, metrics=_metrics(result, seed))
 
 
@@ -201,6 +189,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
         **_risk_metrics(result.risk),
+        **motion_metrics(result),
         "planning_seconds": None,  # unless planned
         **seconds,
     }

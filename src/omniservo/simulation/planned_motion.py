@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from omniservo.servoing import ExponentialLaw, PathLimits, TimeLaw
 
 _TICK = 1e-3
 """[s]"""
+
+_PLACES = 1001
+"""at which limits are looked at"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,24 @@ class PlannedMotion:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if self.law.finished(middle) else (middle, high)
         return high
+
+    @cached_property
+    def least_margins(self) -> tuple[FloatArray, FloatArray]:
+        """Each joint's least room to its limits (n,) [rad] and the w (n,) where that is."""
+        w = np.linspace(0.0, 1.0, _PLACES)
+        q, (low, high) = self.joints(w), self.arm.joint_range.T
+        margins = np.minimum(q - low, high - q)
+        return margins.min(axis=0), w[margins.argmin(axis=0)]
+
+    @property
+    def least_singular_value(self) -> tuple[float, float]:
+        """The smallest at the joint path's samples, and its w."""
+        place = int(self.joints.singular_values.argmin())
+        return float(self.joints.singular_values[place]), float(self.joints.w[place])
+
+    def is_own(self, branch: JointPath) -> bool:
+        """Return whether a branch begins in the arm's own posture, full turns aside."""
+        return bool(np.abs(np.sin(0.5 * (branch.positions[0] - self.joints.positions[0]))).max() < 1e-6)
 
     def times(self) -> FloatArray:
         """Return the motion's milliseconds, (m,) [s]."""

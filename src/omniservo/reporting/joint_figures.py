@@ -1,0 +1,79 @@
+"""The planned joints over w within their ranges, and their speeds over time within what the arm can do."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.style import FORBIDDEN, QUIET, SEVEN, Drawing, legend_below, new_figure
+from omniservo.simulation.planned_motion import PlannedMotion
+from omniservo.simulation.run_log import RunLog
+from omniservo.simulation.run_result import RunResult
+
+
+def joint_positions(result: RunResult) -> Drawing | None:
+    """Draw the planned joints over w, each relative to its range; None without a plan."""
+    if result.motion is None:
+        return None
+    motion, w = result.motion, np.linspace(0.0, 1.0, 401)
+    low, high = motion.arm.joint_range.T
+    share = (2.0 * motion.joints(w) - low - high) / (high - low)
+    figure = new_figure(5.8, 3.8)
+    axes = figure.subplots()
+    for i, name in enumerate(motion.arm.joint_names):
+        span = f"{np.rad2deg(low[i]):.0f} … {np.rad2deg(high[i]):.0f}"
+        axes.plot(w, 100.0 * share[:, i], color=SEVEN[i], label=f"{name} ({span})".replace("-", "−"))
+    axes.set(xlim=(0.0, 1.0), ylim=(-110.0, 110.0), xlabel="path parameter w [1]")
+    axes.set_ylabel("of the way from the middle\nof the range to its end [%]")
+    for side in (-1.0, 1.0):
+        axes.axhspan(100.0 * side, 110.0 * side, color=FORBIDDEN, lw=0)
+        axes.axhline(100.0 * side, color=QUIET, lw=1.0)
+    legend_below(figure, axes, 3)
+    return Drawing(
+        "joint-positions",
+        "Planned joints within their ranges",
+        "0 is the middle of a joint's range, ±100% its ends; in brackets the range [deg]. No curve may reach "
+        "the tinted strips.",
+        figure,
+    )
+
+
+def joint_speeds(result: RunResult) -> Drawing | None:
+    """Draw planned and executed joint speeds over time as shares of the arm's; None without a plan."""
+    if result.motion is None:
+        return None
+    motion = result.motion
+    times = motion.times()[::5]
+    planned = 100.0 * motion.speed_shares(times)
+    figure = new_figure(5.8, 3.8)
+    axes = figure.subplots()
+    for i, name in enumerate(motion.arm.joint_names):
+        axes.plot(times, planned[:, i], color=SEVEN[i], lw=1.5, label=name)
+    top = max(float(planned.max()), _executed(axes, result.log, motion), 1.0)
+    axes.set(xlabel="time [s]", ylabel="joint speed, of its limit [%]", ylim=(0.0, 1.12 * top))
+    axes.plot([], [], "o", color=QUIET, ms=2.5, label="executed")
+    legend_below(figure, axes, 4)
+    return Drawing(
+        "joint-speeds",
+        "Joint speeds, planned and executed",
+        "Share of what each joint can do. Lines: as planned. Dots: as executed, from image to image.",
+        figure,
+    )
+
+
+def executed_speed_shares(log: RunLog, motion: PlannedMotion) -> tuple[FloatArray, FloatArray]:
+    """Return times (k,) [s] between the log's rows and the mean joint speeds there over the arm's (k, n)."""
+    if len(log.rows) < 2:
+        return np.empty(0), np.empty((0, motion.arm.dof))
+    time, joints = log.column("time"), log.column("joints")
+    shares = np.abs(np.diff(joints, axis=0)) / np.diff(time)[:, None] / motion.arm.joint_speed
+    return 0.5 * (time[1:] + time[:-1]), shares
+
+
+def _executed(axes: Axes, log: RunLog, motion: PlannedMotion) -> float:
+    """Draw the executed speeds; return the largest [%]."""
+    time, shares = executed_speed_shares(log, motion)
+    for i in range(motion.arm.dof):
+        axes.plot(time, 100.0 * shares[:, i], "o", color=SEVEN[i], ms=2.0)
+    return float(100.0 * shares.max(initial=0.0))

@@ -1,0 +1,38 @@
+"""The joints' numbers in metrics.json, against the run's own log and plan."""
+
+import numpy as np
+import pytest
+
+from omniservo.runs import run_task
+from omniservo.tasks import load_task
+
+
+@pytest.fixture(scope="module")
+def hurried():
+    """The Panda as fast as half of its limits let it."""
+    task = load_task("panda-table")
+    servo = task.servo.model_copy(update={"time_law": "time-optimal", "image_speed": 300.0})
+    return run_task(task.model_copy(update={"servo": servo}), filmed=False)
+
+
+def test_a_hurried_run_arrives_within_half_of_the_joints_limits_and_the_image_speed(hurried):
+    metrics = hurried.metrics
+    assert (metrics["status"], metrics["contacts"]) == ("converged", [])
+    assert metrics["clearance_executed_m"] >= hurried.task.planning.clearance
+    assert metrics["joint_speed_share"] <= 0.5
+    assert metrics["joint_acceleration_share"] <= 0.5
+    assert metrics["image_speed_planned_px_s"] <= 300.0
+    assert metrics["motion_seconds"] == pytest.approx(metrics["time_optimal_seconds"], rel=1e-5)
+    assert metrics["motion_seconds"] < 2.0
+
+
+def test_joint_metrics_are_those_of_plan_and_log(hurried):
+    metrics, motion = hurried.metrics, hurried.motion
+    low, high = motion.arm.joint_range.T
+    q = motion.joints(np.linspace(0.0, 1.0, 4001))
+    assert metrics["joint_limit_margin_rad"] == pytest.approx(np.minimum(q - low, high - q).min(), abs=1e-6)
+    assert metrics["singular_value_least"] == motion.joints.singular_values.min()
+    time, joints = hurried.log.column("time"), hurried.log.column("joints")
+    executed = np.abs(np.diff(joints, axis=0) / np.diff(time)[:, None]) / motion.arm.joint_speed
+    assert metrics["joint_speed_share_executed"] == pytest.approx(executed.max())
+    assert executed.max() < 1.0
