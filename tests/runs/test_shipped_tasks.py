@@ -22,7 +22,11 @@ def prepared(request):
     task = load_task(request.param)
     found = estimate_simulated(request.param)
     followed = followed_points(found.estimate, found.seen.matched.initial)
-    return task, found.estimate, *plan_task(task, found.estimate, followed, "certified", 0)
+    return (
+        task,
+        found.estimate,
+        *plan_task(task, scene_of_task(task), found.estimate, followed, "certified", 0),
+    )
 
 
 def test_the_two_pictures_give_the_taught_motion(prepared):

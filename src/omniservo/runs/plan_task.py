@@ -17,8 +17,11 @@ from omniservo.planning import (
     RiskPlan,
     Workspace,
     plan_path,
+    plan_with_arm,
     plan_with_risk,
 )
+from omniservo.runs.arm_setting_of import arm_setting_of
+from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
 
@@ -45,6 +48,7 @@ def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -
 
 def plan_task(
     task: Task,
+    scene: Scene,
     estimate: TwoViewEstimate,
     followed: IntArray,
     method: Literal["certified", "paper"],
@@ -53,7 +57,7 @@ def plan_task(
     """Return the plan to follow, for the ``followed`` rows (m,) of the estimated points, and its risk.
 
     The paper's method promises nothing between its samples, so its path is followed whatever the
-    certificate says of it; it knows no risk either.
+    certificate says of it; it knows neither risk nor arm.
 
     Raises:
         AnswerIsNo: there is no path to follow.
@@ -62,11 +66,20 @@ def plan_task(
     if pose is None:
         raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
     problem, risk = problem_of(task, pose, estimate.points[followed]), None
-    if task.planning.risk is not None and method == "certified":
-        risk = plan_with_risk(problem, estimate, risk=task.planning.risk, points=followed, seed=seed)
-        plan = risk.plan
+    setting = arm_setting_of(task, scene)
+
+    def with_arm(asked: PlanningProblem, seed: int) -> Plan:
+        return plan_with_arm(asked, setting, seed=seed).plan
+
+    if method == "paper":
+        plan = plan_path(problem, method="paper", seed=seed)
+    elif task.planning.risk is None:
+        plan = with_arm(problem, seed)
     else:
-        plan = plan_path(problem, method=method, seed=seed)
+        risk = plan_with_risk(
+            problem, estimate, risk=task.planning.risk, points=followed, seed=seed, planner=with_arm
+        )
+        plan = risk.plan
     if plan.path is None or (method == "certified" and plan.status != "certified"):
         raise AnswerIsNo(f"no path: {plan.status}: {plan.reason}")
     return plan, risk

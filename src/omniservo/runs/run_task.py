@@ -87,7 +87,9 @@ def run_task(
     progress("planning")
     plan, risk = None, None
     if method != "ibvs":
-        planned, seconds["planning"] = _timed(lambda: plan_task(task, estimate, followed, method, seed))
+        planned, seconds["planning"] = _timed(
+            lambda: plan_task(task, scene, estimate, followed, method, seed)
+        )
         plan, risk = planned
     motion = None if plan is None else pace(task, scene, plan)
     progress("servoing")

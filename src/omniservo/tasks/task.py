@@ -168,7 +168,11 @@ class Planning(Section):
     clearance: NonNegativeLength = 0.0
     """camera centre to every obstacle's surface, as executed [m]"""
     tracking_margin: NonNegativeLength = 0.0
-    """added to the clearance when planning, because the arm does not follow exactly [m]"""
+    """added to both clearances when planning, because the arm does not follow exactly [m]"""
+    arm_clearance: NonNegativeLength | None = 0.005
+    """every link and the camera's housing to every obstacle and the floor, as executed [m]; 5 mm where the
+    file says nothing; null: obstacles are there for the camera's centre alone, as points that stand for
+    bodies already are"""
     visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 2.0
     """[px]"""
     least_distance: PositiveLength = 0.02

@@ -20,7 +20,14 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.risk.advice import sources_of, what_dominates, what_would_help
 from omniservo.planning.risk.executions import IMAGE, Executions
 from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
-from omniservo.planning.risk.safe_path import SafePath, critical_places, safe_path, upper_bound
+from omniservo.planning.risk.safe_path import (
+    Planner,
+    SafePath,
+    camera_alone,
+    critical_places,
+    safe_path,
+    upper_bound,
+)
 
 LEAST_RISK = 1e-4
 MOST_RISK = 0.5
@@ -46,6 +53,7 @@ def plan_with_risk(
     risk: float = 0.01,
     points: npt.ArrayLike | None = None,
     seed: int = 0,
+    planner: Planner = camera_alone,
 ) -> RiskPlan:
     """Return a certified plan that the servo, led by an uncertain estimate, violates with at most ``risk``.
 
@@ -61,6 +69,7 @@ def plan_with_risk(
         points: rows (m,) of the estimated points that the servo follows and that stay in view; None: all
             inliers.
         seed: of the samples, and of planning.
+        planner: what plans the path: the camera alone, or with an arm.
 
     Raises:
         InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, a point that is
@@ -74,7 +83,7 @@ def plan_with_risk(
     draw = partial(_executions, asked, estimate, rows)
     search, check = draw(count, seed), draw(count, seed + 1)
     for share in STRICTER:
-        found = safe_path(search, share * risk, seed)
+        found = safe_path(search, share * risk, seed, planner)
         path = found.plan.path
         if path is None or not len(found.margins):
             advice = "there is none without uncertainty either"
@@ -92,7 +101,7 @@ def plan_with_risk(
         advice = what_would_help(
             sources_of(estimate),
             report,
-            lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed).ok,
+            lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed, planner).ok,
         )
         plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
     extra = dict(zip(search.demands, found.extra.tolist(), strict=True))

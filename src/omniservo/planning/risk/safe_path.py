@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from scipy.special import betaincinv
@@ -11,6 +13,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
+from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.risk.executions import IMAGE, Executions
 from omniservo.planning.widened import widened
 
@@ -59,7 +62,16 @@ def allowed_violations(risk: float, samples: int) -> int:
     return count
 
 
-def safe_path(executions: Executions, risk: float, seed: int) -> SafePath:
+Planner: TypeAlias = Callable[[PlanningProblem, int], Plan]
+"""From a problem and a seed to a plan."""
+
+
+def camera_alone(problem: PlanningProblem, seed: int) -> Plan:
+    """Plan without an arm."""
+    return plan_path(problem, seed=seed)
+
+
+def safe_path(executions: Executions, risk: float, seed: int, planner: Planner = camera_alone) -> SafePath:
     """Return a certified plan whose executions violate a demand with at most ``risk``, or the best attempt.
 
     Margins are only widened for what the samples jointly need, and by no more than the end poses leave.
@@ -77,10 +89,10 @@ def safe_path(executions: Executions, risk: float, seed: int) -> SafePath:
         np.empty((0, len(demands))),
     )
     for _ in range(ROUNDS):
-        plan = _plan(executions, extra, seed)
+        plan = _plan(executions, extra, seed, planner)
         if plan is None or plan.status != "certified" or plan.path is None:
             if best.plan.path is None:
-                return replace(best, plan=plan or plan_path(executions.problem, seed=seed))
+                return replace(best, plan=plan or planner(executions.problem, seed))
             if np.abs(extra - proven).max() < 1e-6:
                 break
             extra = 0.5 * (extra + proven)
@@ -120,10 +132,10 @@ def joint_shift(margins: FloatArray, allowed: int) -> FloatArray:
     return np.where(np.isfinite(shift), shift, 0.0)
 
 
-def _plan(executions: Executions, extra: FloatArray, seed: int) -> Plan | None:
+def _plan(executions: Executions, extra: FloatArray, seed: int, planner: Planner) -> Plan | None:
     """Return the plan of the widened problem; None where nothing of image or workspace is left."""
     metres = dict(zip(executions.demands, extra.tolist(), strict=True))
     try:
-        return plan_path(widened(executions.problem, metres, metres.pop(IMAGE)), seed=seed)
+        return planner(widened(executions.problem, metres, metres.pop(IMAGE)), seed)
     except InputError:
         return None

@@ -76,8 +76,8 @@ def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[f
         )
     bodies.place(q)
     worst = (0.0, "")
-    for near in bodies.near(max(setting.clearance, setting.self_clearance)):
-        asked = setting.clearance if bodies.is_around(near.pair) else setting.self_clearance
+    for near in bodies.near(max(setting.clearance_around, setting.self_clearance)):
+        asked = setting.clearance_around if bodies.is_around(near.pair) else setting.self_clearance
         short = asked - near.gap
         if short > worst[0]:
             link, other = bodies.names(near.pair)

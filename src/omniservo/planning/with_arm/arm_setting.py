@@ -37,8 +37,9 @@ class ArmSetting:
     """what the flange carries, in the camera frame"""
     surroundings: tuple[Solid, ...] = ()
     """what else stands around than a problem's obstacles, in the base frame"""
-    clearance: float = 0.0
-    """of the arm and what it carries to every obstacle [m]"""
+    clearance: float | None = 0.0
+    """of the arm and what it carries to every obstacle and to the surroundings [m]; None: a problem's
+    obstacles are there for the camera alone, and the surroundings are kept off by ``self_clearance``"""
     self_clearance: float = SELF_CLEARANCE
     """of the arm's parts to each other [m]"""
     limit_reserve: float = LIMIT_RESERVE
@@ -46,7 +47,7 @@ class ArmSetting:
 
     def __post_init__(self) -> None:
         for name in ("clearance", "self_clearance", "limit_reserve"):
-            finite_number(name, getattr(self, name), minimum=0.0)
+            finite_number(name, 0.0 if (value := getattr(self, name)) is None else value, minimum=0.0)
         for name in ("base_T_initial", "flange_T_camera"):
             finite_array(name, getattr(self, name).as_matrix(), (4, 4))
         if self.start is not None:
@@ -71,6 +72,11 @@ class ArmSetting:
         """Return the flange's pose for a pose of the camera."""
         return self.base_T_initial * initial_T_camera * self.camera_T_flange
 
+    @property
+    def clearance_around(self) -> float:
+        """What the arm keeps from everything that stands around [m]."""
+        return self.self_clearance if self.clearance is None else self.clearance
+
     def bodies(self, obstacles: tuple[Obstacle, ...]) -> ArmBodies:
         """Return the arm among these obstacles and its surroundings.
 
@@ -79,5 +85,6 @@ class ArmSetting:
         """
         carried = tuple(solid.moved(self.flange_T_camera) for solid in self.mounted)
         far = self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0
-        around = (*solids_of(obstacles, self.base_T_initial, far), *self.surroundings)
+        counted = () if self.clearance is None else obstacles
+        around = (*solids_of(counted, self.base_T_initial, far), *self.surroundings)
         return ArmBodies(self.arm, mounted=carried, surroundings=around)

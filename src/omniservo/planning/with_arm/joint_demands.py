@@ -50,7 +50,7 @@ class JointDemands:
         self._high = setting.arm.joint_range[:, 1] - setting.limit_reserve
         self._asked = np.array(
             [
-                setting.clearance if bodies.is_around(i) else setting.self_clearance
+                setting.clearance_around if bodies.is_around(i) else setting.self_clearance
                 for i in range(len(bodies.pairs))
             ]
         )

@@ -46,7 +46,9 @@ def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> 
             f"range than the {math.degrees(setting.limit_reserve):g} deg that are kept, at w = {w:.3f}"
         )
         return JudgedBranch(branch, None, reason, w)
-    found = arm_clearance(bodies, branch, clearance=setting.clearance, self_clearance=setting.self_clearance)
+    found = arm_clearance(
+        bodies, branch, clearance=setting.clearance_around, self_clearance=setting.self_clearance
+    )
     if found.status == "clear":
         return JudgedBranch(branch, found, "", 0.0)
     return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)

@@ -1,0 +1,37 @@
+"""The arm of a task, as its planner has to reckon with it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.planning import ArmSetting
+from omniservo.robots import CAMERA_HOUSING, Solid
+from omniservo.simulation.scene import Scene
+from omniservo.tasks import Task
+
+_FLOOR = 0.5
+"""[m] half of the thickness of the block that stands for the floor"""
+
+
+def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
+    """Return arm and camera where they stand, on the floor, with the task's clearance and tracking margin."""
+    planning, asked = task.planning, task.planning.arm_clearance
+    return ArmSetting(
+        arm=scene.arm,
+        base_T_initial=scene.world_T_base.inv() * task.start.world_T_camera.transform,
+        flange_T_camera=scene.flange_T_camera,
+        start=scene.start_joints,
+        mounted=CAMERA_HOUSING,
+        surroundings=_floor(scene),
+        clearance=None if asked is None else asked + planning.tracking_margin,
+    )
+
+
+def _floor(scene: Scene) -> tuple[Solid, ...]:
+    if scene.floor is None:
+        return ()
+    wide = 2.0 * scene.arm.reach + 1.0
+    middle = np.array([*scene.world_T_base.translation[:2], scene.floor - _FLOOR])
+    world_T_block = RigidTransform.from_translation(middle)
+    return (Solid.box("floor", scene.world_T_base.inv() * world_T_block, [wide, wide, _FLOOR]),)
