@@ -11,6 +11,7 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.perception import MatchedPoints
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.pace import pace
+from omniservo.runs.whole_arm_of import whole_arm_of
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
 from omniservo.simulation.scene_of_task import scene_of_task
@@ -127,6 +128,8 @@ def build(name="paper-example-1", method="certified", steps=40):
     initial_dots, _ = task.camera.project(estimate.points)
     goal_dots, _ = task.camera.project(estimate.initial_T_goal.inv().apply(estimate.points))
     log = log_of(task, estimate, plan, steps)
+    scene = scene_of_task(task)
+    motion = None if plan is None else pace(task, scene, plan)
     goal_image = picture(task.camera, goal_dots, 1)
     frames = log.rows[::5]
     bodies = [b.transform.apply(CORNERS * b.half_extents) for b in task.obstacles]
@@ -139,7 +142,8 @@ def build(name="paper-example-1", method="certified", steps=40):
         estimate=estimate,
         plan=plan,
         risk=None,
-        motion=None if plan is None else pace(task, scene_of_task(task), plan),
+        motion=motion,
+        whole_arm=None if plan is None else whole_arm_of(task, scene, plan, motion, log),
         log=log,
         final_image=picture(task.camera, goal_dots, 2),
         outside_initial=outside_picture(0.0),

@@ -15,10 +15,10 @@ from omniservo.simulation.run_log import RunLog
 
 EVERY = {
     "views", "outside", "path-3d", "virtual-plane", "image", "translation", "rotation", "clearance",
-    "arm-gap", "visibility", "image-error", "camera-twist", "joint-velocities", "joint-positions",
-    "joint-speeds",
+    "link-clearance", "arm-gap", "visibility", "image-error", "camera-twist", "joint-velocities",
+    "joint-positions", "joint-speeds",
 }  # fmt: skip
-OF_A_PLAN = {"joint-positions", "joint-speeds"}
+OF_A_PLAN = {"link-clearance", "joint-positions", "joint-speeds"}
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +94,7 @@ def test_a_run_stopped_before_its_first_step_still_has_its_plan_and_pictures(sto
     assert {"views", "outside", "path-3d", "virtual-plane", "image", "clearance", "visibility"} <= names
     assert not names & {
         "arm-gap",
+        "link-clearance",
         "image-error",
         "camera-twist",
         "joint-velocities",

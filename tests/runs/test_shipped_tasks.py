@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from omniservo.planning import CameraPath
+from omniservo.robots import arm_clearance
 from omniservo.runs import estimate_simulated
+from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.own_branch import own_branch
 from omniservo.runs.plan_task import plan_task
@@ -58,8 +61,21 @@ def test_an_obstacle_stands_in_the_straight_way(prepared):
     goal = task.teach.initial_T_goal.transform.translation
     straight = np.linspace(0, 1, 201)[:, None] * goal
     gaps = [o.obstacle.distance(straight).min() for o in task.planning.obstacles if o.clearance is None]
-    assert min(gaps) < task.planning.clearance
+    assert min(gaps) < task.planning.clearance or not _whole_arm_is_clear(task, plan, straight)
     assert len(plan.path.translation[0]) > 2
+
+
+def _whole_arm_is_clear(task, plan, straight):
+    """Of the straight way, with the goal's rotation turned evenly."""
+    scene = scene_of_task(task)
+    setting = arm_setting_of(task, scene)
+    goal = plan.problem.goal_quaternion
+    path = CameraPath(
+        np.column_stack([goal - [0, 0, 0, 1], [0, 0, 0, 1]]), np.column_stack([straight[-1], np.zeros(3)])
+    )
+    joints = own_branch(task, scene, path)
+    found = arm_clearance(setting.bodies(plan.problem.obstacles), joints, clearance=setting.clearance)
+    return found.status == "clear"
 
 
 def test_a_task_with_a_stated_risk_is_planned_with_more_than_it_asks_for(prepared):

@@ -17,6 +17,8 @@ SHIPPED = (
     "tag-board",
     "textured-object",
     "ur5e-table",
+    "whole-arm-1",
+    "whole-arm-2",
 )
 
 MINIMAL = {

@@ -111,8 +111,8 @@ def arm_gap(result: RunResult) -> Drawing | None:
     return Drawing(
         "arm-gap",
         "Gap between arm and obstacle",
-        "The smallest gap between any link, or the camera's body, and the obstacle's real body. The plan "
-        "speaks only of the camera's centre, so this is measured and not promised. Below zero: contact.",
+        "The smallest gap between any link, or the camera's body, and the obstacle's real body, which the "
+        "planner need not know. Measured, not promised. Below zero: contact.",
         figure,
     )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.joint_figures import joint_positions, joint_speeds
+from omniservo.reporting.link_clearance import link_clearance
 from omniservo.reporting.margins import arm_gap, clearance, visibility
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.robot_motion import rotation, translation
@@ -25,6 +26,7 @@ _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     translation,
     rotation,
     clearance,
+    link_clearance,
     arm_gap,
     visibility,
     image_error,

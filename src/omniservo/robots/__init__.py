@@ -8,12 +8,14 @@ from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
+from omniservo.robots.link_gaps import FARTHEST, link_gaps
 from omniservo.robots.load_arm import load_arm, shipped_arms
 from omniservo.robots.robot import CameraImage, Robot, RobotState
 from omniservo.robots.solid import Solid
 
 __all__ = [
     "CAMERA_HOUSING",
+    "FARTHEST",
     "SELF_CLEARANCE",
     "SHOWN_GROUP",
     "Arm",
@@ -31,6 +33,7 @@ __all__ = [
     "Solid",
     "arm_clearance",
     "follow_path",
+    "link_gaps",
     "load_arm",
     "shipped_arms",
 ]

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.estimation import TwoViewEstimate
+from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan, RiskPlan
 from omniservo.runs.estimate_task import estimate_task
@@ -27,6 +28,7 @@ from omniservo.runs.score import score
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
+from omniservo.runs.whole_arm_of import whole_arm_of
 from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.closed_loop import Controller, servo
@@ -37,6 +39,7 @@ from omniservo.simulation.run_result import Film, RunResult, Truth
 from omniservo.simulation.scene import Scene
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
+from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
 
@@ -85,13 +88,7 @@ def run_task(
     estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
     followed = followed_points(estimate, seen.matched.initial)
     progress("planning")
-    plan, risk = None, None
-    if method != "ibvs":
-        planned, seconds["planning"] = _timed(
-            lambda: plan_task(task, scene, estimate, followed, method, seed)
-        )
-        plan, risk = planned
-    motion = None if plan is None else pace(task, scene, plan)
+    plan, risk, motion = _planned(task, scene, estimate, followed, method, seed, seconds)
     progress("servoing")
     matched = seen.matched.where(followed)
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
@@ -104,10 +101,29 @@ def run_task(
     final, outside = take_picture(robot).pixels, _outside(robot)
     seconds["whole"] = perf_counter() - started
     result = RunResult(
-        task, method, goal, seen, estimate, followed, plan, risk, motion, log, final, *outside, film, truth,
+        task, method, goal, seen, estimate, followed, plan, risk, motion,
+        whole_arm_of(task, scene, plan, motion, log), log, final, *outside, film, truth,
         seconds,
     )  # fmt: skip
     return replace(result, metrics=_metrics(result, seed))
+
+
+def _planned(
+    task: Task,
+    scene: Scene,
+    estimate: TwoViewEstimate,
+    followed: IntArray,
+    method: Method,
+    seed: int,
+    seconds: dict[str, float],
+) -> tuple[Plan | None, RiskPlan | None, PlannedMotion | None]:
+    """Return plan, risk and motion; nothing for "ibvs", which plans nothing."""
+    if method == "ibvs":
+        return None, None, None
+    (plan, risk), seconds["planning"] = _timed(
+        lambda: plan_task(task, scene, estimate, followed, method, seed)
+    )
+    return plan, risk, pace(task, scene, plan)
 
 
 def _outside(robot: SimulatedRobot) -> tuple[ByteArray, ByteArray]:
@@ -180,6 +196,17 @@ def _truth(task: Task, scene: Scene, goal: TaughtGoal, points: FloatArray) -> Tr
     return Truth(initial_T_goal.as_matrix(), points, tuple(corners))
 
 
+def _arm_metrics(whole: WholeArm | None) -> dict[str, object]:
+    if whole is None:
+        return {}
+    return {
+        "arm_clearance_proof": whole.proof.status,
+        "link_clearance_asked_m": whole.asked,
+        "link_clearance_planned_m": whole.least(whole.planned),
+        "link_clearance_executed_m": whole.least(whole.executed),
+    }
+
+
 def _metrics(result: RunResult, seed: int) -> dict[str, object]:
     seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items()}
     seconds["control_seconds_median"] = seconds.pop("control_seconds")
@@ -192,6 +219,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "estimate_rms_px": result.estimate.rms_px,
         **_risk_metrics(result.risk),
         **motion_metrics(result),
+        **_arm_metrics(result.whole_arm),
         "planning_seconds": None,  # unless planned
         **seconds,
     }

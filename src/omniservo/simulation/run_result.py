@@ -10,6 +10,7 @@ from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan, RiskPlan
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
+from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
 
@@ -69,6 +70,8 @@ class RunResult:
     """what is known of the plan's risk, where the task states one"""
     motion: PlannedMotion | None
     """the plan in joints and in time; None for "ibvs\""""
+    whole_arm: WholeArm | None
+    """the clearance of all links; None where nothing was planned"""
     log: RunLog
     final_image: ByteArray
     outside_initial: ByteArray

@@ -104,10 +104,15 @@ def plan_with_risk(
             lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed, planner).ok,
         )
         plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
+    most, image = _most_added(search, found)
+    return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
+
+
+def _most_added(search: Executions, found: SafePath) -> tuple[float, float]:
+    """Return the most that was added to a distance [m], and what was to the image's margin [px]."""
     extra = dict(zip(search.demands, found.extra.tolist(), strict=True))
     image = extra.pop(IMAGE)
-    most = max(extra.values(), default=0.0)
-    return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
+    return max(extra.values(), default=0.0), image
 
 
 def _since(begin: float) -> float:

@@ -1,0 +1,46 @@
+"""Every link's distance to what stands around, over time."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+
+from omniservo.reporting.style import ASKED, CERTIFIED, FORBIDDEN, Drawing, legend_below, new_figure
+from omniservo.robots import FARTHEST
+from omniservo.simulation.run_result import RunResult
+
+
+def link_clearance(result: RunResult) -> Drawing | None:
+    """Draw each link's gap over time, planned and executed; None where no link comes near anything."""
+    whole = result.whole_arm
+    if whole is None or not result.log.rows:
+        return None
+    near = [link for link, gaps in whole.executed.items() if gaps.min() < FARTHEST]
+    if not near:
+        return None
+    time = result.log.column("time")
+    figure = new_figure(5.8, 4.2)
+    axes = figure.subplots()
+    colours = mpl.colormaps["viridis"](range(0, 256, max(1, 230 // max(1, len(near) - 1))))
+    for link, colour in zip(near, colours, strict=False):
+        axes.plot(time, 1e3 * whole.planned[link], color=colour, lw=1.2, ls="--")
+        axes.plot(time, 1e3 * whole.executed[link], color=colour, lw=1.8, label=link.replace("_", " "))
+    if whole.asked is not None:
+        axes.axhline(1e3 * whole.asked, color=ASKED, ls=":", lw=1.6, label="asked as executed")
+        if whole.proof.status == "clear":
+            axes.axhline(
+                1e3 * whole.proof.clearance, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w"
+            )
+    low = min(0.0, axes.get_ylim()[0])
+    axes.set_ylim(low, min(1e3 * FARTHEST, axes.get_ylim()[1]))
+    if low < 0.0:
+        axes.axhspan(low, 0.0, color=FORBIDDEN, zorder=0)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("link to the nearest thing [mm]")
+    legend_below(figure, axes, 3)
+    return Drawing(
+        "link-clearance",
+        "Distance of every link",
+        "Each link, and the camera's housing, to the nearest of the obstacles that the planner knows and the "
+        f"floor, up to {1e3 * FARTHEST:g} mm. Solid: the joints as they were read; dashed: as planned there.",
+        figure,
+    )

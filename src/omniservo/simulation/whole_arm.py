@@ -1,0 +1,26 @@
+"""What the whole arm kept of its clearance, as proven and as executed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.robots import ArmClearance
+
+
+@dataclass(frozen=True, eq=False)
+class WholeArm:
+    """Every link and the camera's housing among what the planner knows to stand around."""
+
+    proof: ArmClearance
+    """of the planned joints, between samples too"""
+    asked: float | None
+    """of the links as executed [m]; None: obstacles count for the camera alone"""
+    planned: dict[str, FloatArray]
+    """smallest gap by link where the plan is at each row of the log (m,) [m]"""
+    executed: dict[str, FloatArray]
+    """the same of the joints as read (m,) [m]"""
+
+    def least(self, gaps: dict[str, FloatArray]) -> float | None:
+        """Return the smallest of these gaps [m]; None where there is none."""
+        return min((float(column.min()) for column in gaps.values() if len(column)), default=None)
