@@ -17,6 +17,9 @@ from omniservo.simulation.scene import Scene
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import TICK, World
 
+_RAMP = 0.99
+"""share of the acceleration limits at which set points change; the rest is for what the drives correct"""
+
 _ROUNDING = 1e-6  # [ticks]: a duration this much short of a whole tick is that tick
 
 
@@ -24,9 +27,10 @@ class SimulatedRobot:
     """A `Robot` whose time passes in `advance` only.
 
     Velocity commands pass the drives' acceleration limits, become joint set points, and a stiff position
-    loop with gravity compensation follows them. Frame k is exposed at the tick nearest to k / rate, shows
-    the joints of exactly that tick, carries its time, and can be read from latency later on. Its noise
-    depends on seed and k alone.
+    loop that knows the arm's masses follows them, so that speeds and accelerations of the joints themselves
+    keep their limits at every millisecond; only a joint that is driven to the end of its range stands at
+    once. Frame k is exposed at the tick nearest to k / rate, shows the joints of exactly that tick, carries
+    its time, and can be read from latency later on. Its noise depends on seed and k alone.
     """
 
     def __init__(self, scene: Scene, seed: int = 0) -> None:
@@ -42,6 +46,7 @@ class SimulatedRobot:
         self._renderer: UnifiedRenderer | None = None
         gains, dampings = self.world.model.actuator_gainprm[:, 0], -self.world.model.actuator_biasprm[:, 2]
         self._lead = dampings / gains  # [s]: set point ahead by this share of the velocity, so that none lags
+        self._stiffness = gains
         self.place(scene.start_joints)
 
     def place(self, joints: npt.ArrayLike) -> None:
@@ -103,7 +108,7 @@ class SimulatedRobot:
         self._command = wanted / max(excess, 1.0)
 
     def stop(self) -> None:
-        """Brake to standstill as fast as the joints' acceleration limits allow."""
+        """Brake to standstill with 99% of the joints' acceleration limits."""
         self._command = np.zeros_like(self._command)
 
     def advance(self, duration: float) -> None:
@@ -143,12 +148,15 @@ class SimulatedRobot:
 
     def _step(self) -> None:
         arm = self._scene.arm
-        change = arm.joint_acceleration * TICK
-        self._velocity += np.clip(self._command - self._velocity, -change, change)
-        wanted = self._set_point + self._velocity * TICK
+        limit, before = _RAMP * arm.joint_acceleration * TICK, self._velocity.copy()
+        self._velocity += np.clip(self._command - before, -limit, limit)
+        here, wanted = self._set_point, self._set_point + self._velocity * TICK
         self._set_point = np.clip(wanted, arm.joint_range[:, 0], arm.joint_range[:, 1])
         self._velocity[self._set_point != wanted] = 0.0  # a joint that reaches its end stands
-        self._data.ctrl[:] = self._set_point + self._lead * self._velocity
+        torque = np.empty_like(wanted)  # of the acceleration; without it the arm swings past its limits
+        mujoco.mj_mulM(self.world.model, self._data, torque, (self._velocity - before) / TICK)
+        torque += self._data.qfrc_bias - self._data.qfrc_passive  # what turning links and friction take
+        self._data.ctrl[:] = here + self._lead * self._velocity + torque / self._stiffness
         mujoco.mj_step(self.world.model, self._data)
         if self._data.ncon:
             self._contacts |= self.world.touching(self._data)
