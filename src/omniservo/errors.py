@@ -69,3 +69,21 @@ class Divergence(ServoStop):
     """The feature error exceeds its bound: the camera is not where the plan says."""
 
     reason = "divergence"
+
+
+class NotFinite(ServoStop):
+    """A joint, a twist or a command is not a finite number; it was not sent."""
+
+    reason = "not_finite"
+
+
+class WorkspaceLimit(ServoStop):
+    """The camera's centre would leave its workspace."""
+
+    reason = "workspace"
+
+
+class SlowLoop(ServoStop):
+    """The moving robot was not looked at for longer than its braking distance allows."""
+
+    reason = "slow_loop"

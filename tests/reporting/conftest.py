@@ -105,6 +105,8 @@ def log_of(task, estimate, plan, steps):
                 joints=np.linspace(0.0, s, 6),
                 joint_velocities=0.3 * np.sin(np.pi * s) * np.arange(1, 7),
                 twist=np.sin(np.pi * s) * np.array([0.01, -0.05, 0.08, 0.01, 0.02, 0.0]),
+                filter_change=np.zeros(6),
+                held_back=False,
                 pixels=detected,
                 valid=valid,
                 reference_pixels=reference,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.safety import Controller, Step
 from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.closed_loop import Controller, Step
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.tasks import Task
 
@@ -36,8 +36,10 @@ class Recorder:
                 time=step.time,
                 w=report.w,
                 joints=step.state.joint_positions,
-                joint_velocities=step.joint_velocities,
-                twist=step.twist,
+                joint_velocities=step.passed.target,
+                twist=step.filtered.twist,
+                filter_change=step.filtered.change,
+                held_back=bool(step.passed.limits),
                 pixels=step.pixels,
                 valid=step.valid,
                 reference_pixels=report.reference_pixels,

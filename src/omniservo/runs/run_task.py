@@ -29,9 +29,9 @@ from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
+from omniservo.safety import Controller, SafetyOptions, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.closed_loop import Controller, servo
 from omniservo.simulation.outside_view import OutsideView
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
@@ -44,9 +44,6 @@ from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
 
 Method = Literal["certified", "paper", "ibvs"]
-
-IMAGE_AGE = 0.25
-"""The oldest image that the loop acts on [s]."""
 
 T = TypeVar("T")
 
@@ -155,7 +152,7 @@ def _controller(
     options = TrackerOptions(
         feature=task.servo.feature,
         gain=task.servo.gain,
-        delay=task.sensor.latency + 0.5 / task.sensor.rate,
+        delay=_delay(task),
         tolerance_px=task.servo.tolerance_px,
     )
     return PathTracker(
@@ -168,19 +165,22 @@ def _controller(
     )
 
 
+def _delay(task: Task) -> float:
+    """From the exposure of an image to the middle of the time in which its twist acts [s]."""
+    return task.sensor.latency + 0.5 / task.sensor.rate
+
+
 def _drive(
     task: Task, robot: SimulatedRobot, controller: Controller, tracker: FeatureTracker, truth: Truth
 ) -> tuple[RunLog, list[ByteArray]]:
     recorder = Recorder(task, robot, controller, truth.points)
+    scene, options = robot.world.scene, SafetyOptions()
     stop = servo(
-        robot,
-        robot.world.scene.arm,
-        robot.world.scene.flange_T_camera,
+        Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance, options=options),
         controller,
         tracker,
-        wait=robot.advance,
+        VisibilityFilter(task.camera, delay=_delay(task), options=options),
         on_step=recorder.step,
-        image_age=IMAGE_AGE,
         time_limit=task.servo.time_limit,
     )
     return recorder.finish(stop), recorder.images

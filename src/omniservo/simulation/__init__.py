@@ -1,4 +1,4 @@
-"""The world, the ray-cast camera, the simulated robot and the closed loop."""
+"""The world, the ray-cast camera, the simulated robot and the log of its run."""
 
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
 from omniservo.simulation.scene import Ball, Box, Dots, Panel, Scene, Sensor

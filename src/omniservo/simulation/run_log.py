@@ -25,6 +25,10 @@ class LogRow:
     """(n,) commanded [rad/s]"""
     twist: FloatArray
     """(6,) commanded camera twist (linear, angular), camera frame [m/s, rad/s]"""
+    filter_change: FloatArray
+    """(6,) what the visibility filter added to the controller's twist [m/s, rad/s]"""
+    held_back: bool
+    """the supervisor slowed the command down, or the joints take longer than a frame to reach it"""
     pixels: FloatArray
     """(n, 2) points as detected [px]; NaN where lost"""
     valid: BoolArray

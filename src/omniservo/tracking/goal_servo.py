@@ -76,6 +76,11 @@ class GoalServo:
         """of the last step"""
 
     @property
+    def points(self) -> FloatArray:
+        """(n, 3) the points in the initial camera frame that are servoed on [m]."""
+        return self._points.copy()
+
+    @property
     def done(self) -> bool:
         """True once the goal image was met in `SETTLED_FRAMES` frames in a row."""
         return self._settled >= SETTLED_FRAMES

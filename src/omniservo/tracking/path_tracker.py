@@ -97,6 +97,11 @@ class PathTracker:
         self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
 
     @property
+    def points(self) -> FloatArray:
+        """(n, 3) the points in the initial camera frame that are servoed on [m]."""
+        return self._points.copy()
+
+    @property
     def done(self) -> bool:
         """Whether the stop criteria of the options held at the last step."""
         return self.report is not None and self.report.phase == "done"

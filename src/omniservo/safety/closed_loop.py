@@ -1,6 +1,6 @@
 """The closed loop: image → points → twist → joint velocities → robot → image, until done or stopped.
 
-It knows nothing of the simulator: any `Robot` can be driven, with ``wait`` letting time pass.
+Any robot can be driven, real or simulated, but through its `Supervisor` alone.
 """
 
 from __future__ import annotations
@@ -13,16 +13,19 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import JointLimit, ServoStop, StaleImage
+from omniservo.errors import NotFinite, ServoStop, StaleImage
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.perception import FeatureTracker
-from omniservo.robots import Arm, CameraImage, Robot, RobotState
-
-JOINT_RESERVE = np.deg2rad(1.0)
-"""The arm is stopped when a joint would come nearer to its range within a frame [rad]."""
+from omniservo.robots import CameraImage, RobotState
+from omniservo.safety.feature_watch import FeatureWatch
+from omniservo.safety.supervisor import Passed, Supervisor
+from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
 _TICK = 1e-3
 """How often the loop looks for a new image [s]."""
+
+_SETTLING = 0.5
+"""The robot is given so long to come to rest at the end [s]."""
 
 
 class TimeLimit(ServoStop):
@@ -69,6 +72,11 @@ class Controller(Protocol):
         ...
 
     @property
+    def points(self) -> FloatArray:
+        """(n, 3) the points in the initial camera frame, as estimated [m]."""
+        ...
+
+    @property
     def done(self) -> bool:
         """True once the goal is reached and the camera may stop."""
         ...
@@ -98,99 +106,92 @@ class Step:
     """(n, 2) [px], NaN where lost"""
     valid: BoolArray
     """(n,)"""
-    twist: FloatArray
-    """(6,) commanded"""
-    joint_velocities: FloatArray
-    """(n,) commanded [rad/s]"""
+    filtered: FilteredTwist
+    """the twist that was commanded, and how it differs from the controller's"""
+    passed: Passed
+    """the joint velocities that were commanded, and what the supervisor made of them"""
     control_seconds: float
     """pixels in, joint velocities out"""
 
 
 def servo(
-    robot: Robot,
-    arm: Arm,
-    flange_T_camera: RigidTransform,
+    supervisor: Supervisor,
     controller: Controller,
     features: FeatureTracker,
+    visibility: VisibilityFilter,
     *,
-    wait: Callable[[float], None],
     on_step: Callable[[Step], None],
-    image_age: float,
     time_limit: float,
 ) -> ServoStop | None:
     """Drive the robot until the controller is done; the robot stands still on return.
 
     Args:
-        robot: the arm with its camera.
-        arm: its kinematics.
-        flange_T_camera: how the camera sits on it.
+        supervisor: the robot, with what it may do.
         controller: turns points into camera twists.
         features: finds the points near their predicted places.
-        wait: lets the given time [s] pass.
+        visibility: keeps the points in view.
         on_step: called after every command.
-        image_age: the oldest image that is acted on [s].
         time_limit: of the whole servo [s].
 
     Returns:
-        None where the controller finished; else what stopped the arm.
+        None where the controller finished; else what stopped the robot.
     """
+    watch = FeatureWatch(supervisor.options)
     try:
-        image = _next_image(robot, None, wait, image_age)
+        image = _next_image(supervisor, None)
         start = image.time
         while not controller.done:
             if image.time - start > time_limit:
                 raise TimeLimit(f"not at the goal after {time_limit:g} s")
-            predicted, expected = controller.predict(image.time - start)
-            pixels, valid = features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
-            state = robot.read()
-            before = perf_counter()
-            twist = controller.step(image.time - start, pixels, valid)
-            velocities = arm.joint_velocities(state.joint_positions, twist, flange_T_camera)
-            seconds = perf_counter() - before
-            _refuse_joint_limit(arm, state.joint_positions, velocities)
-            robot.command(velocities)
-            on_step(Step(image.time - start, image, state, pixels, valid, twist, velocities, seconds))
-            image = _next_image(robot, image, wait, image_age)
+            step = _step(supervisor, controller, features, visibility, watch, image, image.time - start)
+            on_step(step)
+            image = _next_image(supervisor, image)
     except ServoStop as stop:
         return stop
     finally:
-        robot.stop()
-        wait(0.5)
+        supervisor.stop()
+        supervisor.wait(_SETTLING)
     return None
 
 
-def _next_image(
-    robot: Robot, last: CameraImage | None, wait: Callable[[float], None], image_age: float
-) -> CameraImage:
+def _step(
+    supervisor: Supervisor,
+    controller: Controller,
+    features: FeatureTracker,
+    visibility: VisibilityFilter,
+    watch: FeatureWatch,
+    image: CameraImage,
+    time: float,
+) -> Step:
+    """Command what one image asks for."""
+    predicted, expected = controller.predict(time)
+    pixels, valid = features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
+    state = supervisor.read()
+    before = perf_counter()
+    twist = controller.step(time, pixels, valid)
+    report = controller.report
+    if report is None or not np.isfinite(twist).all():
+        raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
+    points = report.initial_T_camera.inv().apply(controller.points)
+    watch.check(time, points, valid, report.error_px)
+    filtered = visibility.step(points, pixels, valid, twist)
+    arm, mount = supervisor.arm, supervisor.flange_T_camera
+    passed = supervisor.command(arm.joint_velocities(state.joint_positions, filtered.twist, mount))
+    seconds = perf_counter() - before
+    return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+
+
+def _next_image(supervisor: Supervisor, last: CameraImage | None) -> CameraImage:
     """Wait for an image newer than ``last``; refuse one that is too old, or that does not come."""
-    waited = 0.0
+    limit, waited = supervisor.options.image_age, 0.0
     while True:
-        image = robot.image()
+        image = supervisor.image()
         if image is not None and (last is None or image.time > last.time):
-            age = robot.read().time - image.time
-            if age > image_age:
-                raise StaleImage(f"the newest image is {age:.3f} s old; at most {image_age:g} s is acted on")
+            age = supervisor.read().time - image.time
+            if not age <= limit:
+                raise StaleImage(f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on")
             return image
-        if waited > image_age:
-            raise StaleImage(f"no new image for {waited:.3f} s; at most {image_age:g} s is waited")
-        wait(_TICK)
+        if waited > limit:
+            raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
+        supervisor.wait(_TICK)
         waited += _TICK
-
-
-def _refuse_joint_limit(arm: Arm, joints: FloatArray, velocities: FloatArray) -> None:
-    """Stop when a joint moves towards the end of its range and would arrive within 0.1 s."""
-    ahead = joints + 0.1 * velocities
-    low, high = arm.joint_range[:, 0] + JOINT_RESERVE, arm.joint_range[:, 1] - JOINT_RESERVE
-    leaving = ((ahead < low) & (velocities < 0)) | ((ahead > high) & (velocities > 0))
-    if leaving.any():
-        j = int(np.argmax(leaving))
-        raise JointLimit(
-            f"{arm.joint_names[j]} at {np.rad2deg(joints[j]):.1f} deg would leave its range "
-            f"{np.rad2deg(arm.joint_range[j, 0]):.1f} … {np.rad2deg(arm.joint_range[j, 1]):.1f} deg"
-        )
-    if (np.abs(velocities) > arm.joint_speed).any():
-        j = int(np.argmax(np.abs(velocities) / arm.joint_speed))
-        raise JointLimit(
-            f"{arm.joint_names[j]} would turn with {np.rad2deg(abs(velocities[j])):.0f} deg/s; "
-            f"at most {np.rad2deg(arm.joint_speed[j]):.0f} deg/s"
-        )

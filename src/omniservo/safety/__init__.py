@@ -1,0 +1,20 @@
+"""What stands around every control step: the closed loop, its supervisor, and the visibility filter."""
+
+from omniservo.safety.closed_loop import Controller, Step, TimeLimit, servo
+from omniservo.safety.feature_watch import FeatureWatch
+from omniservo.safety.safety_options import SafetyOptions
+from omniservo.safety.supervisor import Passed, Supervisor
+from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
+
+__all__ = [
+    "Controller",
+    "FeatureWatch",
+    "FilteredTwist",
+    "Passed",
+    "SafetyOptions",
+    "Step",
+    "Supervisor",
+    "TimeLimit",
+    "VisibilityFilter",
+    "servo",
+]

@@ -1,0 +1,71 @@
+"""The bounds that the supervisor, the watch over the features and the visibility filter keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+
+_POSITIVE = (
+    "image_age",
+    "reaction",
+    "max_linear_speed",
+    "max_angular_speed",
+    "growing_time",
+    "visibility_rate",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class SafetyOptions:
+    """What no motion may exceed. The limits of the joints are those of the arm and not stated here.
+
+    Raises:
+        InputError: a number that is not legal, named.
+    """
+
+    image_age: float = 0.25
+    """An image older than this is not acted on, and stops the robot [s]."""
+    reaction: float = 0.1
+    """Longest time between two looks at the moving robot [s]; a longer one stops it. It counts as part of
+    every braking distance."""
+    joint_reserve: float = float(np.deg2rad(1.0))
+    """What is left of a joint's range beyond its braking distance, for the drive's own lag [rad]"""
+    max_linear_speed: float = 1.0
+    """of the camera's centre [m/s]; a faster command is slowed down as a whole"""
+    max_angular_speed: float = 3.0
+    """of the camera [rad/s]; likewise"""
+    workspace: FloatArray | None = None
+    """(2, 3) lowest and highest place of the camera's centre [m], in the camera frame in which the
+    supervisor found the robot; None: anywhere that the joints allow"""
+    least_features: int = 4
+    """Fewer points stop the robot; a pose needs four."""
+    growing_px: float = 10.0
+    """The image error may grow freely below this [px];"""
+    growing_time: float = 1.0
+    """above it, an error that grew from third to third of this time stops the robot [s]."""
+    visibility_margin: float = 1.0
+    """Distance to every image limit that the visibility filter keeps [px]"""
+    visibility_rate: float = 5.0
+    """κ: a point at h px from that margin may come nearer to it by κ h px/s [1/s]; keep κ · (frame period +
+    delay) well below 1"""
+
+    def __post_init__(self) -> None:
+        for name in _POSITIVE:
+            finite_number(name, getattr(self, name), above=0.0)
+        for name in ("joint_reserve", "growing_px", "visibility_margin"):
+            finite_number(name, getattr(self, name), minimum=0.0)
+        finite_number("least_features", self.least_features, minimum=3)
+        if not isinstance(self.least_features, int):
+            raise InputError(f"least_features: {self.least_features} given; a whole number is needed")
+        if self.workspace is not None:
+            box = finite_array("workspace", self.workspace, (2, 3))
+            if (box[0] >= box[1]).any():
+                axis = "xyz"[int(np.argmax(box[0] >= box[1]))]
+                raise InputError(
+                    f"workspace: lowest {axis} is not below the highest; legal: (2, 3), low, high"
+                )
+            object.__setattr__(self, "workspace", frozen(box))

@@ -1,0 +1,245 @@
+"""The supervisor around the simulated arm: what leaves it, what stops it, and how it comes to rest."""
+
+import numpy as np
+import pytest
+
+from omniservo.errors import (
+    InputError,
+    JointLimit,
+    NotFinite,
+    ServoStop,
+    SlowLoop,
+    StaleImage,
+    WorkspaceLimit,
+)
+from omniservo.robots import Arm, Robot
+
+SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])
+
+
+def every_command_is_legal(arm, commands):
+    """Finite, within speed, and no step greater than what the joints accelerate in the time since."""
+    times, velocities = np.array([t for t, _ in commands]), np.array([v for _, v in commands])
+    assert np.isfinite(velocities).all()
+    assert (np.abs(velocities) <= arm.joint_speed).all()
+    change, elapsed = np.abs(np.diff(velocities, axis=0)), np.diff(times)
+    assert (change <= arm.joint_acceleration * elapsed[:, None] * (1 + 1e-6) + 1e-12).all()
+
+
+def stands_still(written):
+    written.robot.advance(0.05)
+    return np.abs(written.robot.read().joint_velocities).max() < 1e-2 and not written.commands[-1][1].any()
+
+
+def test_it_is_a_robot(guard):
+    assert isinstance(guard(), Robot)
+
+
+def test_a_slow_command_arrives_as_it_is(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    np.testing.assert_array_equal(written.commands[-1][1], SLOW)
+    passed = supervisor.command(SLOW)
+    assert passed.limits == ()
+    np.testing.assert_array_equal(passed.target, SLOW)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_whatever_is_commanded_what_leaves_is_legal_and_no_joint_leaves_its_range(guard, written, arm, seed):
+    rng, causes, supervisor = np.random.default_rng(seed), set(), guard()
+    low, high = arm.joint_range.T
+    for _ in range(150):
+        wanted = rng.normal(size=6) * rng.choice([0.1, 1.0, 5.0, 1e6, 1e300])
+        if rng.random() < 0.1:
+            wanted[rng.integers(6)] = rng.choice([np.nan, np.inf, -np.inf])
+        try:
+            supervisor.command(wanted)
+            supervisor.wait(rng.uniform(0.0, 0.3))
+            if rng.random() < 0.2:
+                supervisor.stop()
+        except ServoStop as stop:
+            causes.add(stop.reason)
+            assert stands_still(written)
+            pull_back(supervisor, written, 0.5 * (low + high))
+    every_command_is_legal(arm, written.commands)
+    joints = np.array(written.joints)
+    assert (joints > low).all()
+    assert (joints < high).all()
+    assert {"joint_limit", "not_finite"} <= causes
+
+
+def pull_back(supervisor, written, middle):
+    """Lead the arm away from the end of its range, so that the next commands have room."""
+    for _ in range(4):
+        supervisor.command(0.5 * (middle - written.robot.read().joint_positions))
+        supervisor.wait(0.2)
+    supervisor.stop()
+    supervisor.wait(0.1)
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_every_joint_at_full_speed_is_stopped_inside_its_range(guard, written, arm, joint, sign):
+    supervisor, velocities = guard(max_linear_speed=50.0, max_angular_speed=50.0), np.zeros(6)
+    velocities[joint] = sign * arm.joint_speed[joint]
+    with pytest.raises(JointLimit, match=arm.joint_names[joint]) as stop:
+        while True:
+            supervisor.command(velocities)
+            supervisor.wait(0.033)
+    assert "range is" in str(stop.value)
+    assert stands_still(written)
+    joints = np.array(written.joints)[:, joint]
+    low, high = arm.joint_range[joint]
+    assert low < joints.min()
+    assert joints.max() < high
+    left = high - joints.max() if sign > 0 else joints.min() - low
+    # it need not have stopped much earlier than the reaction time, 1° and a tick ask for
+    assert left < 0.1 * arm.joint_speed[joint] + np.deg2rad(1.0) + 0.08
+    every_command_is_legal(arm, written.commands)
+
+
+def test_from_the_end_of_its_range_a_joint_may_go_back(guard, written, arm):
+    q = written.robot.read().joint_positions
+    q[1] = arm.joint_range[1, 1] - 1e-3
+    written.robot.place(q)
+    supervisor = guard()
+    supervisor.command([0, -0.2, 0, 0, 0, 0])
+    supervisor.wait(0.2)
+    assert written.robot.read().joint_positions[1] < q[1]
+    with pytest.raises(JointLimit):
+        for _ in range(20):
+            supervisor.command([0, 0.2, 0, 0, 0, 0])
+            supervisor.wait(0.05)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_command_that_is_not_finite_brakes_and_is_named(guard, written, arm, bad):
+    supervisor = guard()
+    supervisor.command(5 * SLOW)
+    supervisor.wait(0.2)
+    with pytest.raises(NotFinite, match=arm.joint_names[2]):
+        supervisor.command([0, 0, bad, 0, 0, 0])
+    assert stands_still(written)
+    every_command_is_legal(arm, written.commands)
+    speeds = [np.abs(v).max() for _, v in written.commands]
+    assert sum(0 < s < max(speeds) for s in speeds[len(speeds) // 2 :]) >= 10  # it ramped down
+
+
+@pytest.mark.parametrize("bad", [np.zeros(5), "fast", [[1.0]], None])
+def test_a_command_of_another_shape_brakes_and_is_refused(guard, written, bad):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    with pytest.raises((InputError, NotFinite)):
+        supervisor.command(bad)
+    assert stands_still(written)
+
+
+@pytest.mark.parametrize("field", ["joint_positions", "joint_velocities", "time"])
+def test_a_robot_that_reports_nonsense_is_braked(guard, written, arm, field):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    written.broken = {field: np.nan if field == "time" else np.full(6, np.nan)}
+    with pytest.raises(NotFinite, match=field):
+        supervisor.wait(0.01)
+    assert stands_still(written)
+    every_command_is_legal(arm, written.commands)
+
+
+def test_a_fast_command_is_slowed_down_as_a_whole(guard, written, arm):
+    supervisor = guard(max_linear_speed=100.0, max_angular_speed=100.0)
+    passed = supervisor.command(10 * arm.joint_speed * [1, 0.5, 0, 0, 0, 0])
+    np.testing.assert_allclose(passed.target, arm.joint_speed * [1, 0.5, 0, 0, 0, 0])
+    assert set(passed.limits) == {"joint_speed", "acceleration"}
+
+
+def test_the_camera_keeps_its_speeds(guard, arm, scene, written):
+    supervisor = guard(max_linear_speed=0.1, max_angular_speed=0.3)
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        passed = supervisor.command(rng.normal(size=6))
+        twist = (
+            arm.camera_jacobian(written.robot.read().joint_positions, scene.flange_T_camera) @ passed.target
+        )
+        assert np.linalg.norm(twist[:3]) <= 0.1 * (1 + 1e-9)
+        assert np.linalg.norm(twist[3:]) <= 0.3 * (1 + 1e-9)
+        assert "twist" in passed.limits
+        supervisor.wait(0.01)
+
+
+@pytest.mark.parametrize(("axis", "sign"), [(0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)])
+def test_the_camera_is_stopped_inside_its_workspace(guard, arm, scene, written, axis, sign):
+    written.robot.place(scene.start_joints - [0, 0, 0, 0, 0.5, 0])
+    supervisor = guard(workspace=[[-0.05] * 3, [0.05] * 3])
+    start = arm.base_T_flange(written.robot.read().joint_positions) * scene.flange_T_camera
+    twist = np.zeros(6)
+    twist[axis] = 0.1 * sign
+    with pytest.raises(WorkspaceLimit, match="xyz"[axis]):
+        while True:
+            state = supervisor.read()
+            supervisor.command(arm.joint_velocities(state.joint_positions, twist, scene.flange_T_camera))
+            supervisor.wait(0.02)
+    assert stands_still(written)
+    places = [
+        (start.inv() * arm.base_T_flange(q) * scene.flange_T_camera).translation for q in written.joints
+    ]
+    assert np.abs(places).max() < 0.05
+    assert np.abs(places).max() > 0.02
+
+
+def test_an_old_image_brakes_the_arm_even_where_nobody_asks_for_images(guard, written):
+    supervisor = guard(image_age=0.25)
+    supervisor.command(SLOW)
+    with pytest.raises(StaleImage, match="at most 0.25 s"):
+        supervisor.wait(1.0)
+    assert 0.25 < written.robot.time < 0.4
+    assert stands_still(written)
+    with pytest.raises(StaleImage):
+        supervisor.command(SLOW)
+
+
+def test_fresh_images_let_it_move_on(guard, written):
+    supervisor = guard(image_age=0.1)
+    for _ in range(6):
+        assert supervisor.image() is not None or written.robot.time == 0.0
+        supervisor.command(SLOW)
+        supervisor.wait(0.033)
+
+
+def test_a_moving_robot_that_is_not_looked_at_is_stopped(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.05)
+    written.robot.advance(0.2)
+    with pytest.raises(SlowLoop, match=r"0\.2\d+ s; at most 0\.1 s"):
+        supervisor.command(SLOW)
+    assert stands_still(written)
+
+
+def test_a_joint_that_turns_faster_than_it_may_is_stopped(guard, written):
+    careful = Arm.rx60()
+    careful.joint_speed = 0.1 * careful.joint_speed
+    supervisor = guard(arm=careful)
+    supervisor.command(SLOW)
+    written.robot.command([2.0, 0, 0, 0, 0, 0])
+    written.robot.advance(0.09)
+    with pytest.raises(JointLimit, match="turns with"):
+        supervisor.wait(0.01)
+    written.robot.advance(0.2)
+    assert stands_still(written)
+
+
+def test_an_error_of_the_robot_itself_brakes_it_and_goes_on(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    command = written.command
+    written.command = lambda velocities: (_ for _ in ()).throw(OSError("the line is down"))
+    with pytest.raises(OSError, match="line"):
+        supervisor.command(2 * SLOW)
+    written.command = command
+    assert written.stops >= 1
+    written.robot.advance(0.3)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
