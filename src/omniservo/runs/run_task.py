@@ -24,12 +24,13 @@ from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
+from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
-from omniservo.safety import Controller, SafetyOptions, Supervisor, VisibilityFilter, servo
+from omniservo.safety import Controller, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.outside_view import OutsideView
@@ -152,7 +153,7 @@ def _controller(
     options = TrackerOptions(
         feature=task.servo.feature,
         gain=task.servo.gain,
-        delay=_delay(task),
+        delay=task.sensor.latency + 0.5 / task.sensor.rate,
         tolerance_px=task.servo.tolerance_px,
     )
     return PathTracker(
@@ -165,21 +166,16 @@ def _controller(
     )
 
 
-def _delay(task: Task) -> float:
-    """From the exposure of an image to the middle of the time in which its twist acts [s]."""
-    return task.sensor.latency + 0.5 / task.sensor.rate
-
-
 def _drive(
     task: Task, robot: SimulatedRobot, controller: Controller, tracker: FeatureTracker, truth: Truth
 ) -> tuple[RunLog, list[ByteArray]]:
     recorder = Recorder(task, robot, controller, truth.points)
-    scene, options = robot.world.scene, SafetyOptions()
+    scene, options = robot.world.scene, safety_of_task(task)
     stop = servo(
         Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance, options=options),
         controller,
         tracker,
-        VisibilityFilter(task.camera, delay=_delay(task), options=options),
+        VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),
         on_step=recorder.step,
         time_limit=task.servo.time_limit,
     )

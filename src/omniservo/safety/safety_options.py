@@ -50,8 +50,8 @@ class SafetyOptions:
     visibility_margin: float = 1.0
     """Distance to every image limit that the visibility filter keeps [px]"""
     visibility_rate: float = 5.0
-    """κ: a point at h px from that margin may come nearer to it by κ h px/s [1/s]; keep κ · (frame period +
-    delay) well below 1"""
+    """κ: a point at h px from that margin may come nearer to it by κ h px/s [1/s]; keep κ · frame period
+    well below 1"""
 
     def __post_init__(self) -> None:
         for name in _POSITIVE:

@@ -46,7 +46,7 @@ class VisibilityFilter:
 
     Args:
         camera: takes the images.
-        delay: from the exposure of an image to the middle of the time in which its twist acts [s].
+        delay: from the exposure of an image until its twist acts [s].
         options: margin, rate and speed limits.
 
     Raises:

@@ -67,22 +67,11 @@ def keep_in_view(
         twist: (6,) out.
         evidence: (4,) out, see LEAST and the rest.
     """
-    n = points.shape[0]
-    most = n * (6 + len(ends))
+    most = points.shape[0] * (6 + len(ends))
     rows, right, heights = np.empty((most, 6)), np.empty(most), np.empty(most)
-    count, total, seen = 0, 0.0, 0
-    for j in range(n):
-        x, y, z = points[j, 0], points[j, 1], points[j, 2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        if valid[j]:
-            a, b, c, ok = unproject_pixel(parameters, pixels[j, 0], pixels[j, 1])
-            if ok:
-                x, y, z = distance * a, distance * b, distance * c
-        x, y, z = _carried(x, y, z, last, settings[DELAY])
-        count, ok = _write_limits(parameters, limits, edges, ends, x, y, z, rows, heights, count)
-        if ok:
-            total += distance
-            seen += 1
+    count, distance = _write_rows(
+        parameters, limits, edges, ends, settings[DELAY], points, pixels, valid, last, rows, heights
+    )
     evidence[:] = 0.0
     evidence[LEAST] = math.inf
     for i in range(count):
@@ -93,7 +82,7 @@ def keep_in_view(
     limit_twist(twist, settings[MAX_LINEAR], settings[MAX_ANGULAR])
     solved = True
     if count > 0:
-        solved = _nearest(rows[:count], right[:count], heights[:count], total / seen, twist, evidence)
+        solved = _nearest(rows[:count], right[:count], heights[:count], distance, twist, evidence)
     finite = 0.0
     for a in range(6):
         finite += abs(twist[a])
@@ -104,6 +93,37 @@ def keep_in_view(
     for i in range(count):
         evidence[SLACK] = max(evidence[SLACK], right[i] - _times(rows, i, twist))
     evidence[SOLVED] = 1.0 if solved else 0.0
+
+
+@kernel
+def _write_rows(
+    parameters: FloatArray,
+    limits: FloatArray,
+    edges: FloatArray,
+    ends: IntArray,
+    delay: float,
+    points: FloatArray,
+    pixels: FloatArray,
+    valid: BoolArray,
+    last: FloatArray,
+    rows: FloatArray,
+    heights: FloatArray,
+) -> tuple[int, float]:
+    """Write the rows of all points and limits; return how many, and the points' mean distance [m]."""
+    count, total, seen = 0, 0.0, 0
+    for j in range(points.shape[0]):
+        x, y, z = points[j, 0], points[j, 1], points[j, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        if valid[j]:
+            a, b, c, ok = unproject_pixel(parameters, pixels[j, 0], pixels[j, 1])
+            if ok:
+                x, y, z = distance * a, distance * b, distance * c
+        x, y, z = _carried(x, y, z, last, delay)
+        count, ok = _write_limits(parameters, limits, edges, ends, x, y, z, rows, heights, count)
+        if ok:
+            total += distance
+            seen += 1
+    return count, total / seen if seen > 0 else 1.0
 
 
 @kernel

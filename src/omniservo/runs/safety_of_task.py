@@ -1,0 +1,29 @@
+"""What a task's robot may do."""
+
+import numpy as np
+
+from omniservo.safety import SafetyOptions
+from omniservo.tasks import Task
+
+FRAMES_MISSED = 3
+"""So many frames may be missed before the robot is stopped."""
+
+STEP_SHARE = 0.5
+"""Share of its way to an image limit that a point may go within a frame."""
+
+WORKSPACE_ROOM = 0.03
+"""The robot is stopped where the camera could not be held this near to the planned workspace [m]: the plan
+keeps inside it, its execution and the distance in which the supervisor can brake reach a little farther."""
+
+
+def safety_of_task(task: Task) -> SafetyOptions:
+    """Return the defaults, but of a slow camera for its rate, and with the task's workspace."""
+    sensor, box = task.sensor, task.planning.workspace
+    default = SafetyOptions()
+    return SafetyOptions(
+        image_age=max(default.image_age, sensor.latency + FRAMES_MISSED / sensor.rate),
+        visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
+        workspace=None
+        if box is None
+        else np.array([np.subtract(box.min, WORKSPACE_ROOM), np.add(box.max, WORKSPACE_ROOM)]),
+    )

@@ -1,0 +1,112 @@
+"""The loop on the simulated arm, with controllers and images that fail: it stops, says why, stands still."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from omniservo.errors import Divergence
+from omniservo.safety import SafetyOptions, VisibilityFilter, servo
+
+
+class Points:
+    """The target's true projections: a tracker that cannot fail, so that the loop alone is looked at."""
+
+    def __init__(self, written, scene):
+        self._robot, self._scene = written.robot, scene
+        self.seen = np.ones(9, dtype=bool)
+
+    def update(self, image, predicted):
+        place = self._robot.world_T_camera(self._robot.image().time)
+        pixels, _ = self._scene.camera.project(place.inv().apply(self._scene.dots.centers))
+        return np.where(self.seen[:, None], pixels, np.nan), self.seen
+
+
+class Commanding:
+    """A controller that commands what it is told to."""
+
+    def __init__(self, written, scene, twist):
+        self._robot, self._twist, self._count = written.robot, twist, 0
+        self._start = scene.world_T_camera(scene.start_joints)
+        self.points = self._start.inv().apply(scene.dots.centers)
+        self.report, self.done = None, False
+        self.error_px = 1.0
+
+    def predict(self, time):
+        return np.zeros((9, 2)), np.ones(9, dtype=bool)
+
+    def step(self, time, pixels, valid):
+        self._count += 1
+        pose = self._start.inv() * self._robot.world_T_camera(self._robot.image().time)
+        self.report = SimpleNamespace(initial_T_camera=pose, error_px=self.error_px, goal_error_px=1.0, w=0.0)
+        return self._twist(self._count)
+
+
+@pytest.fixture
+def run(guard, written, scene):
+    """Servo with a controller's twists (a function of the step's number); return the stop and the steps."""
+
+    def go(twist, *, time_limit=5.0, prepare=lambda controller, features: None, **options):
+        options = {"image_age": 0.25} | options
+        controller, features = Commanding(written, scene, twist), Points(written, scene)
+        prepare(controller, features)
+        steps = []
+        stop = servo(
+            guard(**options), controller, features,
+            VisibilityFilter(scene.camera, delay=0.02, options=SafetyOptions(**options)),
+            on_step=steps.append, time_limit=time_limit,
+        )  # fmt: skip
+        assert np.abs(written.robot.read().joint_velocities).max() < 1e-3
+        return stop, steps
+
+    return go
+
+
+def test_a_controller_that_gives_nan_stops_the_arm_and_nothing_of_it_leaves(run, written):
+    stop, steps = run(lambda k: np.full(6, np.nan if k == 4 else 0.02))
+    assert stop.reason == "not_finite"
+    assert "controller" in str(stop)
+    assert len(steps) == 3
+    assert all(np.isfinite(v).all() for _, v in written.commands)
+    assert any(v.any() for _, v in written.commands)
+
+
+def test_a_twist_that_no_joints_follow_for_want_of_image_points_is_not_sent(run):
+    def lose(controller, features):
+        features.seen = np.arange(9) < 3
+
+    stop, steps = run(lambda k: np.zeros(6), prepare=lose)
+    assert (stop.reason, len(steps)) == ("feature_loss", 0)
+
+
+def test_the_time_limit_stops(run):
+    stop, _ = run(lambda k: np.zeros(6), time_limit=0.1)
+    assert stop.reason == "time_limit"
+
+
+def test_what_a_controller_refuses_stops_the_arm_by_its_name(run):
+    def refuse(k):
+        raise Divergence("nowhere near")
+
+    stop, _ = run(refuse)
+    assert (stop.reason, str(stop)) == ("divergence", "nowhere near")
+
+
+def test_an_error_of_another_kind_goes_on_with_the_arm_at_rest(run, written):
+    def break_down(k):
+        if k == 3:
+            raise ZeroDivisionError
+        return np.full(6, 0.03)
+
+    with pytest.raises(ZeroDivisionError):
+        run(break_down)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-3
+
+
+def test_a_command_that_would_lose_the_points_is_followed_only_as_far_as_they_stay(run, scene):
+    stop, steps = run(lambda k: np.array([0, 0, 0, 0.0, 1.5, 0.0]), time_limit=1.0)
+    assert stop.reason in ("time_limit", "joint_limit")
+    assert np.abs(steps[0].filtered.change).max() == 0.0
+    assert np.abs(steps[-1].filtered.change).max() > 0.3
+    for step in steps:
+        assert scene.camera.in_image(step.pixels).all()
