@@ -40,6 +40,9 @@ _MEANINGS = {
     "servo_seconds": Meaning("Duration of the motion", "s"),
     "frames": Meaning("Images used by the controller", ""),
     "lost_points": Meaning("Points not found, over all images", ""),
+    "filtered_frames": Meaning(
+        "Commands that the visibility filter changed, so that points stay in view", ""
+    ),
     "contacts": Meaning("Bodies that touched", ""),
     "estimate_rms_px": Meaning("Residual of motion and structure, rms", "px"),
     "perception_seconds": Meaning("Time: finding and matching the points", "s"),

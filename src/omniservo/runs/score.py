@@ -33,8 +33,14 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
         "servo_seconds": float(log.rows[-1].time) if log.rows else 0.0,
         "frames": len(log.rows),
         "lost_points": int(np.sum(log.column("valid") == 0)) if log.rows else 0,
+        "filtered_frames": _filtered(log),
         "contacts": sorted(list(pair) for pair in log.contacts),
     }
+
+
+def _filtered(log: RunLog) -> int:
+    """How many commands the visibility filter changed."""
+    return int(np.sum(log.column("filter_change").any(axis=1))) if log.rows else 0
 
 
 def _status(log: RunLog) -> str:
