@@ -13,7 +13,7 @@ import numpy.typing as npt
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import farthest_moves, lower_gaps
+from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE, farthest_moves, lower_gaps
 from omniservo.robots.solid import Solid
 
 MOUNTED = "camera"
@@ -21,6 +21,9 @@ MOUNTED = "camera"
 
 _FAR = 100.0
 """[m] farther than any two bodies that are asked about"""
+
+_SAME_AXIS = 1e-9
+"""[m], [rad] between the axes of a shape and of a joint that count as one"""
 
 _ON_TOP = 1e-9
 """[m] bodies that are no farther apart leave no direction between them"""
@@ -72,12 +75,14 @@ class ArmBodies:
         self._model: Any = spec.compile()
         self._data: Any = mujoco.MjData(self._model)
         self._names = dict(zip(self._around, names, strict=True))
-        self._shapes = _Shapes(self._model)
+        self._shapes = _Shapes(self._model, self._data)
         self.pairs = _pairs(self._model, self._shapes.carried, set(self._around))
         """(p, 2) of shapes that may meet; the second is carried by more joints"""
         self._normals = np.zeros((len(self.pairs), 3))
         self._moves = np.zeros((self._model.ngeom, arm.dof + 1))
-        self._carried_by_first = self._shapes.carried[self.pairs[:, 0]]
+        fixed, moving = self._shapes.carried[self.pairs].T
+        # A shape that the first joint between turns about its own axis sees the other one turned, no nearer.
+        self._first_between = np.minimum(fixed + self._shapes.spun_by_next[self.pairs[:, 0]], moving)
         self._fromto = np.zeros(6)
 
     def names(self, pair: int) -> tuple[str, str]:
@@ -140,9 +145,16 @@ class ArmBodies:
         """
         data, shapes = self._data, self._shapes
         farthest_moves(
-            data.xanchor, data.xaxis, data.geom_xpos, shapes.radii, shapes.carried, turns, self._moves
+            data.xanchor,
+            data.xaxis,
+            data.geom_xpos,
+            shapes.radii,
+            shapes.carried,
+            shapes.spins,
+            turns,
+            self._moves,
         )
-        moves: FloatArray = self._moves[self.pairs[:, 1], self._carried_by_first]
+        moves: FloatArray = self._moves[self.pairs[:, 1], self._first_between]
         return moves
 
     def near(self, within: float) -> list[Nearness]:
@@ -172,7 +184,7 @@ class ArmBodies:
 class _Shapes:
     """What kernels need to know of a model's shapes."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, data: Any) -> None:
         self.kinds = model.geom_type.astype(np.int64)
         self.sizes = np.array(model.geom_size)
         self.radii = np.array(model.geom_rbound)
@@ -186,6 +198,21 @@ class _Shapes:
         for body in range(1, model.nbody):
             joints[body] = joints[model.body_parentid[body]] + model.body_jntnum[body]
         self.carried = joints[model.geom_bodyid]
+        mujoco.mj_kinematics(model, data)
+        self.spins = self._turned_about_own_axis(data, self.carried - 1)
+        """(g,) 1 where the last joint that carries a shape turns it about its own axis"""
+        self.spun_by_next = self._turned_about_own_axis(data, self.carried)
+        """(g,) 1 where the first joint that does not carry it would"""
+
+    def _turned_about_own_axis(self, data: Any, joints: IntArray) -> IntArray:
+        known = (joints >= 0) & (joints < len(data.xaxis))
+        index = np.where(known, joints, 0)
+        apart = data.geom_xpos - data.xanchor[index]
+        off = np.linalg.norm(np.cross(apart, data.xaxis[index]), axis=1)
+        skew = np.linalg.norm(np.cross(data.geom_xmat.reshape(-1, 3, 3)[:, :, 2], data.xaxis[index]), axis=1)
+        along = np.isin(self.kinds, (CAPSULE, CYLINDER)) & (skew < _SAME_AXIS)
+        turned: IntArray = known & (off < _SAME_AXIS) & (along | (self.kinds == SPHERE))
+        return turned.astype(np.int64)
 
 
 def _hull_corners(model: Any, mesh: int) -> FloatArray:

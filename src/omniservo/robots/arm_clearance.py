@@ -16,13 +16,13 @@ from omniservo.robots.joint_path import JointPath
 SELF_CLEARANCE = 0.002
 """What parts of the arm keep from each other [m], where nothing else is asked for."""
 
-_ROUNDING = 1e-9
-"""[m] that floating point may have taken from a gap"""
+_ROUNDING = 1e-8
+"""[m] that floating point, and axes taken to be one, may have taken from a gap"""
 
 _MOST_POSTURES = 20_000
 _SHORTEST = 2.0**-24
 
-_SCANNED = 65
+_SCANNED = 33
 """places at which a path that is too close is looked at for the worst"""
 
 

@@ -90,6 +90,7 @@ def farthest_moves(
     places: FloatArray,
     radii: FloatArray,
     carried: IntArray,
+    spins: IntArray,
     turns: FloatArray,
     moves: FloatArray,
 ) -> None:
@@ -105,12 +106,13 @@ def farthest_moves(
         places: (g, 3) shapes' origins [m].
         radii: (g,) of balls about them that hold the shapes [m].
         carried: (g,) how many joints carry the shape.
+        spins: (g,) whether the last of them turns it about its own axis, so that it stays where it is.
         turns: (n,) how far each joint turns at most [rad].
         moves: [m]; 0 in the columns from ``carried`` on.
     """
     for g in range(places.shape[0]):
         for j in range(moves.shape[1] - 1, -1, -1):
-            if j >= carried[g]:
+            if j >= carried[g] or (j == carried[g] - 1 and spins[g]):
                 moves[g, j] = 0.0
                 continue
             x = places[g, 0] - anchors[j, 0]

@@ -21,6 +21,9 @@ _SETTLED = 1e-14
 _CRAWL = 0.999
 """a step that leaves more than this of the twist leads nowhere"""
 _ITERATIONS = 60
+_LEAST_DAMPING = 1e-12
+"""Against ends of ranges fewer joints are left than the pose has degrees of freedom."""
+
 _SAME = 1e-6
 """[rad] postures closer than this are one"""
 
@@ -43,7 +46,8 @@ def descend(miss: Miss, start: FloatArray, joint_range: FloatArray) -> FloatArra
         next_size = float(np.linalg.norm(next_error))
         if next_size < size:
             crawls = next_size > _CRAWL * size
-            q, error, jacobian, size, damping = ahead, next_error, next_jacobian, next_size, 0.1 * damping
+            q, error, jacobian, size = ahead, next_error, next_jacobian, next_size
+            damping = max(0.1 * damping, _LEAST_DAMPING)
             if crawls:
                 break  # out of reach, or against the ends of the ranges
         elif size < _EXACT:
