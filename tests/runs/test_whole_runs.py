@@ -34,6 +34,12 @@ def test_the_certified_run_keeps_its_promises(certified):
     assert metrics["path_deviation_m"] <= 0.001
 
 
+def test_the_visibility_filter_leaves_a_good_plan_alone(certified):
+    assert certified.metrics["filtered_frames"] == 0
+    assert not certified.log.column("filter_change").any()
+    assert certified.log.column("held_back")[1:].sum() == 0  # the first command has no time to be reached in
+
+
 def test_the_log_agrees_with_the_metrics(certified):
     rows = certified.log.rows
     obstacles = np.array([[-10, -65, 85], [-5, -80, 90]]) * 1e-3
