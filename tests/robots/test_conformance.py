@@ -65,6 +65,16 @@ def test_joint_velocities_reproduce_the_twist_with_the_least_motion(any_arm):
     np.testing.assert_allclose(velocities, least, atol=1e-10)
 
 
+def test_a_wish_moves_the_joints_but_not_the_camera(any_arm):
+    q, twist = bent(any_arm), np.array([0.02, -0.05, 0.1, 0.3, -0.2, 0.1])
+    jacobian = any_arm.camera_jacobian(q, FLANGE_T_CAMERA)
+    wish = np.linspace(-0.5, 0.7, any_arm.dof)
+    velocities = any_arm.joint_velocities(q, twist, FLANGE_T_CAMERA, wish)
+    np.testing.assert_allclose(jacobian @ velocities, twist, atol=1e-12)
+    own = jacobian @ wish  # a wish that moves the camera as commanded is what comes out
+    np.testing.assert_allclose(any_arm.joint_velocities(q, own, FLANGE_T_CAMERA, wish), wish, atol=1e-10)
+
+
 def test_inverse_near_follows_a_way_in_small_steps(any_arm):
     start, ahead = bent(any_arm), bent(any_arm) + 0.2
     joints = start

@@ -166,11 +166,16 @@ class Arm:
         return scaled
 
     def joint_velocities(
-        self, q: npt.ArrayLike, camera_twist: npt.ArrayLike, flange_T_camera: RigidTransform
+        self,
+        q: npt.ArrayLike,
+        camera_twist: npt.ArrayLike,
+        flange_T_camera: RigidTransform,
+        wish: npt.ArrayLike | None = None,
     ) -> FloatArray:
         """Return q̇ (n,) [rad/s] that moves the camera with the twist (6,) (linear, angular; camera frame).
 
-        Of the many that do with seven joints, the smallest: q̇ = J⁺ twist.
+        Of the many that do with seven joints, the nearest to ``wish`` (n,) [rad/s], or the smallest:
+        q̇ = J⁺ twist + (I − J⁺J) wish.
 
         Raises:
             JointLimit: the arm is singular at ``q``: the smallest singular value of the camera Jacobian,
@@ -187,6 +192,9 @@ class Arm:
                 f"at least {SINGULAR_VALUE:g} is needed"
             )
         velocities: FloatArray = right.T @ ((left.T @ twist) / values)
+        if wish is not None:
+            wanted = finite_array("wish", wish, (self.dof,))
+            velocities += wanted - right.T @ (right @ wanted)
         return velocities
 
     def within_limits(self, q: npt.ArrayLike, reserve: float = 0.0) -> bool:

@@ -92,7 +92,7 @@ def run_task(
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
-    log, images = _drive(task, robot, controller, tracker, truth)
+    log, images = _drive(task, robot, controller, motion, tracker, truth)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     progress("drawing")
     film = film_of(log, images, robot.world) if filmed else Film((), (), ())
@@ -167,7 +167,12 @@ def _controller(
 
 
 def _drive(
-    task: Task, robot: SimulatedRobot, controller: Controller, tracker: FeatureTracker, truth: Truth
+    task: Task,
+    robot: SimulatedRobot,
+    controller: Controller,
+    motion: PlannedMotion | None,
+    tracker: FeatureTracker,
+    truth: Truth,
 ) -> tuple[RunLog, list[ByteArray]]:
     recorder = Recorder(task, robot, controller, truth.points)
     scene, options = robot.world.scene, safety_of_task(task)
@@ -178,6 +183,7 @@ def _drive(
         VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),
         on_step=recorder.step,
         time_limit=task.servo.time_limit,
+        posture=None if motion is None else motion.posture,
     )
     return recorder.finish(stop), recorder.images
 

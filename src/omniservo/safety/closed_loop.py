@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -61,6 +61,13 @@ class ControllerReport(Protocol):
     def initial_T_camera(self) -> RigidTransform:
         """The camera's pose as estimated from the image."""
         ...
+
+
+Posture: TypeAlias = Callable[[float], tuple[FloatArray, FloatArray]]
+"""From the time since the loop's first image [s] to joints (n,) [rad] and their speeds [rad/s]."""
+
+POSTURE_GAIN = 2.0
+"""[1/s] with which what the camera leaves free returns to the posture"""
 
 
 class Controller(Protocol):
@@ -122,6 +129,7 @@ def servo(
     *,
     on_step: Callable[[Step], None],
     time_limit: float,
+    posture: Posture | None = None,
 ) -> ServoStop | None:
     """Drive the robot until the controller is done; the robot stands still on return.
 
@@ -132,6 +140,7 @@ def servo(
         visibility: keeps the points in view.
         on_step: called after every command.
         time_limit: of the whole servo [s].
+        posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
 
     Returns:
         None where the controller finished; else what stopped the robot.
@@ -143,7 +152,7 @@ def servo(
         while not controller.done:
             if image.time - start > time_limit:
                 raise TimeLimit(f"not at the goal after {time_limit:g} s")
-            step = _step(supervisor, controller, features, visibility, watch, image, image.time - start)
+            step = _step(supervisor, controller, features, visibility, watch, image, start, posture)
             on_step(step)
             image = _next_image(supervisor, image)
     except ServoStop as stop:
@@ -161,9 +170,11 @@ def _step(
     visibility: VisibilityFilter,
     watch: FeatureWatch,
     image: CameraImage,
-    time: float,
+    start: float,
+    posture: Posture | None,
 ) -> Step:
-    """Command what one image asks for."""
+    """Command what one image asks for; ``start`` is the time of the loop's first image [s]."""
+    time = image.time - start
     predicted, expected = controller.predict(time)
     pixels, valid = features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
     state = supervisor.read()
@@ -176,7 +187,11 @@ def _step(
     watch.check(time, points, valid, report.error_px)
     filtered = visibility.step(points, pixels, valid, twist)
     arm, mount = supervisor.arm, supervisor.flange_T_camera
-    passed = supervisor.command(arm.joint_velocities(state.joint_positions, filtered.twist, mount))
+    q, wish = state.joint_positions, None
+    if posture is not None:
+        wanted, speeds = posture(state.time - start)
+        wish = speeds + POSTURE_GAIN * (wanted - q)
+    passed = supervisor.command(arm.joint_velocities(q, filtered.twist, mount, wish))
     seconds = perf_counter() - before
     return Step(time, image, state, pixels, valid, filtered, passed, seconds)
 

@@ -62,6 +62,11 @@ class PlannedMotion:
         """Return whether a branch begins in the arm's own posture, full turns aside."""
         return bool(np.abs(np.sin(0.5 * (branch.positions[0] - self.joints.positions[0]))).max() < 1e-6)
 
+    def posture(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return the joints (n,) [rad] and their speeds [rad/s] at ``time`` [s]."""
+        w, speed = self.law(time)
+        return self.joints(w), self.joints(w, 1) * speed
+
     def times(self) -> FloatArray:
         """Return the motion's milliseconds, (m,) [s]."""
         return np.arange(0.0, self.seconds + _TICK, _TICK)
