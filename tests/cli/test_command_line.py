@@ -125,6 +125,8 @@ def test_examples_lists_the_shipped_tasks(capsys):
         "tag-board",
         "textured-object",
         "ur5e-table",
+        "whole-arm-1",
+        "whole-arm-2",
     ]
 
 

@@ -11,9 +11,9 @@ from omniservo.errors import InputError
 from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
+from omniservo.reporting.report_sections import verdict
 from omniservo.reporting.spelling import significant, spell
 from omniservo.reporting.verdict import verdict_of
-from omniservo.reporting.write_report import report_html
 from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}
@@ -230,6 +230,5 @@ def test_quantities_are_given_in_units_people_read(value, unit, words):
 
 
 def test_the_verdict_has_the_colour_of_what_happened(run, stopped_run):
-    for result, good in ((run, True), (stopped_run, False)):
-        assert f'class="verdict {"good" if good else "bad"}"' in report_html([result])
-        assert f'class="verdict {"bad" if good else "good"}"' not in report_html([result])
+    assert 'class="verdict good"' in verdict(run, named=False).html
+    assert 'class="verdict bad"' in verdict(stopped_run, named=False).html
