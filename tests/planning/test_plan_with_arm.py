@@ -79,6 +79,37 @@ def _link_place(setting, link, q):
     return bodies._data.body(link).xpos.copy()
 
 
+def test_joints_keep_a_reserve_that_the_first_path_does_not():
+    """Half a degree more than the path leaves on its way, where both ends leave more: it is moved."""
+    arm, moved, asked = load_arm("rx60"), 0, 0
+    for seed in range(80):
+        problem, setting = random_task(arm, np.random.default_rng([9, seed]), obstacles=(0, 1))
+        found = plan_with_arm(problem, setting)
+        if not found.certified:
+            continue
+        room = _rooms(setting, found.branch)
+        if room[1:-1].min() > min(room[0], room[-1]) - np.deg2rad(2.0):
+            continue
+        asked += 1
+        more = replace(setting, limit_reserve=float(room.min()) + np.deg2rad(0.5))
+        better = plan_with_arm(problem, more)
+        if better.certified:
+            moved += better.attempts == 1  # by the descent, not by another start
+            assert_kept(problem, more, better, places=20)
+            assert _rooms(more, better.branch).min() >= more.limit_reserve - 1e-9
+        if asked == 3:
+            break
+    assert asked == 3
+    assert moved >= 1
+
+
+def _rooms(setting, branch):
+    """The smallest room to the end of a joint's range at places of a branch."""
+    q = branch(np.linspace(0.0, 1.0, 101))
+    low, high = setting.arm.joint_range.T
+    return np.minimum(q - low, high - q).min(axis=1)
+
+
 def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
     """∂g/∂ξ for each group alone: the row that a target just above its g makes active."""
     arm = load_arm("rx60")
@@ -138,6 +169,20 @@ def test_a_start_that_touches_something_is_named():
     assert found.plan.status == "infeasible"
     assert "the start pose is not free: " in found.plan.reason
     assert "obstacle 0" in found.plan.reason
+
+
+def test_a_singular_start_is_named():
+    """Axes 4 and 6 of the RX60 on one line."""
+    problem, setting = certified_task()
+    q = np.array([0.1, 0.5, 1.2, 0.0, 0.005, 0.0])
+    base_T_initial = setting.arm.base_T_flange(q) * setting.flange_T_camera
+    found = plan_with_arm(
+        replace(problem, obstacles=()), replace(setting, start=q, base_T_initial=base_T_initial)
+    )
+    assert found.plan.status == "infeasible"
+    assert (
+        "the start pose is not free: the arm is singular: smallest singular value 0.00" in found.plan.reason
+    )
 
 
 def test_a_goal_out_of_reach_is_named():

@@ -10,7 +10,7 @@ from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.errors import InputError
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
-from omniservo.robots.gap_kernels import middle_of_piece
+from omniservo.robots.gap_kernels import farthest_moves, middle_of_piece
 
 TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
 CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), [0.03, 0.02, 0.05])
@@ -106,6 +106,27 @@ def test_no_pair_comes_closer_by_more_than_its_bound(name):
             assert (taken <= bound + 1e-5).all()
             sharpest = max(sharpest, float((taken[bound > 0.05] / bound[bound > 0.05]).max(initial=0.0)))
     assert sharpest > 0.3
+
+
+def test_a_point_of_a_folded_chain_moves_no_farther_than_its_bound():
+    """Random flat chains of three joints, whose turns add up."""
+    random = np.random.default_rng(11)
+    largest = 0.0
+    for _ in range(3000):
+        anchors = np.column_stack([random.normal(size=(3, 2)), np.zeros(3)])
+        place, turns = np.append(random.normal(size=2), 0.0)[None], random.uniform(0.2, 1.0, 3)
+        moves = np.zeros((1, 4))
+        axes = np.tile([0.0, 0.0, 1.0], (3, 1))
+        three = np.full(1, 3)
+        farthest_moves(anchors, axes, place, np.zeros(1), three, np.zeros(1, dtype=np.int64), turns, moves)
+        point = place[0]
+        for joint in (2, 1, 0):
+            turned = Rotation.from_rotvec([0.0, 0.0, random.choice([-1, 1]) * turns[joint]])
+            point = anchors[joint] + turned.apply(point - anchors[joint])
+        moved = np.linalg.norm(point - place[0])
+        assert moved <= moves[0, 0] + 1e-12
+        largest = max(largest, moved / moves[0, 0])
+    assert largest > 0.7
 
 
 def test_halves_of_a_piece_are_the_piece_and_its_turns_bound_it():

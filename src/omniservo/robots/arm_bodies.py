@@ -97,6 +97,11 @@ class ArmBodies:
         body = int(self._model.geom_bodyid[self.pairs[pair, 0]])
         return str(self._model.body(body).name) in self._names
 
+    def asked(self, clearance: float, self_clearance: float) -> FloatArray:
+        """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other."""
+        around = [self.is_around(pair) for pair in range(len(self.pairs))]
+        return np.where(around, clearance, self_clearance)
+
     def place(self, q: npt.ArrayLike) -> None:
         """Bring the joints to ``q`` (n,) [rad]: what is asked next is asked there.
 

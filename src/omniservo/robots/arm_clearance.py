@@ -93,8 +93,7 @@ def arm_clearance(
     """
     finite_number("clearance", clearance, minimum=0.0)
     finite_number("self_clearance", self_clearance, minimum=0.0)
-    asked = np.array([clearance if bodies.is_around(i) else self_clearance for i in range(len(bodies.pairs))])
-    search = _Search(bodies, asked)
+    search = _Search(bodies, bodies.asked(clearance, self_clearance))
     everything = np.arange(len(bodies.pairs))
     knots, pieces = path.bernstein_pieces()
     status: Literal["clear", "too_close", "undecided"] = "clear"

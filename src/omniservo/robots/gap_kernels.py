@@ -96,9 +96,9 @@ def farthest_moves(
 ) -> None:
     """Write how far any point of a shape can be moved by the joints from i on, into ``moves`` (g, n + 1).
 
-    Let the joints turn one after the other, the last first: joint j, whose axis those after it do not move,
-    carries a point at most r_j + (what those have moved it) times its turn, r_j the distance from its axis
-    to the shape's farthest point before.
+    Let the joints turn one after the other, the last first, so that every axis is still where it was. With
+    T the turn of joint j, and p″ where those after it have brought p: ‖Tp″ − p‖ ≤ ‖Tp″ − Tp‖ + ‖Tp − p‖ ≤
+    ‖p″ − p‖ + r_j · turn_j, r_j the distance of p from the joint's axis. Summed: Σ r_j · turn_j.
 
     Args:
         anchors: (n, 3) points on the joints' axes [m].
@@ -120,7 +120,7 @@ def farthest_moves(
             z = places[g, 2] - anchors[j, 2]
             a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
             across = math.sqrt((y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2)
-            moves[g, j] = moves[g, j + 1] + turns[j] * (across + radii[g] + moves[g, j + 1])
+            moves[g, j] = moves[g, j + 1] + turns[j] * (across + radii[g])
 
 
 @kernel

@@ -75,17 +75,17 @@ def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[f
             "needed"
         )
     bodies.place(q)
+    asked = bodies.asked(setting.clearance_around, setting.self_clearance)
     worst = (0.0, "")
-    for near in bodies.near(max(setting.clearance_around, setting.self_clearance)):
-        asked = setting.clearance_around if bodies.is_around(near.pair) else setting.self_clearance
-        short = asked - near.gap
+    for near in bodies.near(float(asked.max(initial=0.0))):
+        short = float(asked[near.pair]) - near.gap
         if short > worst[0]:
             link, other = bodies.names(near.pair)
             worst = (
                 short,
                 (
                     f"{link} and {other} are {1e3 * near.gap:.2f} mm apart (negative: depth); "
-                    f"{1e3 * asked:g} mm are asked for"
+                    f"{1e3 * asked[near.pair]:g} mm are asked for"
                 ),
             )
     return worst

@@ -48,12 +48,7 @@ class JointDemands:
         self._to_camera = twist_matrix(setting.flange_T_camera, LENGTH_SCALE)
         self._low = setting.arm.joint_range[:, 0] + setting.limit_reserve
         self._high = setting.arm.joint_range[:, 1] - setting.limit_reserve
-        self._asked = np.array(
-            [
-                setting.clearance_around if bodies.is_around(i) else setting.self_clearance
-                for i in range(len(bodies.pairs))
-            ]
-        )
+        self._asked = bodies.asked(setting.clearance_around, setting.self_clearance)
 
     def values(self, q: FloatArray) -> FloatArray:
         """Return the smallest g of each group (GROUPS,) at the joints q (n,); 1 where no bodies are near."""
