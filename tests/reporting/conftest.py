@@ -9,8 +9,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.estimation import TwoViewEstimate
 from omniservo.perception import MatchedPoints
-from omniservo.planning import PlanningProblem, plan_path
+from omniservo.planning import plan_path
 from omniservo.runs.pace import pace
+from omniservo.runs.plan_task import problem_of
 from omniservo.runs.whole_arm_of import whole_arm_of
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
@@ -58,23 +59,7 @@ def estimate_of(task):
 
 
 def plan_of(task, estimate):
-    pose = estimate.initial_T_goal
-    planning = task.planning
-    problem = {
-        "format": "omniservo.problem/1",
-        "camera": task.camera.to_dict(),
-        "points": estimate.points.tolist(),
-        "goal": {"translation": pose.translation.tolist(), "quaternion": pose.rotation.as_quat().tolist()},
-        "obstacles": [
-            {"type": "sphere", "center": list(o.center), "radius": o.radius}
-            | ({} if o.clearance is None else {"clearance": o.clearance})
-            for o in planning.obstacles
-        ],
-        "clearance": planning.clearance + planning.tracking_margin,
-        "visibility_margin": planning.visibility_margin,
-        "occlusion": planning.occlusion,
-    }
-    return plan_path(PlanningProblem.from_dict(problem))
+    return plan_path(problem_of(task, estimate.initial_T_goal, estimate.points))
 
 
 def straight(goal, w):

@@ -68,12 +68,16 @@ def test_every_axis_has_a_unit(drawn):
             assert "[" in axes.get_ylabel(), name
 
 
-@pytest.mark.parametrize("task", ["paper-example-1", "paper-example-2"])
+@pytest.mark.parametrize("task", ["paper-example-2", "ur5e-table"])
 def test_no_words_of_a_figure_overlap_or_leave_it(made_up_run, task):
     for drawing in drawings(made_up_run(task)):
         figure = drawing.figure
         figure.draw_without_rendering()
         page = figure.bbox
+        for legend in figure.legends:
+            box = legend.get_window_extent()
+            assert box.x0 > page.x0 - 1, drawing.name
+            assert box.x1 < page.x1 + 1, drawing.name
         for axes in figure.axes:
             for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
                 box = text.get_window_extent()

@@ -33,7 +33,7 @@ def clearance(result: RunResult) -> Drawing | None:
     own = [i for i, o in enumerate(obstacles) if o.clearance is not None]
     figure = new_figure(5.8, 3.9)
     axes = figure.subplots()
-    _group(axes, planned, executed, own, (QUIET, QUIET), "to obstacles with a clearance of their own")
+    _group(axes, planned, executed, own, (QUIET, QUIET), "with a clearance of their own")
     _group(axes, planned, executed, common, (PLANNED, EXECUTED), "")
     _asked_lines(axes, result, common)
     certified = certified_clearance(result)

@@ -95,7 +95,7 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
     axes.set_xlim(low[columns[0]], high[columns[0]])
     axes.set_ylim(low[columns[1]], high[columns[1]])
     axes.set_aspect("equal", adjustable="box")
-    axes.locator_params(nbins=6)
+    axes.locator_params(nbins=4)
 
 
 def _outlines(axes: Any, space: Space, flat: list[int]) -> None:

@@ -82,6 +82,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
-    """Put the legend of ``axes`` under the whole figure, where it covers nothing."""
+    """Put the legend of ``axes`` under the whole figure, where it covers nothing, in columns that fit it."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+    for count in range(columns, 0, -1):
+        legend = figure.legend(handles, labels, loc="outside lower center", ncols=count)
+        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            break
+        legend.remove()
