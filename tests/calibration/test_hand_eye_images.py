@@ -91,6 +91,7 @@ def test_command_writes_what_a_task_reads_and_a_report(views, tmp_path, capsys):
     )
     mounted = task.arm.flange_T_camera.transform
     assert np.abs(mounted.as_matrix() - found.as_matrix()).max() < 1e-12
+    np.testing.assert_allclose(task.arm.mount_covariance, covariance)
     text = report.read_text()
     assert text.count("<img ") == 3
     assert all(f"view-{k}.png" in text for k in range(7))

@@ -311,6 +311,20 @@ def test_seven_joints_for_an_arm_of_six_are_refused(tmp_path):
         scene_of_task(task)
 
 
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.full((5, 6), 1e-6).tolist(), "six rows of six numbers"),
+        (np.eye(6, k=1).tolist(), "a symmetric matrix"),
+        ((-1e-6 * np.eye(6)).tolist(), "without negative eigenvalues"),
+        ((np.inf * np.ones((6, 6))).tolist(), "finite number"),
+    ],
+)
+def test_a_mounts_covariance_that_is_none_is_refused(tmp_path, value, message):
+    with pytest.raises(InputError, match=message):
+        load_task(written(tmp_path, changed("arm.mount_covariance", value)))
+
+
 def test_the_mount_may_be_called_tool_T_camera_but_not_both(tmp_path):
     document = changed("arm.tool_T_camera", {"translation": [0, 0, 50]})
     with pytest.raises(InputError, match="give flange_T_camera or tool_T_camera, which mean the same"):

@@ -18,6 +18,7 @@ from omniservo.planning.risk.plan_with_risk import plan_with_risk
 from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.mount_margin import mount_margin, plan_with_mount
 from omniservo.planning.with_arm.plan_with_arm import plan_with_arm
 
 __all__ = [
@@ -41,8 +42,10 @@ __all__ = [
     "Workspace",
     "certify",
     "improving_plans",
+    "mount_margin",
     "plan_path",
     "plan_with_arm",
+    "plan_with_mount",
     "plan_with_risk",
     "replan",
 ]

@@ -29,6 +29,7 @@ _MEANINGS = {
     "arm_clearance_executed_m": Meaning("Smallest gap executed, any link to the obstacle's body", "m"),
     "arm_clearance_proof": Meaning("Clearance of the whole arm on the planned way", ""),
     "link_clearance_asked_m": Meaning("Clearance asked of every link", "m"),
+    "clearance_for_mount_m": Meaning("Kept beyond, because the camera's mount is uncertain", "m"),
     "link_clearance_planned_m": Meaning("Smallest gap planned, any link to what the planner knows", "m"),
     "link_clearance_executed_m": Meaning("Smallest gap executed, any link to what the planner knows", "m"),
     "visibility_planned_px": Meaning("Points to the image's limits, planned", "px"),

@@ -38,6 +38,10 @@ class Nearness:
     """[m], negative: depth"""
     slope: FloatArray
     """∂gap/∂q (n,) [m/rad]"""
+    place: FloatArray
+    """(3,) the first body's point that is nearest, in the base frame [m]"""
+    direction: FloatArray
+    """(3,) unit, from the first body to the second, in the base frame"""
 
 
 class ArmBodies:
@@ -170,7 +174,8 @@ class ArmBodies:
         for pair in chosen.tolist():
             gap = self.measure(pair)
             if gap < within:
-                found.append(Nearness(pair, gap, self._slope(pair)))
+                slope, place = self._slope(pair), self._fromto[:3].copy()
+                found.append(Nearness(pair, gap, slope, place, self._normals[pair].copy()))
         return found
 
     def _slope(self, pair: int) -> FloatArray:

@@ -29,6 +29,9 @@ _EXACT = 1e-10
 _ITERATIONS = 8
 _FLOWN = 1e-7
 """[rad] to where a step of seven joints has settled within the arm's self-motion"""
+_AHEAD = 16
+"""places that are looked up together"""
+
 _LEAP = 0.1
 """[rad] farther from where its speed leads a joint never is on a step that is taken"""
 _PUSH = 1.0
@@ -194,8 +197,9 @@ class PathSteps:
         return _leap(np.linalg.lstsq(jacobian, twist)[0], now.w + step)
 
     def _at(self, w: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        if w not in self._known:
-            self._look_up(np.array([w]))
+        if w not in self._known:  # steps are dyadic: those ahead will be asked for, and many cost as one
+            ahead = w + np.arange(_AHEAD) / w.as_integer_ratio()[1]
+            self._look_up(ahead[ahead <= 1.0])
         return self._known[w]
 
     def _look_up(self, w: FloatArray) -> None:

@@ -18,6 +18,7 @@ from omniservo.planning import (
     Workspace,
     plan_path,
     plan_with_arm,
+    plan_with_mount,
     plan_with_risk,
 )
 from omniservo.runs.arm_setting_of import arm_setting_of
@@ -68,8 +69,13 @@ def plan_task(
     problem, risk = problem_of(task, pose, estimate.points[followed]), None
     setting = arm_setting_of(task, scene)
 
+    covariance, risk_asked = task.arm.mount_covariance, task.planning.risk
+
     def with_arm(asked: PlanningProblem, seed: int) -> Plan:
-        return plan_with_arm(asked, setting, seed=seed).plan
+        if covariance is None or risk_asked is None or setting.clearance is None:
+            return plan_with_arm(asked, setting, seed=seed).plan
+        found, _ = plan_with_mount(asked, setting, np.array(covariance), risk_asked, seed=seed)
+        return found.plan
 
     if method == "paper":
         plan = plan_path(problem, method="paper", seed=seed)

@@ -204,6 +204,7 @@ def _arm_metrics(whole: WholeArm | None) -> dict[str, object]:
     return {
         "arm_clearance_proof": whole.proof.status,
         "link_clearance_asked_m": whole.asked,
+        "clearance_for_mount_m": whole.for_mount,
         "link_clearance_planned_m": whole.least(whole.planned),
         "link_clearance_executed_m": whole.least(whole.executed),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.planning import Plan
+from omniservo.planning import Plan, mount_margin
 from omniservo.robots import arm_clearance, link_gaps
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.simulation.planned_motion import PlannedMotion
@@ -22,12 +22,14 @@ def whole_arm_of(
         return None
     setting = arm_setting_of(task, scene)
     bodies = setting.bodies(plan.problem.obstacles)
-    proof = arm_clearance(
-        bodies, motion.joints, clearance=setting.clearance_around, self_clearance=setting.self_clearance
-    )
+    covariance, risk, for_mount = task.arm.mount_covariance, task.planning.risk, 0.0
+    if covariance is not None and risk is not None and plan.path is not None:
+        for_mount = mount_margin(setting, bodies, plan.path, motion.joints, np.array(covariance), risk)
+    kept = setting.clearance_around + for_mount
+    proof = arm_clearance(bodies, motion.joints, clearance=kept, self_clearance=setting.self_clearance)
     rows = log.rows
     planned = motion.joints(np.clip(log.column("w"), 0.0, 1.0)) if rows else np.zeros((0, scene.arm.dof))
     executed = log.column("joints") if rows else planned
     return WholeArm(
-        proof, task.planning.arm_clearance, link_gaps(bodies, planned), link_gaps(bodies, executed)
+        proof, task.planning.arm_clearance, for_mount, link_gaps(bodies, planned), link_gaps(bodies, executed)
     )

@@ -16,6 +16,8 @@ class WholeArm:
     """of the planned joints, between samples too"""
     asked: float | None
     """of the links as executed [m]; None: obstacles count for the camera alone"""
+    for_mount: float
+    """what the proof keeps beyond, because the camera's mount is uncertain [m]"""
     planned: dict[str, FloatArray]
     """smallest gap by link where the plan is at each row of the log (m,) [m]"""
     executed: dict[str, FloatArray]

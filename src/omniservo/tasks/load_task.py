@@ -106,11 +106,11 @@ def _found_mount(arm: dict[str, Any], folder: Path, source: str) -> dict[str, An
             from omniservo.calibration.hand_eye import load_hand_eye  # only tasks that name a file pay for it
 
             path = file_inside(f"{source}: arm.{name}", arm[name], folder)
-            tool_T_camera, _ = load_hand_eye(path)
+            tool_T_camera, covariance = load_hand_eye(path)
             translation, quaternion = tool_T_camera.translation, tool_T_camera.rotation.as_quat()
             # a Pose, not a mapping: the calibration is in metres whatever the task's units are
             pose = Pose(translation=tuple(translation.tolist()), quaternion=tuple(quaternion.tolist()))
-            return {**arm, name: pose}
+            return {"mount_covariance": covariance.tolist(), **arm, name: pose}
     return arm
 
 

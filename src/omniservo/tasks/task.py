@@ -77,6 +77,9 @@ class ArmMount(Section):
     flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
     """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``, and either may name
     the file of a hand-eye calibration in the task's folder"""
+    mount_covariance: tuple[tuple[FiniteFloat, ...], ...] | None = None
+    """(6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on the right [rad];
+    the file of a hand-eye calibration states it. Plans with a risk count with it"""
 
     @model_validator(mode="before")
     @classmethod
@@ -84,6 +87,18 @@ class ArmMount(Section):
         if isinstance(fields, dict) and {"flange_T_camera", "tool_T_camera"} <= set(fields):
             raise ValueError("give flange_T_camera or tool_T_camera, which mean the same; not both")
         return fields
+
+    @field_validator("mount_covariance")
+    @classmethod
+    def _square(cls, rows: tuple[tuple[float, ...], ...] | None) -> tuple[tuple[float, ...], ...] | None:
+        if rows is None:
+            return None
+        if len(rows) != 6 or any(len(row) != 6 for row in rows):
+            raise ValueError("six rows of six numbers are needed")
+        matrix = np.array(rows)
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -1e-12 * abs(matrix).max():
+            raise ValueError("a symmetric matrix without negative eigenvalues is needed")
+        return rows
 
 
 class Start(Section):
