@@ -197,15 +197,24 @@ class Arm:
             velocities += wanted - right.T @ (right @ wanted)
         return velocities
 
+    def limit_margins(self, q: npt.ArrayLike) -> FloatArray:
+        """Return each joint's room to the nearer end of its range at q (…, n): (…, n) [rad], < 0 outside.
+
+        Raises:
+            InputError: NaN or infinity.
+        """
+        low, high = self.joint_range.T
+        joints = finite_array("q", q, np.shape(q))
+        margins: FloatArray = np.minimum(joints - low, high - joints)
+        return margins
+
     def within_limits(self, q: npt.ArrayLike, reserve: float = 0.0) -> bool:
         """Return whether every joint (n,) [rad] keeps ``reserve`` [rad] to both ends of its range.
 
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        joints = finite_array("q", q, (self.dof,))
-        low, high = self.joint_range.T
-        return bool((joints >= low + reserve).all() and (joints <= high - reserve).all())
+        return bool((self.limit_margins(finite_array("q", q, (self.dof,))) >= reserve).all())
 
     def inverse(self, base_T_flange: RigidTransform) -> FloatArray:
         """Return q (k, n) [rad] within the limits that reach the pose, sorted lexicographically.

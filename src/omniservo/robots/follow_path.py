@@ -125,20 +125,14 @@ def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool
         velocities=frozen(slope),
         accelerations=frozen(bend),
         singular_values=frozen(np.array([state.singular_value for state in states])),
-        limit_margins=frozen(_margins(arm, q)),
+        limit_margins=frozen(arm.limit_margins(q)),
         failures=tuple(sorted(failures, key=lambda failure: failure.w)),
         travel=float((way / arm.joint_speed).max()),
     )
 
 
-def _margins(arm: Arm, q: FloatArray) -> FloatArray:
-    low, high = arm.joint_range.T
-    margins: FloatArray = np.minimum(q - low, high - q)
-    return margins
-
-
 def _passed_limits(arm: Arm, w: FloatArray, q: FloatArray) -> list[PathFailure]:
-    margins = _margins(arm, q)
+    margins = arm.limit_margins(q)
     found = []
     for joint in np.flatnonzero(margins.min(axis=0) < 0.0):
         room = margins[:, joint]

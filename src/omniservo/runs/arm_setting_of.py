@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.planning import ArmSetting
 from omniservo.robots import CAMERA_HOUSING, Solid
+from omniservo.runs.own_branch import base_T_initial
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
@@ -19,7 +20,7 @@ def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
     planning, asked = task.planning, task.planning.arm_clearance
     return ArmSetting(
         arm=scene.arm,
-        base_T_initial=scene.world_T_base.inv() * task.start.world_T_camera.transform,
+        base_T_initial=base_T_initial(task, scene),
         flange_T_camera=scene.flange_T_camera,
         start=scene.start_joints,
         mounted=CAMERA_HOUSING,

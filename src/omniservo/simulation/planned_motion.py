@@ -48,8 +48,7 @@ class PlannedMotion:
     def least_margins(self) -> tuple[FloatArray, FloatArray]:
         """Each joint's least room to its limits (n,) [rad] and the w (n,) where that is."""
         w = np.linspace(0.0, 1.0, _PLACES)
-        q, (low, high) = self.joints(w), self.arm.joint_range.T
-        margins = np.minimum(q - low, high - q)
+        margins = self.arm.limit_margins(self.joints(w))
         return margins.min(axis=0), w[margins.argmin(axis=0)]
 
     @property

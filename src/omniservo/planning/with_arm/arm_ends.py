@@ -59,10 +59,10 @@ def _apart(postures: FloatArray) -> FloatArray:
 
 def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[float, str]:
     """Return by how much a posture fails, and the words for it; "" where it will do."""
-    low, high = setting.arm.joint_range.T
-    room = np.minimum(q - low, high - q) - setting.limit_reserve
+    room = setting.arm.limit_margins(q) - setting.limit_reserve
     if room.min() < 0.0:
         j = int(np.argmin(room))
+        low, high = setting.arm.joint_range.T
         return -float(room[j]), (
             f"{setting.arm.joint_names[j]} at {math.degrees(q[j]):.2f} deg; its range "
             f"{math.degrees(low[j]):.2f} … {math.degrees(high[j]):.2f} deg, "

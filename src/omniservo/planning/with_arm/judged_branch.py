@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
+from omniservo.robots.gap_kernels import middle_of_piece
 
-_DENSE = 129
-"""places at which the reserve to the joints' limits is looked at; a cubic through them is trusted between"""
+_HALVINGS = 3
+"""of each piece of the joint path: its Bernstein coefficients then lie close to it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,16 @@ def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> 
 
 
 def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:
-    """Return w, by how much the reserve is missed there [rad] (≤ 0: kept), and the joint."""
-    w = np.linspace(0.0, branch.w[-1], _DENSE)
-    q: FloatArray = branch(w)
-    low, high = setting.arm.joint_range.T
-    short = setting.limit_reserve - np.minimum(q - low, high - q)
-    place, joint = np.unravel_index(int(np.argmax(short)), short.shape)
-    return float(w[place]), float(short[place, joint]), int(joint)
+    """Return w, by how much the reserve is missed there at most [rad] (≤ 0: kept for all w), and the joint.
+
+    A polynomial lies within the range of its Bernstein coefficients.
+    """
+    knots, pieces = branch.bernstein_pieces()
+    for _ in range(_HALVINGS):
+        halves, turns = np.empty((2 * len(pieces), *pieces.shape[1:])), np.empty(pieces.shape[2])
+        for i, piece in enumerate(pieces):
+            middle_of_piece(piece, halves[2 * i], halves[2 * i + 1], turns)
+        knots, pieces = np.sort(np.append(knots, 0.5 * (knots[:-1] + knots[1:]))), halves
+    short = setting.limit_reserve - setting.arm.limit_margins(pieces)
+    place, _, joint = np.unravel_index(int(np.argmax(short)), short.shape)
+    return float(0.5 * (knots[place] + knots[place + 1])), float(short.max()), int(joint)
