@@ -37,10 +37,13 @@ def link_clearance(result: RunResult) -> Drawing | None:
     axes.set_xlabel("time [s]")
     axes.set_ylabel("link to the nearest thing [mm]")
     legend_below(figure, axes, 3)
+    things = "the nearest of the obstacles that the planner knows and the floor"
+    if whole.asked is None:
+        things = "the floor; the task's obstacles are points that stand for bodies already"
     return Drawing(
         "link-clearance",
         "Distance of every link",
-        "Each link, and the camera's housing, to the nearest of the obstacles that the planner knows and the "
-        f"floor, up to {1e3 * FARTHEST:g} mm. Solid: the joints as they were read; dashed: as planned there.",
+        f"Each link, and the camera's housing, to {things}, up to {1e3 * FARTHEST:g} mm. Solid: the joints "
+        "as they were read; dashed: as planned there.",
         figure,
     )
