@@ -14,28 +14,22 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm_files import read_arm_file
+from omniservo.robots.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
 from omniservo.robots.link import Link, Shape
-from omniservo.robots.numeric_inverse import STARTS, descend, solutions
+from omniservo.robots.numeric_inverse import STARTS, descend_all, solutions
 from omniservo.robots.parallel_geometry import ParallelGeometry
 from omniservo.robots.reach import farthest
 from omniservo.robots.twist_matrix import twist_matrix
 from omniservo.robots.wrist_geometry import WristGeometry
 
-SINGULAR_VALUE = 0.02
-"""Smallest singular value of the camera Jacobian (linear rows over `LENGTH_SCALE`) that is still inverted.
-
-On the RX60 a wrist with q5 = 2…3° is about there."""
-
-LENGTH_SCALE = 0.3
-"""Weighs metres against radians in the singularity test: about the length of one link [m]."""
+__all__ = ["LENGTH_SCALE", "SINGULAR_VALUE", "Arm"]
 
 
 class Arm:
     """A serial arm of six or seven revolute joints.
 
     Its frames are ``base`` (its foot: the world of its MJCF file, or the URDF's root link) and ``flange``
-    (the tool that carries the camera). Kinematics run in MuJoCo on private data, so one Arm must not be used
-    by two threads at once.
+    (the tool that carries the camera).
     """
 
     def __init__(self, file: str | Path, *, tool: str | None = None) -> None:
@@ -54,8 +48,6 @@ class Arm:
         self.path = Path(file)
         self._file = read_arm_file(self.path, tool)
         self._model = self._file.model
-        self._data = mujoco.MjData(self._model)
-        self._tool_body = int(self._model.body(self._file.tool_body).id)
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
         """Names of the joints, from the base outwards."""
         self.joint_range = frozen(self._model.jnt_range.copy())
@@ -72,10 +64,10 @@ class Arm:
         """Name of the link that the flange is fixed to."""
         self.link_T_flange = self._file.body_T_tool
         """The flange in that link's frame."""
-        self._link_T_flange = self.link_T_flange.as_matrix()
         self.notices = self._file.notices
         """What of the file was left out, put in or assumed."""
-        self._jacobian = np.zeros((6, self.dof))
+        self.chain = self._read_chain()
+        """The same kinematics as arrays, for compiled code: not to be written to."""
         self._geometry = self._read_geometry()
 
     @classmethod
@@ -111,15 +103,14 @@ class Arm:
     @cached_property
     def reach(self) -> float:
         """The farthest that the flange gets from the axis of the first joint [m]."""
-        self._move(np.zeros(self.dof))
-        axis, foot = self._data.xaxis[0].copy(), self._data.xanchor[0].copy()
+        axis, foot = self.chain.axes[0], self.chain.anchors[0]
 
         def distance(q: FloatArray) -> tuple[float, FloatArray]:
-            jacobian, place, _ = self._base_jacobian(q)
-            moved, arm = jacobian[:3], place - foot
+            flange, jacobian = self._locate(q)
+            arm = flange[:, 3] - foot
             arm = arm - (arm @ axis) * axis
             length = float(np.linalg.norm(arm))
-            return length, arm @ moved / max(length, 1e-12)
+            return length, arm @ (flange[:, :3] @ jacobian[:3]) / max(length, 1e-12)
 
         return farthest(distance, self.joint_range)
 
@@ -133,9 +124,8 @@ class Arm:
         Raises:
             InputError: wrong shape, NaN or infinity. Limits are not checked (see `within_limits`).
         """
-        self._move(q)
-        place, rotation = self._tool_frame()
-        return RigidTransform.from_components(place, Rotation.from_matrix(rotation))
+        flange, _ = self._locate(q)
+        return RigidTransform.from_components(flange[:, 3], Rotation.from_matrix(flange[:, :3]))
 
     def flange_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Return J (6, n): flange twist (linear [m/s], angular [rad/s], flange frame) = J q̇.
@@ -143,8 +133,7 @@ class Arm:
         Raises:
             InputError: wrong shape, NaN or infinity.
         """
-        jacobian, _, base_R_flange = self._base_jacobian(q)
-        return np.concatenate([base_R_flange.T @ jacobian[:3], base_R_flange.T @ jacobian[3:]])
+        return self._locate(q)[1]
 
     def camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
         """Return J (6, n): camera twist (linear [m/s], angular [rad/s], camera frame) = J q̇.
@@ -154,6 +143,14 @@ class Arm:
         """
         jacobian: FloatArray = twist_matrix(flange_T_camera) @ self.flange_jacobian(q)
         return jacobian
+
+    def scaled_flange_jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Return `flange_jacobian` (6, n) with its linear rows over `LENGTH_SCALE`.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        return self._locate(q, LENGTH_SCALE)[1]
 
     def scaled_camera_jacobian(self, q: npt.ArrayLike, flange_T_camera: RigidTransform) -> FloatArray:
         """Return `camera_jacobian` (6, n) with its linear rows over `LENGTH_SCALE`: as singularity is judged.
@@ -231,7 +228,7 @@ class Arm:
         if self._geometry is not None:
             return self._legal_branches(self._geometry, base_T_flange, 0.0)
         goal = base_T_flange.as_matrix()
-        found = solutions(lambda q: self.miss(q, goal), self.joint_range)
+        found = solutions(self.chain, np.ascontiguousarray(goal))
         if not len(found):
             raise self._not_found(base_T_flange)
         ordered: FloatArray = found[np.lexsort(found.T[::-1])]
@@ -253,9 +250,9 @@ class Arm:
             free = float(near[self._geometry.free_joint])
             branches = self._legal_branches(self._geometry, base_T_flange, free)
         else:
-            goal = base_T_flange.as_matrix()
-            found = descend(lambda q: self.miss(q, goal), near, self.joint_range)
-            branches = self.inverse(base_T_flange) if found is None else found[None]
+            goal = np.ascontiguousarray(base_T_flange.as_matrix())
+            found = descend_all(self.chain, goal, near[None])
+            branches = found if len(found) else self.inverse(base_T_flange)
         nearest: FloatArray = branches[int(np.argmin(np.abs(branches - near).max(axis=1)))]
         return nearest
 
@@ -268,13 +265,9 @@ class Arm:
         Raises:
             InputError: ``q`` has a wrong shape, NaN or infinity.
         """
-        jacobian, place, base_R_flange = self._base_jacobian(q)
-        back = base_R_flange.T
-        twist, quaternion = np.empty(6), np.empty(4)
-        twist[:3] = back @ (goal[:3, 3] - place) / LENGTH_SCALE
-        mujoco.mju_mat2Quat(quaternion, (back @ goal[:3, :3]).ravel())
-        mujoco.mju_quat2Vel(twist[3:], quaternion, 1.0)
-        return twist, np.concatenate([(back / LENGTH_SCALE) @ jacobian[:3], back @ jacobian[3:]])
+        twist, jacobian = np.empty(6), np.empty((6, self.dof))
+        miss(self.chain, finite_array("q", q, (self.dof,)), np.array(goal), twist, jacobian)
+        return twist, jacobian
 
     def branches(self, base_T_flange: RigidTransform) -> FloatArray:
         """Return q (k, n) [rad] that reach the pose, one of all that differ by full turns, sorted.
@@ -334,24 +327,24 @@ class Arm:
             f"place is {distance:.3f} m from the foot; the arm reaches {self.reach:.3f} m from its first axis"
         )
 
-    def _tool_frame(self) -> tuple[FloatArray, FloatArray]:
-        """Return place (3,) and axes (3, 3) of the flange in the base frame, where `_move` has put it."""
-        base_R_link = self._data.xmat[self._tool_body].reshape(3, 3)
-        place = self._data.xpos[self._tool_body] + base_R_link @ self._link_T_flange[:3, 3]
-        return place, base_R_link @ self._link_T_flange[:3, :3]
+    def _locate(self, q: npt.ArrayLike, length: float = 1.0) -> tuple[FloatArray, FloatArray]:
+        """Return axes and place (3, 4) of the flange in the base frame, and its Jacobian (6, n).
 
-    def _base_jacobian(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return J (6, n) of the flange in the base frame, overwritten by the next call; place and axes."""
-        self._move(q)
-        mujoco.mj_comPos(self._model, self._data)
-        linear, angular = self._jacobian[:3], self._jacobian[3:]
-        place, base_R_flange = self._tool_frame()
-        mujoco.mj_jac(self._model, self._data, linear, angular, place, self._tool_body)
-        return self._jacobian, place, base_R_flange
+        The linear rows are over a ``length`` [m].
+        """
+        flange, jacobian = np.empty((3, 4)), np.empty((6, self.dof))
+        locate(self.chain, finite_array("q", q, (self.dof,)), length, flange, jacobian)
+        return flange, jacobian
 
-    def _move(self, q: npt.ArrayLike) -> None:
-        self._data.qpos[:] = finite_array("q", q, (self.dof,))
-        mujoco.mj_kinematics(self._model, self._data)
+    def _read_chain(self) -> Chain:
+        model, data = self._model, mujoco.MjData(self._model)
+        data.qpos[:] = 0.0
+        mujoco.mj_kinematics(model, data)
+        link = data.body(self.tool_link)
+        base_T_link = np.column_stack([link.xmat.reshape(3, 3), link.xpos])
+        tool = base_T_link[:, :3] @ self.link_T_flange.as_matrix()[:3]
+        tool[:, 3] += base_T_link[:, 3]
+        return Chain(data.xaxis.copy(), data.xanchor.copy(), tool, model.jnt_range.copy())
 
     def _read_effort(self) -> FloatArray | None:
         if not self._model.jnt_actfrclimited.all():
@@ -359,8 +352,8 @@ class Arm:
         return frozen(np.abs(self._model.jnt_actfrcrange).min(axis=1))
 
     def _read_geometry(self) -> WristGeometry | ParallelGeometry | None:
-        flange = self.base_T_flange(np.zeros(self.dof)).as_matrix()
-        axes, anchors = self._data.xaxis.copy(), self._data.xanchor.copy()
+        axes, anchors, tool, _ = self.chain
+        flange = np.concatenate([tool, [[0.0, 0.0, 0.0, 1.0]]])
         return WristGeometry.of(axes, anchors, flange) or ParallelGeometry.of(axes, anchors, flange)
 
     def _shapes(self, body: int) -> list[Shape]:

@@ -13,6 +13,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm import LENGTH_SCALE, Arm
 from omniservo.robots.joint_path import JointPath, PathFailure, quintic_spline
 from omniservo.robots.path_steps import PathSteps, PosePath, State, Stop
+from omniservo.robots.step_kernels import VALUE
 
 _FAMILIES = 8
 """Starts of an arm with seven joints, spread over the postures that a search finds."""
@@ -105,7 +106,7 @@ def _rank(branch: JointPath) -> tuple[bool, float, float]:
 
 def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool) -> JointPath:
     w = np.array([state.w for state in states])
-    q, slope, bend = (np.array([getattr(s, name) for s in states]) for name in ("q", "slope", "bend"))
+    q, slope, bend = np.array([state.joints for state in states]).transpose(1, 0, 2)
     fine, dense = w, q
     if len(w) > 1:
         shares = np.arange(_DENSE) / _DENSE
@@ -124,7 +125,7 @@ def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool
         positions=frozen(q),
         velocities=frozen(slope),
         accelerations=frozen(bend),
-        singular_values=frozen(np.array([state.singular_value for state in states])),
+        singular_values=frozen(np.array([state.values[VALUE] for state in states])),
         limit_margins=frozen(arm.limit_margins(q)),
         failures=tuple(sorted(failures, key=lambda failure: failure.w)),
         travel=float((way / arm.joint_speed).max()),

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TypeAlias
+import math
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-
-Miss: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Of joints (n,) [rad]: the twist (6,) that leads to the goal, and its Jacobian J (6, n): twist = J dq."""
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.polynomial import copy_into
+from omniservo.robots.chain import Chain, least_motion, miss
 
 STARTS = 64
 """Random postures that a search begins at."""
@@ -28,25 +28,68 @@ _SAME = 1e-6
 """[rad] postures closer than this are one"""
 
 
-def descend(miss: Miss, start: FloatArray, joint_range: FloatArray) -> FloatArray | None:
-    """Return joints (n,) at the goal, reached from ``start`` within the ranges (n, 2); None: not from there.
+def solutions(chain: Chain, goal: FloatArray, starts: int = STARTS) -> FloatArray:
+    """Return the postures (k, n) [rad] that descents from the middle and from random ones reach.
+
+    For six joints these are branches, all of them only in all likelihood; for seven, members of families.
+
+    Args:
+        chain: of n joints.
+        goal: (4, 4) base_T_flange.
+        starts: how many random ones, the same every time; 0: the middle alone.
+    """
+    low, high = chain.ranges.T
+    random = np.random.default_rng(0).uniform(low, high, (starts, len(low)))
+    return descend_all(chain, goal, np.concatenate([0.5 * (low + high)[None], random]))
+
+
+@kernel
+def descend_all(chain: Chain, goal: FloatArray, starts: FloatArray) -> FloatArray:
+    """Return the different joints (k, n) within the ranges that `_descend` reaches from ``starts`` (m, n)."""
+    held_chain = held(chain)
+    found, count = np.empty(starts.shape), 0
+    for i in range(starts.shape[0]):
+        q = found[count]
+        for j in range(starts.shape[1]):
+            q[j] = starts[i, j]
+        if _descend(held_chain, goal, q) and _is_new(found, count):
+            count += 1
+    return found[:count]
+
+
+@kernel
+def _is_new(found: FloatArray, count: int) -> bool:
+    """Return whether row ``count`` is none of those before it."""
+    for k in range(count):
+        apart = 0.0
+        for j in range(found.shape[1]):
+            apart = max(apart, abs(found[count, j] - found[k, j]))
+        if apart <= _SAME:
+            return False
+    return True
+
+
+@kernel
+def _descend(chain: Chain, goal: FloatArray, q: FloatArray) -> bool:
+    """Lead the joints to the goal within their ranges; False: from there it is not reached.
 
     Levenberg–Marquardt with the smallest joint motion of all that serve (dq = Jᵀ(JJᵀ + μI)⁻¹ e); a joint at
     the end of its range that would leave it stands still.
     """
-    low, high = joint_range.T
-    q = np.clip(start, low, high)
-    error, jacobian = miss(q)
-    size, damping = float(np.linalg.norm(error)), 1e-4
-    for _ in range(_ITERATIONS):
-        if size < _SETTLED or damping > 1e6:
-            break
-        ahead = np.clip(q + _step(error, jacobian, damping, q, joint_range), low, high)
-        next_error, next_jacobian = miss(ahead)
-        next_size = float(np.linalg.norm(next_error))
+    n = q.shape[0]
+    error, J, ahead = np.empty(6), np.empty((6, n)), np.empty(n)
+    next_error, next_J, step = np.empty(6), np.empty((6, n)), np.zeros(n)
+    size, damping = math.inf, 1e-3
+    for _ in range(_ITERATIONS + 1):
+        for j in range(n):
+            ahead[j] = min(max(q[j] + step[j], chain.ranges[j, 0]), chain.ranges[j, 1])
+        miss(chain, ahead, goal, next_error, next_J)
+        next_size = _norm(next_error)
         if next_size < size:
             crawls = next_size > _CRAWL * size
-            q, error, jacobian, size = ahead, next_error, next_jacobian, next_size
+            for j in range(n):
+                q[j] = ahead[j]
+            error, next_error, J, next_J, size = next_error, error, next_J, J, next_size
             damping = max(0.1 * damping, _LEAST_DAMPING)
             if crawls:
                 break  # out of reach, or against the ends of the ranges
@@ -54,37 +97,37 @@ def descend(miss: Miss, start: FloatArray, joint_range: FloatArray) -> FloatArra
             break
         else:
             damping = 10.0 * max(damping, 1e-6)
-    return q if size < _EXACT else None
+        if size < _SETTLED or damping > 1e6:
+            break
+        if not _step(chain.ranges, error, J, damping, q, step):
+            for j in range(n):
+                step[j] = 0.0  # singular but for rounding: more damping
+    return size < _EXACT
 
 
-def solutions(miss: Miss, joint_range: FloatArray) -> FloatArray:
-    """Return the postures (k, n) [rad] that descents from the middle and from `STARTS` random ones reach.
-
-    For six joints these are branches, all of them only in all likelihood; for seven, members of families.
-    """
-    found: list[FloatArray] = []
-    for start in _starts(joint_range):
-        q = descend(miss, start, joint_range)
-        if q is not None and all(np.abs(q - other).max() > _SAME for other in found):
-            found.append(q)
-    return np.array(found).reshape(-1, len(joint_range))
-
-
-def _starts(joint_range: FloatArray) -> Iterator[FloatArray]:
-    yield joint_range.mean(axis=1)
-    random = np.random.default_rng(0)
-    for _ in range(STARTS):
-        yield random.uniform(joint_range[:, 0], joint_range[:, 1])
-
-
+@kernel
 def _step(
-    error: FloatArray, jacobian: FloatArray, damping: float, q: FloatArray, joint_range: FloatArray
-) -> FloatArray:
-    free = np.ones(len(q), dtype=bool)
+    ranges: FloatArray, error: FloatArray, J: FloatArray, damping: float, q: FloatArray, step: FloatArray
+) -> bool:
+    """Write the step (n,); joints that would leave their range are held, until none would."""
+    free = np.empty(J.shape)
+    copy_into(J, free)
     while True:
-        moved = jacobian * free
-        step: FloatArray = moved.T @ np.linalg.solve(moved @ moved.T + damping * np.eye(6), error)
-        leaving = free & (((q <= joint_range[:, 0]) & (step < 0)) | ((q >= joint_range[:, 1]) & (step > 0)))
-        if not leaving.any():
-            return step
-        free &= ~leaving
+        if not least_motion(free, damping, error, step):
+            return False
+        blocked = False
+        for j in range(q.shape[0]):
+            if (q[j] <= ranges[j, 0] and step[j] < 0.0) or (q[j] >= ranges[j, 1] and step[j] > 0.0):
+                for i in range(6):
+                    free[i, j] = 0.0
+                blocked = True
+        if not blocked:
+            return True
+
+
+@kernel
+def _norm(vector: FloatArray) -> float:
+    total = 0.0
+    for i in range(vector.shape[0]):
+        total += vector[i] * vector[i]
+    return math.sqrt(total)

@@ -21,6 +21,7 @@ from omniservo.planning.search.settle import PULL
 from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import GROUPS, JointDemands, Pull
+from omniservo.robots.step_kernels import settle_all
 
 TARGETS = np.array([0.03, 0.02, 0.03])
 """What the arm's constraints are pushed to: limits [rad], singular value, gaps over ℓ."""
@@ -30,10 +31,6 @@ STEPS = 30
 
 STALLED = 1e-3
 """A step that gains less than this part of the cost ends a descent."""
-
-_ITERATIONS = 6
-_EXACT = 1e-9
-"""twist from the joints to the pose, linear part over `LENGTH_SCALE`"""
 
 _LEAP = 0.5
 """[rad] A step that moves a joint farther at some sample is too long to stay on the branch."""
@@ -138,24 +135,10 @@ class ArmDescent:
         rotations = Rotation.from_matrix(poses[:, :9].reshape(-1, 3, 3))
         cameras = RigidTransform.from_components(poses[:, 9:12], rotations)
         goals = self._setting.base_T_flange(cameras).as_matrix()
-        found = []
-        for q, goal in zip(joints, goals, strict=True):
-            settled = self._settled(q, goal)
-            if settled is None or np.abs(settled - q).max() > _LEAP:
-                return None
-            found.append(settled)
-        return np.array(found)
-
-    def _settled(self, q: FloatArray, goal: FloatArray) -> FloatArray | None:
-        for _ in range(_ITERATIONS):
-            twist, jacobian = self._setting.arm.miss(q, goal)
-            if np.abs(twist).max() < _EXACT:
-                return q
-            try:
-                q = q + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T, twist)
-            except np.linalg.LinAlgError:
-                return None
-        return None
+        followed = joints.copy()
+        if not settle_all(self._setting.arm.chain, np.ascontiguousarray(goals), followed):
+            return None
+        return followed if np.abs(followed - joints).max(initial=0.0) <= _LEAP else None
 
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""

@@ -10,7 +10,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
-from omniservo.robots.twist_growth import twist_growth
+from omniservo.robots.posture import sensitivities
 from omniservo.robots.twist_matrix import twist_matrix
 
 GROUPS = 3
@@ -18,9 +18,6 @@ GROUPS = 3
 
 _NEAR = 0.1
 """Gaps beyond it, over ℓ, are plenty."""
-
-_DAMPED = 1e-3
-"""Singular values below it are not inverted: what a camera motion asks of the joints stays bounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +53,17 @@ class JointDemands:
 
     def pull(self, q: FloatArray, targets: FloatArray) -> Pull:
         """Return the rows of what is below its target (GROUPS,) at the joints q (n,)."""
-        J = self._setting.arm.flange_jacobian(q)
-        J[:3] /= LENGTH_SCALE
-        J = self._to_camera @ J
-        left, values, right = np.linalg.svd(J, full_matrices=False)
+        to_joints, slope = np.empty((len(q), 6)), np.empty(len(q))
+        value = sensitivities(self._setting.arm.chain, self._to_camera, np.array(q), to_joints, slope)
         rows = [
             *self._limits(q, targets[0]),
-            self._singular(J, left, values, right, targets[1]),
+            (1, value - SINGULAR_VALUE, slope),
             *self._gaps(q, targets[2]),
         ]
         groups, g, slopes = (np.array(column) for column in zip(*rows, strict=True))
         least = np.array([g[groups == k].min(initial=1.0) for k in range(GROUPS)])
         residuals = np.maximum(targets[groups] - g, 0.0)
         active = residuals > 0.0
-        to_joints = (right.T / np.maximum(values, _DAMPED)) @ left.T
-        to_joints[:, :3] /= LENGTH_SCALE
         a = slopes[active] @ to_joints
         system = np.column_stack([a.T @ a, a.T @ residuals[active]])
         return Pull(system, float(0.5 * residuals @ residuals), least)
@@ -85,16 +78,6 @@ class JointDemands:
             for j in np.flatnonzero(room < target)
             if j != room.argmin()
         ]
-
-    def _singular(
-        self, J: FloatArray, left: FloatArray, values: FloatArray, right: FloatArray, target: float
-    ) -> tuple[int, float, FloatArray]:
-        """Return σ − σ₀ and ∂σ/∂q_k = uᵀ (∂J/∂q_k) v."""
-        n, g = J.shape[1], float(values[-1]) - SINGULAR_VALUE
-        if g >= target:
-            return 1, g, np.zeros(n)
-        slope = np.array([left[:, -1] @ twist_growth(J, row) @ right[-1] for row in np.eye(n)])
-        return 1, g, slope
 
     def _gaps(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
         self._bodies.place(q)
