@@ -211,12 +211,51 @@ def test_the_slope_of_a_gap_is_its_finite_difference():
     assert seen >= 15
 
 
+def still(q):
+    """A path that ends where it begins."""
+    once = np.ones((1, len(q)))
+    return JointPath(np.zeros(1), q[None], once, once, np.ones(1), once, (), 0.0)
+
+
 def test_a_path_of_one_posture_is_judged_there():
-    arm = load_arm("rx60")
-    still = JointPath(
-        np.zeros(1), np.zeros((1, 6)), np.ones((1, 6)), np.ones((1, 6)), np.ones(1), np.ones((1, 6)), (), 0.0
+    assert arm_clearance(ArmBodies(load_arm("rx60")), still(np.zeros(6)), clearance=0.01).status == "clear"
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_compiled_code_places_shapes_and_axes_where_mujoco_does(name):
+    arm, random = load_arm(name), np.random.default_rng(7)
+    bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
+    scene = bodies.scene
+    shown = (scene.places, scene.axes, scene.anchors, scene.directions)
+    for q in random.uniform(*arm.joint_range.T, (20, arm.dof)):
+        arm_clearance(bodies, still(q), clearance=0.0)
+        placed = [array.copy() for array in shown]
+        bodies.place(q)
+        for array, expected in zip(placed, shown, strict=True):
+            np.testing.assert_allclose(array, expected, atol=1e-12)
+
+
+def test_a_path_beside_something_says_how_close_it_comes_and_where():
+    """A ball 3 cm beside the camera's way half way: the gap that is reported is that of the worst place."""
+    arm, w = load_arm("rx60"), 0.5
+    path = straight_joint_path(
+        np.array([-0.5, 0.6, -1.0, 0.1, 1.2, 0.2]), np.array([0.6, 0.7, -1.1, 0.1, 1.2, 0.2])
     )
-    assert arm_clearance(ArmBodies(arm), still, clearance=0.01).status == "clear"
+    tip = Solid.sphere("tip", [0.0, 0.0, 0.2], 0.01)
+    place = np.add(arm.base_T_flange(path(w)).apply([0.0, 0.0, 0.2]), [0.0, 0.0, 0.05])
+    bodies = ArmBodies(arm, mounted=[tip], surroundings=[Solid.sphere("ball", place, 0.01)])
+    clear = arm_clearance(bodies, path, clearance=0.02)
+    least = min(
+        np.linalg.norm(arm.base_T_flange(path(at)).apply([0.0, 0.0, 0.2]) - place) - 0.02
+        for at in np.linspace(0.0, 1.0, 4001)
+    )
+    assert clear.status == "clear"
+    assert 0.0 < clear.proven <= least - 0.02
+    found = arm_clearance(bodies, path, clearance=0.04)
+    assert (found.status, found.closest.link, found.closest.other) == ("too_close", "camera", "ball")
+    assert least - 1e-6 <= found.closest.gap < 0.04
+    assert found.closest.gap < least + 2e-3
+    assert found.proven == -np.inf
 
 
 def test_a_gap_that_is_just_what_is_asked_is_undecided_and_not_claimed():

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
@@ -124,8 +124,17 @@ class Arm:
         Raises:
             InputError: wrong shape, NaN or infinity. Limits are not checked (see `within_limits`).
         """
-        flange, _ = self._locate(q)
-        return RigidTransform.from_components(flange[:, 3], Rotation.from_matrix(flange[:, :3]))
+        pose = np.eye(4)
+        pose[:3] = self._locate(q)[0]
+        return RigidTransform(pose, normalize=False)  # it is a rotation but for rounding
+
+    def locate(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return `base_T_flange` as axes and place (3, 4), and `flange_jacobian` (6, n): fast, for loops.
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        return self._locate(q)
 
     def flange_jacobian(self, q: npt.ArrayLike) -> FloatArray:
         """Return J (6, n): flange twist (linear [m/s], angular [rad/s], flange frame) = J q̇.
@@ -291,8 +300,8 @@ class Arm:
     def _solutions(
         self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, free: float
     ) -> FloatArray:
-        target = np.asarray(base_T_flange.translation, dtype=np.float64)
-        found = geometry.solutions(base_T_flange.rotation.as_matrix(), target, free)
+        pose = base_T_flange.as_matrix()
+        found = geometry.solutions(pose[:3, :3], pose[:3, 3], free)
         if not len(found):
             raise InputError(f"{_place(base_T_flange)}: out of the arm's reach")
         return found

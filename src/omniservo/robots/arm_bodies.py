@@ -13,7 +13,9 @@ import numpy.typing as npt
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE, farthest_moves, lower_gaps
+from omniservo.robots.clearance_kernels import Scene
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps
+from omniservo.robots.read_shapes import read_shapes
 from omniservo.robots.solid import Solid
 
 MOUNTED = "camera"
@@ -21,9 +23,6 @@ MOUNTED = "camera"
 
 _FAR = 100.0
 """[m] farther than any two bodies that are asked about"""
-
-_SAME_AXIS = 1e-9
-"""[m], [rad] between the axes of a shape and of a joint that count as one"""
 
 _ON_TOP = 1e-9
 """[m] bodies that are no farther apart leave no direction between them"""
@@ -79,14 +78,22 @@ class ArmBodies:
         self._model: Any = spec.compile()
         self._data: Any = mujoco.MjData(self._model)
         self._names = dict(zip(self._around, names, strict=True))
-        self._shapes = _Shapes(self._model, self._data)
-        self.pairs = _pairs(self._model, self._shapes.carried, set(self._around))
+        self._is_around = np.isin(_body_names(self._model), self._around)[self._model.geom_bodyid]
+        self.shapes = read_shapes(self._model, self._data, self._is_around)
+        """What does not change of them, for compiled code."""
+        self.pairs = self.shapes.pairs
         """(p, 2) of shapes that may meet; the second is carried by more joints"""
-        self._normals = np.zeros((len(self.pairs), 3))
-        self._moves = np.zeros((self._model.ngeom, arm.dof + 1))
-        fixed, moving = self._shapes.carried[self.pairs].T
-        # A shape that the first joint between turns about its own axis sees the other one turned, no nearer.
-        self._first_between = np.minimum(fixed + self._shapes.spun_by_next[self.pairs[:, 0]], moving)
+        shown = self._data
+        self.scene = Scene(
+            frames=np.zeros((arm.dof + 1, 3, 4)),
+            anchors=shown.xanchor,
+            directions=shown.xaxis,
+            places=shown.geom_xpos,
+            axes=shown.geom_xmat,
+            moves=np.zeros((self._model.ngeom, arm.dof + 1)),
+            normals=np.zeros((len(self.pairs), 3)),
+        )
+        """Where they are: MuJoCo's own arrays, so that it measures what compiled code has placed."""
         self._fromto = np.zeros(6)
 
     def names(self, pair: int) -> tuple[str, str]:
@@ -98,13 +105,11 @@ class ArmBodies:
 
     def is_around(self, pair: int) -> bool:
         """Return whether a pair is a part of the arm and something that stands around."""
-        body = int(self._model.geom_bodyid[self.pairs[pair, 0]])
-        return str(self._model.body(body).name) in self._names
+        return bool(self._is_around[self.pairs[pair, 0]])
 
     def asked(self, clearance: float, self_clearance: float) -> FloatArray:
         """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other."""
-        around = [self.is_around(pair) for pair in range(len(self.pairs))]
-        return np.where(around, clearance, self_clearance)
+        return np.where(self._is_around[self.pairs[:, 0]], clearance, self_clearance)
 
     def place(self, q: npt.ArrayLike) -> None:
         """Bring the joints to ``q`` (n,) [rad]: what is asked next is asked there.
@@ -117,7 +122,7 @@ class ArmBodies:
 
     def lower_gaps(self, chosen: IntArray) -> FloatArray:
         """Return lower bounds of the distances (m,) [m] of chosen pairs (m,) from what is known."""
-        gaps, shapes, data = np.empty(len(chosen)), self._shapes, self._data
+        gaps, shapes, scene = np.empty(len(chosen)), self.shapes, self.scene
         lower_gaps(
             self.pairs,
             chosen,
@@ -126,9 +131,9 @@ class ArmBodies:
             shapes.radii,
             shapes.corners,
             shapes.firsts,
-            data.geom_xpos,
-            data.geom_xmat,
-            self._normals,
+            scene.places,
+            scene.axes,
+            scene.normals,
             gaps,
         )
         return gaps
@@ -143,7 +148,7 @@ class ArmBodies:
         way = self._fromto[3:] - self._fromto[:3]
         length = float(np.linalg.norm(way))
         if length > _ON_TOP:
-            self._normals[pair] = np.copysign(1.0, gap) * way / length
+            self.scene.normals[pair] = np.copysign(1.0, gap) * way / length
         return gap
 
     def moves(self, turns: FloatArray) -> FloatArray:
@@ -152,18 +157,18 @@ class ArmBodies:
         Args:
             turns: (n,) at most, from here [rad].
         """
-        data, shapes = self._data, self._shapes
+        scene, shapes = self.scene, self.shapes
         farthest_moves(
-            data.xanchor,
-            data.xaxis,
-            data.geom_xpos,
+            scene.anchors,
+            scene.directions,
+            scene.places,
             shapes.radii,
             shapes.carried,
             shapes.spins,
             turns,
-            self._moves,
+            scene.moves,
         )
-        moves: FloatArray = self._moves[self.pairs[:, 1], self._first_between]
+        moves: FloatArray = scene.moves[self.pairs[:, 1], shapes.first_between]
         return moves
 
     def near(self, within: float) -> list[Nearness]:
@@ -175,7 +180,7 @@ class ArmBodies:
             gap = self.measure(pair)
             if gap < within:
                 slope, place = self._slope(pair), self._fromto[:3].copy()
-                found.append(Nearness(pair, gap, slope, place, self._normals[pair].copy()))
+                found.append(Nearness(pair, gap, slope, place, self.scene.normals[pair].copy()))
         return found
 
     def _slope(self, pair: int) -> FloatArray:
@@ -184,75 +189,12 @@ class ArmBodies:
         for sign, shape, place in zip(
             (-1.0, 1.0), self.pairs[pair], (self._fromto[:3], self._fromto[3:]), strict=True
         ):
-            joints = int(self._shapes.carried[shape])
+            joints = int(self.shapes.carried[shape])
             (a, b, c), (x, y, z) = self._data.xaxis[:joints].T, (place - self._data.xanchor[:joints]).T
-            u, v, w = sign * self._normals[pair]
+            u, v, w = sign * self.scene.normals[pair]
             slope[:joints] += u * (b * z - c * y) + v * (c * x - a * z) + w * (a * y - b * x)
         return slope
 
 
-class _Shapes:
-    """What kernels need to know of a model's shapes."""
-
-    def __init__(self, model: Any, data: Any) -> None:
-        self.kinds = model.geom_type.astype(np.int64)
-        self.sizes = np.array(model.geom_size)
-        self.radii = np.array(model.geom_rbound)
-        corners, firsts = [np.zeros((0, 3))], [0]
-        for mesh in model.geom_dataid.tolist():
-            corners.append(_hull_corners(model, mesh) if mesh >= 0 else np.zeros((0, 3)))
-            firsts.append(firsts[-1] + len(corners[-1]))
-        self.corners = np.concatenate(corners)
-        self.firsts = np.array(firsts)
-        joints = np.zeros(model.nbody, dtype=np.int64)
-        for body in range(1, model.nbody):
-            joints[body] = joints[model.body_parentid[body]] + model.body_jntnum[body]
-        self.carried = joints[model.geom_bodyid]
-        mujoco.mj_kinematics(model, data)
-        self.spins = self._turned_about_own_axis(data, self.carried - 1)
-        """(g,) 1 where the last joint that carries a shape turns it about its own axis"""
-        self.spun_by_next = self._turned_about_own_axis(data, self.carried)
-        """(g,) 1 where the first joint that does not carry it would"""
-
-    def _turned_about_own_axis(self, data: Any, joints: IntArray) -> IntArray:
-        known = (joints >= 0) & (joints < len(data.xaxis))
-        index = np.where(known, joints, 0)
-        apart = data.geom_xpos - data.xanchor[index]
-        off = np.linalg.norm(np.cross(apart, data.xaxis[index]), axis=1)
-        skew = np.linalg.norm(np.cross(data.geom_xmat.reshape(-1, 3, 3)[:, :, 2], data.xaxis[index]), axis=1)
-        along = np.isin(self.kinds, (CAPSULE, CYLINDER)) & (skew < _SAME_AXIS)
-        turned: IntArray = known & (off < _SAME_AXIS) & (along | (self.kinds == SPHERE))
-        return turned.astype(np.int64)
-
-
-def _hull_corners(model: Any, mesh: int) -> FloatArray:
-    """Return the corners of a mesh's hull: MuJoCo's graph of it lists them, where there is one."""
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    corners = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
-    start = int(model.mesh_graphadr[mesh])
-    if start < 0:
-        return corners
-    on_hull = int(model.mesh_graph[start])
-    chosen: FloatArray = corners[model.mesh_graph[start + 2 + on_hull : start + 2 + 2 * on_hull]]
-    return chosen
-
-
-def _pairs(model: Any, carried: IntArray, around: set[str]) -> IntArray:
-    """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move."""
-    left_out = {(int(code) >> 16, int(code) & 0xFFFF) for code in model.exclude_signature}
-    weld, parent = model.body_weldid, model.body_parentid
-    found = []
-    for i in range(model.ngeom):
-        for j in range(i):
-            first, second = sorted((i, j), key=lambda shape: (int(carried[shape]), shape))
-            a, b = int(model.geom_bodyid[first]), int(model.geom_bodyid[second])
-            types = (model.geom_contype[[i, j]] & model.geom_conaffinity[[j, i]]).any()
-            neighbours = weld[a] != 0 and weld[parent[weld[b]]] == weld[a]
-            if carried[second] == 0 or weld[a] == weld[b] or neighbours or not types:
-                continue
-            if (a, b) in left_out or (b, a) in left_out:
-                continue
-            if str(model.body(a).name) not in around and carried[first] == carried[second]:
-                continue
-            found.append((first, second))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+def _body_names(model: Any) -> list[str]:
+    return [str(model.body(body).name) for body in range(model.nbody)]

@@ -8,19 +8,28 @@ from typing import Literal
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.robots.arm_bodies import ArmBodies
-from omniservo.robots.gap_kernels import middle_of_piece
+from omniservo.robots.clearance_kernels import (
+    CLEAR,
+    HALVINGS,
+    LEAST,
+    LEAST_GAP,
+    LEAST_PAIR,
+    LEAST_W,
+    MEASURE,
+    POSTURES,
+    PROVEN,
+    SIZE,
+    TOO_CLOSE,
+    UNMEASURED,
+    Work,
+    prove_pieces,
+)
 from omniservo.robots.joint_path import JointPath
 
 SELF_CLEARANCE = 0.002
 """What parts of the arm keep from each other [m], where nothing else is asked for."""
-
-_ROUNDING = 1e-8
-"""[m] that floating point, and axes taken to be one, may have taken from a gap"""
-
-_MOST_POSTURES = 20_000
-_SHORTEST = 2.0**-24
 
 _SCANNED = 33
 """places at which a path that is too close is looked at for the worst"""
@@ -93,69 +102,48 @@ def arm_clearance(
     """
     finite_number("clearance", clearance, minimum=0.0)
     finite_number("self_clearance", self_clearance, minimum=0.0)
-    search = _Search(bodies, bodies.asked(clearance, self_clearance))
-    everything = np.arange(len(bodies.pairs))
+    asked = bodies.asked(clearance, self_clearance)
     knots, pieces = path.bernstein_pieces()
-    status: Literal["clear", "too_close", "undecided"] = "clear"
-    work = [(float(knots[i]), float(knots[i + 1]), pieces[i], everything) for i in range(len(pieces))][::-1]
-    while work and status == "clear":
-        begin, end, piece, pairs = work.pop()
-        first, second = np.empty_like(piece), np.empty_like(piece)
-        turns = np.empty(piece.shape[1])
-        middle_of_piece(piece, first, second, turns)
-        open_pairs = search.look(0.5 * (begin + end), first[-1], turns, pairs)
-        if search.failed:
-            status = "too_close"
-        elif len(open_pairs) and (end - begin < _SHORTEST or search.postures >= _MOST_POSTURES):
-            status = "undecided"
-        elif len(open_pairs):
-            middle = 0.5 * (begin + end)
-            work += [(middle, end, second, open_pairs), (begin, middle, first, open_pairs)]
+    work = _work_for(pieces, len(bodies.pairs))
+    status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
     if status == "too_close":
         for w in np.linspace(knots[0], knots[-1], _SCANNED):
-            search.look(float(w), path(float(w)), np.zeros(pieces.shape[2]), everything)
-    proven = search.proven if status == "clear" else -math.inf
-    return ArmClearance(status, clearance, self_clearance, search.closest, proven, search.postures)
+            still = np.tile(path(float(w)), (1, pieces.shape[1], 1))
+            _proven(bodies, asked, work, np.full((1, 2), w), still)
+    proven = float(work.found[PROVEN]) if status == "clear" else -math.inf
+    closest = _closest(bodies, asked, work.found)
+    return ArmClearance(status, clearance, self_clearance, closest, proven, int(work.counts[POSTURES]))
 
 
-class _Search:
-    """Looks at postures; remembers the least that was left."""
+def _work_for(pieces: FloatArray, pairs: int) -> Work:
+    depth = len(pieces) + HALVINGS
+    return Work(
+        spans=np.empty((depth, 2)),
+        pieces=np.empty((depth, *pieces.shape[1:])),
+        pairs=np.empty((depth, pairs), dtype=np.int64),
+        sizes=np.empty(depth, dtype=np.int64),
+        unmeasured=np.empty(pairs, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
+        found=np.array([math.inf, math.inf, 0.0, 0.0, 0.0]),
+    )
 
-    def __init__(self, bodies: ArmBodies, asked: FloatArray) -> None:
-        self._bodies, self._asked = bodies, asked
-        self._least = math.inf
-        self.proven = math.inf
-        self.closest: Closeness | None = None
-        self.postures = 0
-        self.failed = False
 
-    def look(self, w: float, q: FloatArray, turns: FloatArray, pairs: IntArray) -> IntArray:
-        """Return those of the pairs that the middle's posture does not settle for its part of the path."""
-        bodies, asked = self._bodies, self._asked
-        self.postures += 1
-        bodies.place(q)
-        needed = asked + bodies.moves(turns) + _ROUNDING
-        gaps = bodies.lower_gaps(pairs)
-        unsettled = np.flatnonzero(gaps < needed[pairs])
-        for i in unsettled.tolist():
-            bodies.measure(int(pairs[i]))
-        gaps[unsettled] = bodies.lower_gaps(pairs[unsettled])
-        left = gaps - needed[pairs]
-        settled = left >= 0.0
-        if settled.any():
-            self.proven = min(self.proven, float(left[settled].min()))
-        self._remember(w, pairs, gaps, unsettled)
-        return pairs[~settled]
+def _proven(
+    bodies: ArmBodies, asked: FloatArray, work: Work, spans: FloatArray, pieces: FloatArray
+) -> Literal["clear", "too_close", "undecided"]:
+    """Prove pieces (m, k, n), the last one first; what is found joins what was found before."""
+    m = len(pieces)
+    work.spans[:m], work.pieces[:m], work.sizes[:m] = spans, pieces, len(asked)
+    work.pairs[:m] = np.arange(len(asked))
+    work.counts[SIZE], work.counts[UNMEASURED] = m, 0
+    while (result := prove_pieces(bodies.arm.chain, bodies.shapes, bodies.scene, asked, work)) == MEASURE:
+        for pair in work.unmeasured[: work.counts[UNMEASURED]].tolist():
+            bodies.measure(pair)
+    return "clear" if result == CLEAR else "too_close" if result == TOO_CLOSE else "undecided"
 
-    def _remember(self, w: float, pairs: IntArray, gaps: FloatArray, measured: IntArray) -> None:
-        if not len(measured):
-            return
-        left = gaps[measured] - self._asked[pairs[measured]]
-        worst = int(measured[np.argmin(left)])
-        if left.min() < self._least:
-            self._least = float(left.min())
-            pair = int(pairs[worst])
-            self.closest = Closeness(
-                *self._bodies.names(pair), w, float(gaps[worst]), float(self._asked[pair])
-            )
-        self.failed = self._least < 0.0
+
+def _closest(bodies: ArmBodies, asked: FloatArray, found: FloatArray) -> Closeness | None:
+    if math.isinf(found[LEAST]):
+        return None
+    pair = int(found[LEAST_PAIR])
+    return Closeness(*bodies.names(pair), float(found[LEAST_W]), float(found[LEAST_GAP]), float(asked[pair]))

@@ -115,5 +115,19 @@ class JointPath:
 
 
 def quintic_spline(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> BPoly:
-    """Return the spline with values, first and second derivatives (m, n) at w (m,), m ≥ 2."""
-    return BPoly.from_derivatives(w, np.stack((q, slope, bend), axis=1))
+    """Return the spline with values, first and second derivatives (m, n) at w (m,), m ≥ 2.
+
+    Its Bernstein coefficients are q, q + h q′/5, q + 2h q′/5 + h² q″/20 from either end of a piece h long.
+    """
+    h = np.diff(w)[:, None]
+    a, b, c, d = h * slope[:-1], h * slope[1:], h * h * bend[:-1], h * h * bend[1:]
+    begin, end = q[:-1], q[1:]
+    controls = [
+        begin,
+        begin + a / 5.0,
+        begin + 0.4 * a + c / 20.0,
+        end - 0.4 * b + d / 20.0,
+        end - b / 5.0,
+        end,
+    ]
+    return BPoly.construct_fast(np.stack(controls), w)

@@ -21,7 +21,7 @@ own frame; 2: that twist's derivative. `omniservo.planning.CameraPath` is one.""
 
 _LONGEST = 1.0 / 16.0
 _SHORTEST = 2.0**-14
-_AHEAD = 16
+_AHEAD = 64
 """places that are looked up together"""
 
 _PUSH = 1.0
@@ -60,9 +60,9 @@ class PathSteps:
         self._base_T_initial = base_T_initial.as_matrix()
         self._camera_T_flange = flange_T_camera.inv().as_matrix()
         self._known: dict[float, tuple[FloatArray, FloatArray]] = {}
-        grid = np.linspace(0.0, 1.0, round(2 / _LONGEST) + 1)
+        grid = np.linspace(0.0, 1.0, round(4 / _LONGEST) + 1)
         self._look_up(grid)
-        way = float(np.mean([np.linalg.norm(self._at(w)[1][0]) for w in grid.tolist()]))
+        way = float(np.mean([np.linalg.norm(self._at(w)[1][0]) for w in grid[::2].tolist()]))
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
         self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push)
 

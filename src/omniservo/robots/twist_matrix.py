@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, frozen
 
 
+@lru_cache(maxsize=16)  # of one and the same object: reading a RigidTransform takes longer than all the rest
 def twist_matrix(flange_T_camera: RigidTransform, length: float = 1.0) -> FloatArray:
     """Return A (6, 6): camera twist = A · flange twist, each (linear, angular) in its own frame.
 
     With flange_T_camera = (R, t): v_c = Rᵀ(v_f + ω_f × t), ω_c = Rᵀ ω_f. Linear parts of both are in units of
-    ``length`` [m].
+    ``length`` [m]. Read-only.
     """
     camera_R_flange = flange_T_camera.rotation.as_matrix().T
     x, y, z = flange_T_camera.translation / length
@@ -20,4 +23,4 @@ def twist_matrix(flange_T_camera: RigidTransform, length: float = 1.0) -> FloatA
     A = np.zeros((6, 6))
     A[:3, :3] = A[3:, 3:] = camera_R_flange
     A[:3, 3:] = camera_R_flange @ cross
-    return A
+    return frozen(A)

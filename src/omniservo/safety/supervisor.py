@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, JointLimit, NotFinite, SlowLoop, StaleImage, WorkspaceLimit
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.robots import Arm, CameraImage, Robot, RobotState
+from omniservo.robots.twist_matrix import twist_matrix
 from omniservo.safety.motion_limits import approached, braked, slowed, stopping_distance
 from omniservo.safety.safety_options import SafetyOptions
 
@@ -78,7 +79,9 @@ class Supervisor:
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
         state = _checked(robot.read(), arm.dof)
         self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
-        self._base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
+        base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
+        self._initial_T_base = base_T_initial.inv().as_matrix()[:3]
+        self._flange_T_camera = flange_T_camera.as_matrix()
 
     def read(self) -> RobotState:
         """Return the joints as they are now.
@@ -246,12 +249,14 @@ class Supervisor:
         box = self.options.workspace
         if box is None or not velocities.any():
             return
-        base_T_camera = self.arm.base_T_flange(state.joint_positions) * self.flange_T_camera
-        initial_T_camera = self._base_T_initial.inv() * base_T_camera
-        jacobian = self.arm.camera_jacobian(state.joint_positions, self.flange_T_camera)[:3]
-        along = initial_T_camera.rotation.as_matrix() @ jacobian
+        base_T_flange, jacobian = self.arm.locate(state.joint_positions)
+        initial_R_base = self._initial_T_base[:, :3]
+        base_T_camera = base_T_flange @ self._flange_T_camera
+        to_camera = twist_matrix(self.flange_T_camera)[:3]
+        along = initial_R_base @ base_T_camera[:, :3] @ (to_camera @ jacobian)
         ways = along * stopping_distance(velocities, self.arm.joint_acceleration, 0.0)
-        centre, speed = np.asarray(initial_T_camera.translation), along @ velocities
+        centre = initial_R_base @ base_T_camera[:, 3] + self._initial_T_base[:, 3]
+        speed = along @ velocities
         # Braking, the joints do not come to rest together: on the way only some may have moved.
         reached = centre + speed * self.options.reaction
         lowest = reached + np.minimum(ways, 0.0).sum(axis=1)

@@ -1,0 +1,247 @@
+"""Every pair of bodies kept apart on pieces of a joint path, compiled; the caller measures distances."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.polynomial import copy_into
+from omniservo.robots.chain import Chain, carry
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
+
+CLEAR, MEASURE, TOO_CLOSE, UNDECIDED = range(4)
+"""What `prove_pieces` returns. MEASURE: the directions between the pairs in `Work.unmeasured` are wanted, in
+the posture that the scene now shows; then it is called again."""
+
+SIZE, UNMEASURED, POSTURES = range(3)
+"""Places in `Work.counts`: pieces still to be proven, pairs to be measured, postures looked at."""
+
+PROVEN, LEAST, LEAST_W, LEAST_GAP, LEAST_PAIR = range(5)
+"""Places in `Work.found`: the least that was left beyond what was needed; and of the measured pair with the
+least beyond what is asked: that, w, gap and pair."""
+
+HALVINGS = 32
+"""Room for them in `Work`."""
+
+_ROUNDING = 1e-8
+"""[m] that floating point, and axes taken to be one, may have taken from a gap"""
+
+_MOST_POSTURES = 20_000
+_SHORTEST = 2.0**-24
+
+
+class Shapes(NamedTuple):
+    """What does not change of g shapes and p pairs of them."""
+
+    kinds: IntArray
+    """(g,) see `gap_kernels.SPHERE` and the rest"""
+    sizes: FloatArray
+    """(g, 3) as MuJoCo states them [m]"""
+    radii: FloatArray
+    """(g,) of balls about the shapes' origins that hold them [m]"""
+    corners: FloatArray
+    """(v, 3) of all hulls [m]"""
+    firsts: IntArray
+    """(g + 1,) index of each shape's first corner"""
+    carried: IntArray
+    """(g,) how many joints carry the shape"""
+    spins: IntArray
+    """(g,) 1 where the last of them turns it about its own axis"""
+    places: FloatArray
+    """(g, 3) origins at q = 0 [m]"""
+    axes: FloatArray
+    """(g, 9) rotations at q = 0, by rows"""
+    pairs: IntArray
+    """(p, 2) the second is carried by more joints"""
+    first_between: IntArray
+    """(p,) the first joint whose turn can bring the two nearer"""
+
+
+class Scene(NamedTuple):
+    """Where everything is in one posture."""
+
+    frames: FloatArray
+    """(n + 1, 3, 4) see `chain.carry`"""
+    anchors: FloatArray
+    """(n, 3) points on the joints' axes [m]"""
+    directions: FloatArray
+    """(n, 3) of the axes"""
+    places: FloatArray
+    """(g, 3) shapes' origins [m]"""
+    axes: FloatArray
+    """(g, 9) their rotations by rows"""
+    moves: FloatArray
+    """(g, n + 1) see `farthest_moves`"""
+    normals: FloatArray
+    """(p, 3) directions of slabs, of this posture or another; 0: none is known"""
+
+
+class Work(NamedTuple):
+    """The pieces that are left, the last one first, and what was found."""
+
+    spans: FloatArray
+    """(d, 2) w where each piece begins and ends"""
+    pieces: FloatArray
+    """(d, k, n) Bernstein coefficients [rad]"""
+    pairs: IntArray
+    """(d, p) those open on it"""
+    sizes: IntArray
+    """(d,) how many"""
+    unmeasured: IntArray
+    """(p,)"""
+    counts: IntArray
+    """(3,)"""
+    found: FloatArray
+    """(5,)"""
+
+
+@kernel
+def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, work: Work) -> int:
+    """Halve pieces of a joint path until all pairs are clear on them; return why it stops.
+
+    On a part of the path a pair is clear if in its middle the two are farther apart than what is asked (p,)
+    plus what the joints can take of that before the part ends: `farthest_moves` of the largest distance of
+    the part's Bernstein coefficients from its middle. How far apart they are there is bounded from below by
+    slabs (`lower_gaps`) across directions that were found in earlier postures; only pairs that those leave
+    open are measured. Pairs that are clear on a part are so on its halves.
+    """
+    chain, shapes, scene, work = held(chain), held(shapes), held(scene), held(work)
+    counts, most = work.counts, asked.shape[0]
+    rows, n = work.pieces.shape[1], work.pieces.shape[2]
+    first, second, turns = np.empty((rows, n)), np.empty((rows, n)), np.empty(n)
+    gaps, needed = np.empty(most), np.empty(most)
+    while counts[SIZE] > 0:
+        top = counts[SIZE] - 1
+        pairs, count = work.pairs[top], work.sizes[top]
+        middle_of_piece(work.pieces[top], first, second, turns)
+        fresh = counts[UNMEASURED] == 0
+        if fresh:
+            counts[POSTURES] += 1
+            _place(chain, shapes, first[rows - 1], scene)
+        _bound(shapes, scene, asked, pairs[:count], turns, needed, gaps)
+        if fresh and _list_open(pairs, count, gaps, needed, work):
+            return MEASURE
+        for k in range(count):
+            if gaps[k] >= needed[k]:
+                work.found[PROVEN] = min(work.found[PROVEN], gaps[k] - needed[k])
+        _remember(asked, pairs, count, gaps, work)
+        if work.found[LEAST] < 0.0:
+            return TOO_CLOSE
+        still = 0
+        for k in range(count):
+            if not gaps[k] >= needed[k]:
+                pairs[still] = pairs[k]
+                still += 1
+        if still == 0:
+            counts[SIZE] -= 1
+            continue
+        begin, end = work.spans[top, 0], work.spans[top, 1]
+        if end - begin < _SHORTEST or counts[POSTURES] >= _MOST_POSTURES:
+            return UNDECIDED
+        _push(work, top, 0.5 * (begin + end), end, second, still)
+        for k in range(still):
+            work.pairs[top + 1, k] = pairs[k]
+        _push(work, top + 1, begin, 0.5 * (begin + end), first, still)
+        counts[SIZE] += 1
+    return CLEAR
+
+
+@inlined
+def _place(chain: Chain, shapes: Shapes, q: FloatArray, scene: Scene) -> None:
+    """Bring everything to where it is at the joints q (n,)."""
+    carry(chain, q, scene.frames)
+    for j in range(q.shape[0]):
+        f = scene.frames[j]
+        for k in range(3):
+            anchor, direction = f[k, 3], 0.0
+            for m in range(3):
+                anchor += f[k, m] * chain.anchors[j, m]
+                direction += f[k, m] * chain.axes[j, m]
+            scene.anchors[j, k], scene.directions[j, k] = anchor, direction
+    for g in range(shapes.places.shape[0]):
+        f = scene.frames[shapes.carried[g]]
+        for k in range(3):
+            place = f[k, 3]
+            for m in range(3):
+                place += f[k, m] * shapes.places[g, m]
+                total = 0.0
+                for i in range(3):
+                    total += f[k, i] * shapes.axes[g, 3 * i + m]
+                scene.axes[g, 3 * k + m] = total
+            scene.places[g, k] = place
+
+
+@inlined
+def _bound(
+    shapes: Shapes,
+    scene: Scene,
+    asked: FloatArray,
+    pairs: IntArray,
+    turns: FloatArray,
+    needed: FloatArray,
+    gaps: FloatArray,
+) -> None:
+    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m]."""
+    farthest_moves(
+        scene.anchors,
+        scene.directions,
+        scene.places,
+        shapes.radii,
+        shapes.carried,
+        shapes.spins,
+        turns,
+        scene.moves,
+    )
+    lower_gaps(
+        shapes.pairs,
+        pairs,
+        shapes.kinds,
+        shapes.sizes,
+        shapes.radii,
+        shapes.corners,
+        shapes.firsts,
+        scene.places,
+        scene.axes,
+        scene.normals,
+        gaps,
+    )
+    for k in range(pairs.shape[0]):
+        pair = pairs[k]
+        move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
+        needed[k] = asked[pair] + move + _ROUNDING
+
+
+@inlined
+def _list_open(pairs: IntArray, count: int, gaps: FloatArray, needed: FloatArray, work: Work) -> bool:
+    """Write the pairs that are not known to be clear into `Work.unmeasured`; return whether there are any."""
+    for k in range(count):
+        if not gaps[k] >= needed[k]:
+            work.unmeasured[work.counts[UNMEASURED]] = pairs[k]
+            work.counts[UNMEASURED] += 1
+    return bool(work.counts[UNMEASURED] > 0)
+
+
+@inlined
+def _remember(asked: FloatArray, pairs: IntArray, count: int, gaps: FloatArray, work: Work) -> None:
+    """Keep the measured pair that has the least beyond what is asked."""
+    top, at = work.counts[SIZE] - 1, 0
+    for k in range(count):
+        pair = pairs[k]
+        if at < work.counts[UNMEASURED] and work.unmeasured[at] == pair:
+            at += 1
+            left = gaps[k] - asked[pair]
+            if left < work.found[LEAST]:
+                work.found[LEAST], work.found[LEAST_GAP], work.found[LEAST_PAIR] = left, gaps[k], pair
+                work.found[LEAST_W] = 0.5 * (work.spans[top, 0] + work.spans[top, 1])
+    work.counts[UNMEASURED] = 0
+
+
+@kernel
+def _push(work: Work, at: int, begin: float, end: float, piece: FloatArray, count: int) -> None:
+    work.spans[at, 0], work.spans[at, 1] = begin, end
+    copy_into(piece, work.pieces[at])
+    work.sizes[at] = count

@@ -1,0 +1,99 @@
+"""What compiled code needs to know of a MuJoCo model's shapes, and which of them may meet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.robots.clearance_kernels import Shapes
+from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE
+
+_SAME_AXIS = 1e-9
+"""[m], [rad] between the axes of a shape and of a joint that count as one"""
+
+
+def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
+    """Return the shapes of a model of a serial arm, and the pairs that may meet, see `ArmBodies`.
+
+    Args:
+        model: MuJoCo's.
+        data: MuJoCo's, of that model; it is left at q = 0.
+        around: (g,) which shapes stand around.
+    """
+    data.qpos[:] = 0.0
+    mujoco.mj_kinematics(model, data)
+    kinds = model.geom_type.astype(np.int64)
+    corners, firsts = [np.zeros((0, 3))], [0]
+    for mesh in model.geom_dataid.tolist():
+        corners.append(_hull_corners(model, mesh) if mesh >= 0 else np.zeros((0, 3)))
+        firsts.append(firsts[-1] + len(corners[-1]))
+    joints = np.zeros(model.nbody, dtype=np.int64)
+    for body, parent, own in zip(
+        range(1, model.nbody), model.body_parentid[1:].tolist(), model.body_jntnum[1:].tolist(), strict=True
+    ):
+        joints[body] = joints[parent] + own
+    carried = joints[model.geom_bodyid]
+    pairs = _pairs(model, carried, around)
+    fixed, moving = carried[pairs].T
+    # A shape that the first joint between turns about its own axis sees the other one turned, no nearer.
+    spun_by_next = _turned_about_own_axis(kinds, data, carried)
+    return Shapes(
+        kinds=kinds,
+        sizes=np.array(model.geom_size),
+        radii=np.array(model.geom_rbound),
+        corners=np.concatenate(corners),
+        firsts=np.array(firsts),
+        carried=carried,
+        spins=_turned_about_own_axis(kinds, data, carried - 1),
+        places=data.geom_xpos.copy(),
+        axes=data.geom_xmat.copy(),
+        pairs=pairs,
+        first_between=np.minimum(fixed + spun_by_next[pairs[:, 0]], moving),
+    )
+
+
+def _turned_about_own_axis(kinds: IntArray, data: Any, joints: IntArray) -> IntArray:
+    """Return 1 for each shape (g,) that its joint (g,), if there is one, turns about the shape's own axis."""
+    known = (joints >= 0) & (joints < len(data.xaxis))
+    index = np.where(known, joints, 0)
+    apart = data.geom_xpos - data.xanchor[index]
+    off = np.linalg.norm(np.cross(apart, data.xaxis[index]), axis=1)
+    skew = np.linalg.norm(np.cross(data.geom_xmat.reshape(-1, 3, 3)[:, :, 2], data.xaxis[index]), axis=1)
+    along = np.isin(kinds, (CAPSULE, CYLINDER)) & (skew < _SAME_AXIS)
+    turned: IntArray = known & (off < _SAME_AXIS) & (along | (kinds == SPHERE))
+    return turned.astype(np.int64)
+
+
+def _hull_corners(model: Any, mesh: int) -> FloatArray:
+    """Return the corners of a mesh's hull: MuJoCo's graph of it lists them, where there is one."""
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    corners = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
+    start = int(model.mesh_graphadr[mesh])
+    if start < 0:
+        return corners
+    on_hull = int(model.mesh_graph[start])
+    chosen: FloatArray = corners[model.mesh_graph[start + 2 + on_hull : start + 2 + 2 * on_hull]]
+    return chosen
+
+
+def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:
+    """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move."""
+    i, j = np.tril_indices(model.ngeom, -1)
+    first = np.where(carried[j] <= carried[i], j, i)
+    second = i + j - first
+    bodies, weld = model.geom_bodyid.astype(np.int64), model.body_weldid
+    a, b = bodies[first], bodies[second]
+    touch = (model.geom_contype[first] & model.geom_conaffinity[second]) | (
+        model.geom_contype[second] & model.geom_conaffinity[first]
+    )
+    neighbours = (weld[a] != 0) & (weld[model.body_parentid[weld[b]]] == weld[a])
+    left_out = np.isin((a << 16) + b, model.exclude_signature) | np.isin(
+        (b << 16) + a, model.exclude_signature
+    )
+    apart = around[first] | (carried[first] != carried[second])
+    kept = (carried[second] > 0) & (weld[a] != weld[b]) & (touch != 0) & apart & ~neighbours & ~left_out
+    pairs: IntArray = np.stack([first, second], axis=1)[kept]
+    return pairs
