@@ -12,6 +12,7 @@ from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Mesh, Sphere, pla
 from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import ArmBodies, Solid, load_arm, shipped_arms
+from omniservo.robots.arm import SINGULAR_VALUE
 
 
 def assert_kept(problem, setting, found, places=60):
@@ -142,6 +143,43 @@ def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
             if group < 2:
                 assert np.abs(row - numeric).max() < 5e-3 * scale
     assert (checked >= 5).all()
+
+
+def test_what_pulls_a_posture_is_the_sum_over_the_rows_below_their_targets():
+    """All three groups at once, assembled by NumPy from the claim."""
+    arm, active = load_arm("panda"), np.zeros(3, dtype=int)
+    for seed in range(12):
+        problem, setting = random_task(arm, np.random.default_rng([5, seed]), clearance=0.01)
+        bodies, q = setting.bodies(problem.obstacles), setting.start
+        targets = np.array([0.9, 0.3, 0.4])
+        pull = JointDemands(setting, bodies, ell=0.4).pull(q, targets)
+        low, high = setting.arm.joint_range.T + setting.limit_reserve * np.array([[1.0], [-1.0]])
+        rows = [(0, q[j] - low[j], np.eye(7)[j]) for j in range(7)]
+        rows += [(0, high[j] - q[j], -np.eye(7)[j]) for j in range(7)]
+
+        def value(joints, setting=setting):
+            jacobian = arm.scaled_camera_jacobian(joints, setting.flange_T_camera)
+            return np.linalg.svd(jacobian, compute_uv=False)[-1] - SINGULAR_VALUE
+
+        slope = np.array([(value(q + s) - value(q - s)) / 2e-6 for s in 1e-6 * np.eye(7)])
+        rows.append((1, value(q), slope))
+        bodies.place(q)
+        asked = bodies.asked(setting.clearance_around, setting.self_clearance)
+        rows += [(2, (near.gap - asked[near.pair]) / 0.4, near.slope / 0.4) for near in bodies.near(0.5)]
+        to_joints = np.linalg.pinv(arm.camera_jacobian(q, setting.flange_T_camera))
+        system, cost, least = np.zeros((6, 7)), 0.0, np.ones(3)
+        for group, g, along in rows:
+            least[group] = min(least[group], g)
+            if (residual := targets[group] - g) > 0.0:
+                a = along @ to_joints
+                system += np.column_stack([np.outer(a, a), a * residual])
+                cost += 0.5 * residual**2
+                active[group] += 1
+        np.testing.assert_allclose(pull.system, system, rtol=1e-5, atol=1e-6 * np.abs(system).max())
+        assert pull.cost == pytest.approx(cost, rel=1e-7)
+        np.testing.assert_allclose(pull.least[:2], least[:2], atol=1e-9)
+        assert min(pull.least[2], 0.4) == pytest.approx(min(least[2], 0.4), abs=1e-9)
+    assert (active > 5).all()
 
 
 def test_the_same_seed_gives_the_same_plan():

@@ -192,7 +192,7 @@ def test_a_needle_between_samples_is_found():
 def test_the_slope_of_a_gap_is_its_finite_difference():
     arm, random = load_arm("panda"), np.random.default_rng(2)
     bodies = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE])
-    seen = 0
+    seen = np.zeros(2, dtype=int)
     for _ in range(8):
         q = 0.8 * random.uniform(*arm.joint_range.T)
         bodies.place(q)
@@ -206,9 +206,11 @@ def test_the_slope_of_a_gap_is_its_finite_difference():
                     ends.append(bodies.measure(one.pair))
                 numeric[i] = (ends[0] - ends[1]) / 2e-6
             # where the nearest points jump along a flat side the gap has no slope; few pairs do
-            seen += bool(np.allclose(one.slope, numeric, atol=2e-3))
+            own = int(bodies.shapes.carried[bodies.pairs[one.pair, 0]] > 0)
+            seen[own] += np.allclose(one.slope, numeric, atol=2e-3) and np.abs(numeric).max() > 0.05
             assert np.abs(one.slope).max() < 2.0
-    assert seen >= 15
+    assert seen[0] >= 3
+    assert seen[1] >= 30
 
 
 def still(q):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
 from omniservo.robots.arm import Arm
 from omniservo.robots.clearance_kernels import Scene
-from omniservo.robots.gap_kernels import farthest_moves, lower_gaps
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, write_gap_slope
 from omniservo.robots.read_shapes import read_shapes
 from omniservo.robots.solid import Solid
 
@@ -146,9 +147,9 @@ class ArmBodies:
         first, second = self.pairs[pair].tolist()
         gap = float(mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, self._fromto))
         way = self._fromto[3:] - self._fromto[:3]
-        length = float(np.linalg.norm(way))
+        length = math.sqrt(float(way @ way))
         if length > _ON_TOP:
-            self.scene.normals[pair] = np.copysign(1.0, gap) * way / length
+            self.scene.normals[pair] = way / math.copysign(length, gap)
         return gap
 
     def moves(self, turns: FloatArray) -> FloatArray:
@@ -184,15 +185,17 @@ class ArmBodies:
         return found
 
     def _slope(self, pair: int) -> FloatArray:
-        """Return ∂gap/∂q: how the witnesses' distance changes, n·(ẋ₂ − ẋ₁)."""
-        slope = np.zeros(self.arm.dof)
-        for sign, shape, place in zip(
-            (-1.0, 1.0), self.pairs[pair], (self._fromto[:3], self._fromto[3:]), strict=True
-        ):
-            joints = int(self.shapes.carried[shape])
-            (a, b, c), (x, y, z) = self._data.xaxis[:joints].T, (place - self._data.xanchor[:joints]).T
-            u, v, w = sign * self.scene.normals[pair]
-            slope[:joints] += u * (b * z - c * y) + v * (c * x - a * z) + w * (a * y - b * x)
+        """Return ∂gap/∂q (n,) of the pair that was measured last."""
+        scene, slope = self.scene, np.empty(self.arm.dof)
+        write_gap_slope(
+            scene.anchors,
+            scene.directions,
+            self.shapes.carried,
+            self.pairs[pair],
+            self._fromto,
+            scene.normals[pair],
+            slope,
+        )
         return slope
 
 

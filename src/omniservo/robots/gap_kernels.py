@@ -124,6 +124,39 @@ def farthest_moves(
 
 
 @kernel
+def write_gap_slope(
+    anchors: FloatArray,
+    directions: FloatArray,
+    carried: IntArray,
+    pair: IntArray,
+    fromto: FloatArray,
+    normal: FloatArray,
+    slope: FloatArray,
+) -> None:
+    """Write ∂gap/∂q (n,) [m/rad]: how the distance of the nearest points changes, n·(ẋ₂ − ẋ₁).
+
+    Args:
+        anchors: (n, 3) points on the joints' axes [m].
+        directions: (n, 3) unit, of the axes.
+        carried: (g,) how many joints carry each shape.
+        pair: (2,) the two shapes.
+        fromto: (6,) their nearest points [m].
+        normal: (3,) unit, from the first to the second.
+        slope: out.
+    """
+    for j in range(slope.shape[0]):
+        slope[j] = 0.0
+        for end in range(2):
+            if j < carried[pair[end]]:
+                x = fromto[3 * end] - anchors[j, 0]
+                y = fromto[3 * end + 1] - anchors[j, 1]
+                z = fromto[3 * end + 2] - anchors[j, 2]
+                a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
+                rate = normal[0] * (b * z - c * y) + normal[1] * (c * x - a * z) + normal[2] * (a * y - b * x)
+                slope[j] += rate if end == 1 else -rate
+
+
+@kernel
 def middle_of_piece(piece: FloatArray, first: FloatArray, second: FloatArray, turns: FloatArray) -> None:
     """Halve a polynomial piece by de Casteljau; write how far it strays from its middle at most.
 

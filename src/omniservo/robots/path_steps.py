@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -62,13 +63,13 @@ class PathSteps:
         self._known: dict[float, tuple[FloatArray, FloatArray]] = {}
         grid = np.linspace(0.0, 1.0, round(4 / _LONGEST) + 1)
         self._look_up(grid)
-        way = float(np.mean([np.linalg.norm(self._at(w)[1][0]) for w in grid[::2].tolist()]))
+        way = float(np.mean([np.linalg.norm(self._known[w][1][0]) for w in grid[::2].tolist()]))
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
         self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push)
 
     def goal(self, w: float) -> FloatArray:
-        """Return base_T_flange (4, 4) at w."""
-        return self._at(w)[0]
+        """Return base_T_flange (4, 4) at a w that a step has led to, or has tried to, or at 0."""
+        return self._known[w][0]
 
     def follow(self, q: FloatArray) -> tuple[list[State], Stop | None]:
         """Return the states from w = 0 on, from joints at or near the path's start, and what ends them."""
@@ -90,10 +91,11 @@ class PathSteps:
         return states, None
 
     def _advance(self, now: State, step: float) -> tuple[int, State]:
-        w = now.w + step
+        half, w = now.w + 0.5 * step, now.w + step
         joints, values = np.empty_like(now.joints), np.empty(3)
-        middle, _ = self._at(now.w + 0.5 * step)
-        goal, motion = self._at(w)
+        if half not in self._known or w not in self._known:
+            self._look_up(_ahead(now.w, step))
+        (middle, _), (goal, motion) = self._known[half], self._known[w]
         result = advance(
             self._arm.chain, self._rule, step, now.joints, now.values, goal, motion, middle, joints, values
         )
@@ -114,12 +116,6 @@ class PathSteps:
         joint = int(np.argmax(np.abs(change)))
         return Stop("jump", joint, ahead.w, float(abs(change[joint])))
 
-    def _at(self, w: float) -> tuple[FloatArray, FloatArray]:
-        if w not in self._known:  # steps are dyadic: those ahead will be asked for, and many cost as one
-            ahead = w + np.arange(_AHEAD) / w.as_integer_ratio()[1]
-            self._look_up(ahead[ahead <= 1.0])
-        return self._known[w]
-
     def _look_up(self, w: FloatArray) -> None:
         """Compute base_T_flange (4, 4), and the camera's twist with its derivative (2, 6), at w (m,)."""
         poses = self._base_T_initial @ self._path(w).as_matrix() @ self._camera_T_flange
@@ -128,6 +124,16 @@ class PathSteps:
         orders = [finite_array(f"path(w, {order})", self._path(w, order), (len(w), 6)) for order in (1, 2)]
         motions = scale * np.stack(orders, axis=1)
         self._known.update(zip(w.tolist(), zip(poses, motions, strict=True), strict=True))
+
+
+def _ahead(w: float, step: float) -> FloatArray:
+    """Return the places that steps from w on will ask for, if they are like this one or shorter from here.
+
+    Steps are dyadic, so places come back, and many that are looked up together cost as much as one.
+    """
+    like = w + 0.5 * step * np.arange(1, _AHEAD)
+    shorter = w + step * 0.5 ** np.arange(2, round(math.log2(step / _SHORTEST)) + 2)
+    return np.concatenate([like[like <= 1.0], shorter])
 
 
 def _standing(q: FloatArray) -> FloatArray:

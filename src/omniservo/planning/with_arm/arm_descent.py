@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.constraints.demands import Demands
@@ -62,6 +61,8 @@ class ArmDescent:
             joint_demands,
         )
         self._ell = float(demands.numbers[2])
+        self._base_T_initial = setting.base_T_initial.as_matrix()
+        self._camera_T_flange = setting.camera_T_flange.as_matrix()
         self._camera_ends = self._end_values()
 
     def lower(
@@ -132,11 +133,12 @@ class ArmDescent:
 
     def _followed(self, poses: FloatArray, joints: FloatArray) -> FloatArray | None:
         """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""
-        rotations = Rotation.from_matrix(poses[:, :9].reshape(-1, 3, 3))
-        cameras = RigidTransform.from_components(poses[:, 9:12], rotations)
-        goals = self._setting.base_T_flange(cameras).as_matrix()
+        initial_T_camera = np.zeros((len(poses), 4, 4))
+        initial_T_camera[:, :3, :3] = poses[:, :9].reshape(-1, 3, 3)
+        initial_T_camera[:, :3, 3], initial_T_camera[:, 3, 3] = poses[:, 9:12], 1.0
+        goals = self._base_T_initial @ initial_T_camera @ self._camera_T_flange
         followed = joints.copy()
-        if not settle_all(self._setting.arm.chain, np.ascontiguousarray(goals), followed):
+        if not settle_all(self._setting.arm.chain, goals, followed):
             return None
         return followed if np.abs(followed - joints).max(initial=0.0) <= _LEAP else None
 

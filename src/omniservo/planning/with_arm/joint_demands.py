@@ -8,9 +8,9 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.pull_kernel import CLEARANCE, write_pull
 from omniservo.robots import ArmBodies
-from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
-from omniservo.robots.posture import sensitivities
+from omniservo.robots.arm import LENGTH_SCALE
 from omniservo.robots.twist_matrix import twist_matrix
 
 GROUPS = 3
@@ -43,8 +43,7 @@ class JointDemands:
         """Prepare; ``ell`` [m] makes gaps comparable with angles."""
         self._setting, self._bodies, self._ell = setting, bodies, ell
         self._to_camera = twist_matrix(setting.flange_T_camera, LENGTH_SCALE)
-        self._low = setting.arm.joint_range[:, 0] + setting.limit_reserve
-        self._high = setting.arm.joint_range[:, 1] - setting.limit_reserve
+        self._rooms = setting.arm.joint_range + setting.limit_reserve * np.array([1.0, -1.0])
         self._asked = bodies.asked(setting.clearance_around, setting.self_clearance)
 
     def values(self, q: FloatArray) -> FloatArray:
@@ -53,36 +52,27 @@ class JointDemands:
 
     def pull(self, q: FloatArray, targets: FloatArray) -> Pull:
         """Return the rows of what is below its target (GROUPS,) at the joints q (n,)."""
-        to_joints, slope = np.empty((len(q), 6)), np.empty(len(q))
-        value = sensitivities(self._setting.arm.chain, self._to_camera, np.array(q), to_joints, slope)
-        rows = [
-            *self._limits(q, targets[0]),
-            (1, value - SINGULAR_VALUE, slope),
-            *self._gaps(q, targets[2]),
-        ]
-        groups, g, slopes = (np.array(column) for column in zip(*rows, strict=True))
-        least = np.array([g[groups == k].min(initial=1.0) for k in range(GROUPS)])
-        residuals = np.maximum(targets[groups] - g, 0.0)
-        active = residuals > 0.0
-        a = slopes[active] @ to_joints
-        system = np.column_stack([a.T @ a, a.T @ residuals[active]])
-        return Pull(system, float(0.5 * residuals @ residuals), least)
+        gaps, slopes = self._gaps(q, float(targets[CLEARANCE]))
+        system, least = np.empty((6, 7)), np.empty(GROUPS)
+        cost = write_pull(
+            self._setting.arm.chain,
+            self._to_camera,
+            self._rooms,
+            np.array(q),
+            gaps,
+            slopes,
+            targets,
+            system,
+            least,
+        )
+        return Pull(system, cost, least)
 
-    def _limits(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
-        unit = np.eye(len(q))
-        rooms = [(q - self._low, 1.0), (self._high - q, -1.0)]
-        nearest = [(0, float(room.min()), sign * unit[room.argmin()]) for room, sign in rooms]
-        return nearest + [
-            (0, float(room[j]), sign * unit[j])
-            for room, sign in rooms
-            for j in np.flatnonzero(room < target)
-            if j != room.argmin()
-        ]
-
-    def _gaps(self, q: FloatArray, target: float) -> list[tuple[int, float, FloatArray]]:
+    def _gaps(self, q: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
+        """Return g (k,) of the pairs that may be below the target, and ∂g/∂q (k, n)."""
         self._bodies.place(q)
         most = float(self._asked.max(initial=0.0)) + self._ell * max(target, 0.0)
-        return [
-            (2, (near.gap - float(self._asked[near.pair])) / self._ell, near.slope / self._ell)
-            for near in self._bodies.near(most)
-        ]
+        near = self._bodies.near(most)
+        gaps, slopes = np.empty(len(near)), np.empty((len(near), len(q)))
+        for k, one in enumerate(near):
+            gaps[k], slopes[k] = one.gap - self._asked[one.pair], one.slope
+        return gaps / self._ell, slopes / self._ell
