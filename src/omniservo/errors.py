@@ -87,3 +87,9 @@ class SlowLoop(ServoStop):
     """The moving robot was not looked at for longer than its braking distance allows."""
 
     reason = "slow_loop"
+
+
+class Blocked(ServoStop):
+    """What is known now leaves no way on that is proven."""
+
+    reason = "blocked"

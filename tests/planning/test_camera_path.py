@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
 from omniservo.planning import CameraPath
@@ -85,3 +85,15 @@ def test_what_is_not_a_path_is_refused():
         good(np.nan)
     with pytest.raises(ValueError, match="read-only"):
         good.rotation[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("degrees", [(1, 1), (3, 2), (5, 4)])
+def test_a_part_and_another_frame_are_the_same_motion(degrees):
+    path, s = some_path(*degrees), np.linspace(0.0, 1.0, 7)
+    part = path.part(0.3, 0.8)
+    assert np.allclose(part(s).as_matrix(), path(0.3 + 0.5 * s).as_matrix(), atol=1e-12)
+    assert np.allclose(part(s, 1), 0.5 * path(0.3 + 0.5 * s, 1), atol=1e-12)
+    there = RigidTransform.from_components([0.1, -0.2, 0.3], Rotation.from_rotvec([0.4, 1.0, -2.0]))
+    assert np.allclose(path.seen_in(there)(s).as_matrix(), (there * path(s)).as_matrix(), atol=1e-12)
+    with pytest.raises(InputError, match="end"):
+        path.part(0.1, np.nan)

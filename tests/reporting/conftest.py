@@ -13,10 +13,12 @@ from omniservo.planning import plan_path
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import problem_of
 from omniservo.runs.whole_arm_of import whole_arm_of
+from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task
+from omniservo.tracking import Leg
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
@@ -87,6 +89,7 @@ def log_of(task, estimate, plan, steps):
             LogRow(
                 time=4.0 * s,
                 w=w if plan is not None else np.nan,
+                leg=0,
                 joints=np.linspace(0.0, s, 6),
                 joint_velocities=0.3 * np.sin(np.pi * s) * np.arange(1, 7),
                 twist=np.sin(np.pi * s) * np.array([0.01, -0.05, 0.08, 0.01, 0.02, 0.0]),
@@ -117,6 +120,7 @@ def build(name="paper-example-1", method="certified", steps=40):
     log = log_of(task, estimate, plan, steps)
     scene = scene_of_task(task)
     motion = None if plan is None else pace(task, scene, plan)
+    way = None if plan is None else FollowedWay((Leg(plan.path, motion.law),), (motion.joints,))
     goal_image = picture(task.camera, goal_dots, 1)
     frames = log.rows[::5]
     bodies = [b.transform.apply(CORNERS * b.half_extents) for b in task.obstacles]
@@ -130,7 +134,7 @@ def build(name="paper-example-1", method="certified", steps=40):
         plan=plan,
         risk=None,
         motion=motion,
-        whole_arm=None if plan is None else whole_arm_of(task, scene, plan, motion, log),
+        whole_arm=None if plan is None else whole_arm_of(task, scene, plan, motion, way, log),
         log=log,
         final_image=picture(task.camera, goal_dots, 2),
         outside_initial=outside_picture(0.0),
@@ -141,6 +145,8 @@ def build(name="paper-example-1", method="certified", steps=40):
             outside=tuple(outside_picture(row.time / 4.0) for row in frames),
         ),
         truth=Truth(estimate.initial_T_goal.as_matrix(), estimate.points, tuple(bodies)),
+        way=way,
+        replannings=(),
         seconds={"perception": 0.03, "estimation": 0.003, "planning": 8e-4, "control": 6e-5, "whole": 9.1},
         metrics=metrics_of(task, method, plan, log),
     )

@@ -60,9 +60,10 @@ def test_an_obstacle_stands_in_the_straight_way(prepared):
     task, _, plan, _ = prepared
     goal = task.teach.initial_T_goal.transform.translation
     straight = np.linspace(0, 1, 201)[:, None] * goal
-    gaps = [o.obstacle.distance(straight).min() for o in task.planning.obstacles if o.clearance is None]
+    known = task.known_obstacles(np.inf)
+    gaps = [o.obstacle.distance(straight).min() for o in known if o.clearance is None]
     assert min(gaps) < task.planning.clearance or not _whole_arm_is_clear(task, plan, straight)
-    assert len(plan.path.translation[0]) > 2
+    assert len(plan.path.translation[0]) > 2 or task.moves
 
 
 def _whole_arm_is_clear(task, plan, straight):

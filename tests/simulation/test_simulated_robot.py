@@ -178,3 +178,29 @@ def test_driving_into_an_obstacle_is_reported_and_the_obstacle_holds(make_scene)
     assert -0.01 < robot.arm_obstacle_distance() < 0.0
     robot.place(scene.start_joints)
     assert robot.contacts() == frozenset()
+
+
+def test_obstacles_put_elsewhere_leave_the_motion_and_the_frames_before_as_they_were(make_scene):
+    block = Box(
+        "block", RigidTransform.from_translation([0.45, 0.05, 0.6]), [0.02, 0.02, 0.02], (0.0, 0.0, 0.0)
+    )
+    quiet = Sensor(rate=20, latency=0.03, noise=0.0, blur=0.0)
+    scene = make_scene(obstacles=(block,), sensor=quiet, dots=None)
+    still, changed = SimulatedRobot(scene), SimulatedRobot(scene)
+    for robot in (still, changed):
+        robot.command(SLOW)
+        robot.advance(0.11)
+    moved = Box("block", RigidTransform.from_translation([0.45, -0.15, 0.6]), [0.02] * 3, (0.0, 0.0, 0.0))
+    gap = changed.arm_obstacle_distance()
+    changed.rearrange([moved])
+    assert changed.arm_obstacle_distance() != pytest.approx(gap, abs=1e-3)
+    for robot in (still, changed):
+        robot.advance(0.025)  # the frame of 0.1 s is delivered
+    assert changed.image().time == still.image().time
+    np.testing.assert_array_equal(changed.image().pixels, still.image().pixels)
+    for robot in (still, changed):
+        robot.advance(0.1)
+    assert changed.image().time == still.image().time
+    assert (changed.image().pixels != still.image().pixels).any()
+    np.testing.assert_allclose(changed.read().joint_positions, still.read().joint_positions, atol=1e-12)
+    np.testing.assert_allclose(changed.read().joint_velocities, still.read().joint_velocities, atol=1e-10)

@@ -10,6 +10,7 @@ from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
 
 SHIPPED = (
     "catadioptric-ring",
+    "moving-panel",
     "panda-table",
     "paper-example-1",
     "paper-example-2",
@@ -332,3 +333,40 @@ def test_the_mount_may_be_called_tool_T_camera_but_not_both(tmp_path):
     del document["arm"]["flange_T_camera"]
     task = load_task(written(tmp_path, document))
     np.testing.assert_allclose(task.arm.flange_T_camera.translation, [0, 0, 0.05])
+
+
+def test_moves_shift_what_is_known_from_their_time_on(tmp_path):
+    shapes = [
+        {"center": [0, 0, 90]},
+        {"type": "capsule", "from": [0, 0, 1], "to": [0, 0, 2], "radius": 1},
+        {"type": "half_space", "normal": [0, 0, 1], "offset": -50},
+    ]
+    document = MINIMAL | {
+        "obstacles": [{"center": [0, 0, 90], "half_extents": [5, 5, 5]}],
+        "planning": {"obstacles": shapes},
+        "moves": [{"time": 1.5, "by": [10, 0, 20], "bodies": [0], "known": [0, 1, 2]}],
+    }
+    task = load_task(written(tmp_path, document))
+    assert task.known_obstacles(1.4) == task.planning.obstacles
+    ball, rod, side = task.known_obstacles(1.5)
+    assert ball.center == pytest.approx([0.01, 0.0, 0.11])
+    assert rod.start == pytest.approx([0.01, 0.0, 0.021])
+    assert rod.end == pytest.approx([0.01, 0.0, 0.022])
+    assert side.offset == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"bodies": [1]}, r"moves.0.bodies: 1 given; there are 1, counted from 0"),
+        ({"known": [0]}, r"moves.0.known: 0 given; there are 0"),
+        ({"bodies": []}, "moves.0.bodies"),
+        ({"time": -1}, "moves.0.time"),
+        ({"by": [float("nan"), 0, 0]}, "moves.0.by"),
+    ],
+)
+def test_a_move_that_cannot_be_is_refused(tmp_path, change, says):
+    move = {"time": 1.0, "by": [1, 0, 0], "bodies": [0], "known": [0]} | change
+    blocks = [{"center": [0, 0, 90], "half_extents": [5, 5, 5]}]
+    with pytest.raises(InputError, match=says):
+        load_task(written(tmp_path, MINIMAL | {"obstacles": blocks, "moves": [move]}))

@@ -20,6 +20,7 @@ from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.mount_margin import mount_margin, plan_with_mount
 from omniservo.planning.with_arm.plan_with_arm import plan_with_arm
+from omniservo.planning.with_arm.replan_with_arm import replan_with_arm
 
 __all__ = [
     "ArmPlan",
@@ -48,4 +49,5 @@ __all__ = [
     "plan_with_mount",
     "plan_with_risk",
     "replan",
+    "replan_with_arm",
 ]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,22 @@ class CameraPath:
         """(σ, τ)."""
         return self.rotation.shape[1] - 1, self.translation.shape[1] - 1
 
+    def part(self, begin: float, end: float) -> CameraPath:
+        """Return the part from ``begin`` to ``end`` as a path of its own, s ↦ path(begin + (end − begin)s).
+
+        It stays in the same frame, so it does not start at the identity.
+        """
+        line = finite_number("begin", begin), finite_number("end", end) - begin
+        return CameraPath(_along(self.rotation, *line), _along(self.translation, *line))
+
+    def seen_in(self, frame_T_initial: RigidTransform) -> CameraPath:
+        """Return the same path in another frame: w ↦ frame_T_initial · path(w)."""
+        x, y, z, w = frame_T_initial.rotation.as_quat()
+        turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ self.rotation
+        moved = frame_T_initial.rotation.as_matrix() @ self.translation
+        moved[:, -1] += frame_T_initial.translation
+        return CameraPath(turned, moved)
+
 
 def _values(coefficients: FloatArray, w: FloatArray, order: int) -> FloatArray:
     """Return the derivative of this order of polynomials (m, n+1) at w (…): (…, m), by Horner."""
@@ -96,6 +112,16 @@ def _values(coefficients: FloatArray, w: FloatArray, order: int) -> FloatArray:
     for column in coefficients.T:
         value = value * w[..., None] + column
     return value
+
+
+def _along(coefficients: FloatArray, begin: float, step: float) -> FloatArray:
+    """Return the powers of p(begin + step·s), highest first, of polynomials (m, n+1), by Horner."""
+    found = coefficients[:, :1]
+    zero = np.zeros_like(found)
+    for column in coefficients.T[1:]:
+        found = step * np.hstack([found, zero]) + begin * np.hstack([zero, found])
+        found[:, -1] += column
+    return found
 
 
 def _vector_of_product(p: FloatArray, q: FloatArray) -> FloatArray:

@@ -57,15 +57,7 @@ def replan(
     """
     budget = TimeBudget(time_budget)
     finite_number("seed", seed, minimum=0)
-    w = _place(w)
-    old = plan.path
-    if old is None:
-        raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
-    problem = plan.problem if problem is None else problem
-    if not isinstance(problem, PlanningProblem):
-        raise InputError(f"problem: {type(problem).__name__} given; a PlanningProblem or None is needed")
-    pose = _pose(old, w, pose)
-    rest = problem_from(problem, pose, w, _velocity(old, w, problem, velocity))
+    old, pose, rest = rest_of_plan(plan, w, problem, pose, velocity)
     reason = violation_at_end(rest)
     if reason:
         return infeasible_plan(rest, budget.begin, "certified", reason)
@@ -75,6 +67,28 @@ def replan(
         return judged_plan(rest, near, budget.begin, "certified", "")
     found, tried = first_proven(search, budget, 1)
     return judged_plan(rest, found.path, budget.begin, "certified", "", looked(tried, budget))
+
+
+def rest_of_plan(
+    plan: Plan,
+    w: float,
+    problem: PlanningProblem | None,
+    pose: RigidTransform | None = None,
+    velocity: npt.ArrayLike | None = None,
+) -> tuple[CameraPath, RigidTransform, PlanningProblem]:
+    """Return the old path, the present pose on it, and the problem of the rest seen from there.
+
+    Raises:
+        InputError: as `replan`.
+    """
+    w = _place(w)
+    if plan.path is None:
+        raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
+    problem = plan.problem if problem is None else problem
+    if not isinstance(problem, PlanningProblem):
+        raise InputError(f"problem: {type(problem).__name__} given; a PlanningProblem or None is needed")
+    pose = _pose(plan.path, w, pose)
+    return plan.path, pose, problem_from(problem, pose, w, _velocity(plan.path, w, problem, velocity))
 
 
 def path_near_rest(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.reporting.image_distance import image_distance
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import RunResult
-from omniservo.tasks.obstacles import ObstacleSection
+from omniservo.tasks import Task
 
 SAMPLES = 401
 """of a planned curve"""
@@ -51,11 +50,16 @@ class Curve:
 
 
 def planned_curve(result: RunResult) -> Curve | None:
-    """Return the planned path, seen with the estimated points; None where nothing was planned."""
-    if result.plan is None or result.plan.path is None:
+    """Return the planned way, seen with the estimated points; None where nothing was planned.
+
+    Where another way was taken up it goes on with that; obstacles are where they were known to be then.
+    """
+    if result.way is None:
         return None
     w = np.linspace(0.0, 1.0, SAMPLES)
-    poses = result.plan.path(w)
+    poses = result.way.poses(w)
+    log = result.log
+    times = np.interp(w, log.column("w"), log.column("time")) if log.rows else np.zeros(SAMPLES)
     seen_from = poses.inv()
     points = np.stack([seen_from.apply(h) for h in result.points], axis=1)
     pixels, valid = result.task.camera.project(points)
@@ -68,7 +72,7 @@ def planned_curve(result: RunResult) -> Curve | None:
         pixels=pixels,
         plane=_on_plane(points, valid),
         points_left_out=int(np.sum(valid & (points[..., 2] <= 0.0))),
-        clearances=_clearances(poses.translation, result.task.planning.obstacles),
+        clearances=obstacle_distances(result.task, times, poses.translation),
         visibility=_worst(image_distance(result.task.camera, pixels)),
     )
 
@@ -88,7 +92,7 @@ def executed_curve(result: RunResult) -> Curve:
         pixels=pixels,
         plane=_on_plane(bearings, valid),
         points_left_out=int(np.sum(valid & (bearings[..., 2] <= 0.0))),
-        clearances=_clearances(positions, result.task.planning.obstacles),
+        clearances=obstacle_distances(result.task, _column(log, "time", ()), positions),
         visibility=_worst(image_distance(result.task.camera, _column(log, "true_pixels", (count, 2)))),
     )
 
@@ -104,9 +108,17 @@ def _on_plane(directions: FloatArray, valid: BoolArray) -> FloatArray:
     return np.asarray(directions[..., :2] / z[..., None], dtype=np.float64)
 
 
-def _clearances(positions: FloatArray, obstacles: Sequence[ObstacleSection]) -> FloatArray:
-    columns = [o.obstacle.distance(positions) for o in obstacles]
-    return np.stack(columns, axis=1) if columns else np.empty((len(positions), 0))
+def obstacle_distances(task: Task, times: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return the distance of each position (k, 3) to each of m planning obstacles (k, m) [m].
+
+    Obstacles are where they are known to be at ``times`` (k,) [s].
+    """
+    found = np.empty((len(positions), len(task.planning.obstacles)))
+    for begin in (-np.inf, *sorted(move.time for move in task.moves)):
+        rows = times >= begin
+        for i, section in enumerate(task.known_obstacles(begin)):
+            found[rows, i] = section.obstacle.distance(positions[rows])
+    return found
 
 
 def _worst(distances: FloatArray) -> FloatArray:

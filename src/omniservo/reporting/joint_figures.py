@@ -11,6 +11,9 @@ from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import RunResult
 
+_TICK = 5e-3
+"""[s]"""
+
 
 def joint_positions(result: RunResult) -> Drawing | None:
     """Draw the planned joints over w, each relative to its range; None without a plan."""
@@ -41,11 +44,12 @@ def joint_positions(result: RunResult) -> Drawing | None:
 
 def joint_speeds(result: RunResult) -> Drawing | None:
     """Draw planned and executed joint speeds over time as shares of the arm's; None without a plan."""
-    if result.motion is None:
+    if result.motion is None or result.way is None:
         return None
     motion = result.motion
-    times = motion.times()[::5]
-    planned = 100.0 * motion.speed_shares(times)
+    end = max(motion.seconds, result.way.seconds)
+    times = np.arange(0.0, end + _TICK, _TICK)
+    planned = 100.0 * np.abs(result.way.speeds_at(times)) / motion.arm.joint_speed
     figure = new_figure(5.8, 3.8)
     axes = figure.subplots()
     for i, name in enumerate(motion.arm.joint_names):

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Plan
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.style import (
     ASKED,
@@ -119,16 +120,22 @@ def arm_gap(result: RunResult) -> Drawing | None:
 
 def certified_clearance(result: RunResult) -> float | None:
     """Return the guaranteed smallest distance [m] to the obstacles without a clearance of their own."""
-    if result.plan is None or result.plan.status != "certified":
-        return None
-    return result.plan.least_clearance(result.task.planning.common_obstacles)
+    common = result.task.planning.common_obstacles
+    kept = [plan.least_clearance(common) for plan in _certified_plans(result)]
+    return min((value for value in kept if value is not None), default=None)
 
 
 def certified_visibility(result: RunResult) -> float | None:
     """Return the guaranteed smallest distance [px] of any dot to an image limit."""
+    kept = [plan.least_visibility() for plan in _certified_plans(result)]
+    return min((value for value in kept if value is not None), default=None)
+
+
+def _certified_plans(result: RunResult) -> list[Plan]:
+    """Return the plans that were followed; none where the first was not certified."""
     if result.plan is None or result.plan.status != "certified":
-        return None
-    return result.plan.least_visibility()
+        return []
+    return [result.plan, *(event.plan for event in result.replannings if event.plan is not None)]
 
 
 def _group(

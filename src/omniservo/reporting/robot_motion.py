@@ -76,10 +76,9 @@ def robot_position(result: RunResult, initial_T_camera: RigidTransform) -> Float
 
 
 def _planned_poses(result: RunResult, w: FloatArray) -> RigidTransform | None:
-    if result.plan is None or result.plan.path is None or not np.isfinite(w).all():
+    if result.way is None or not np.isfinite(w).all():
         return None
-    poses: RigidTransform = result.plan.path(np.clip(w, 0.0, 1.0))
-    return poses
+    return result.way.poses(np.clip(w, 0.0, 1.0))
 
 
 def _three(

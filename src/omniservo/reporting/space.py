@@ -78,7 +78,9 @@ def space_of(result: RunResult, upright: UprightAxes) -> Space:
         points=points,
         bodies=tuple(upright.apply(corners) for corners in result.truth.obstacle_corners),
         keep_out=tuple(
-            _keep_out(o, planning.clearance, upright) for o in planning.obstacles if o.type != "half_space"
+            _keep_out(o, planning.clearance, upright)
+            for o in dict.fromkeys((*planning.obstacles, *result.task.known_obstacles(np.inf)))
+            if o.type != "half_space"
         ),
         symbols=() if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size)),
     )

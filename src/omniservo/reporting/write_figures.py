@@ -10,6 +10,7 @@ from omniservo.reporting.joint_figures import joint_positions, joint_speeds
 from omniservo.reporting.link_clearance import link_clearance
 from omniservo.reporting.margins import arm_gap, clearance, visibility
 from omniservo.reporting.path_3d import path_3d
+from omniservo.reporting.replanning import replanning
 from omniservo.reporting.robot_motion import rotation, translation
 from omniservo.reporting.signals import camera_twist, image_error, joint_velocities
 from omniservo.reporting.style import Drawing, styled
@@ -21,6 +22,7 @@ _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     views,
     outside,
     path_3d,
+    replanning,
     plane_trajectories,
     image_trajectories,
     translation,

@@ -14,6 +14,7 @@ from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, inlined, joined, page, part, tag
 from omniservo.reporting.joint_section import joint_section
+from omniservo.reporting.replanning import replanning_section
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_result import RunResult
@@ -51,6 +52,7 @@ def report_html(results: Sequence[RunResult]) -> str:
         _animations(results),
         *_paper(results),
         part("Figures", *_figures(results)),
+        *(block for r in results for block in _replanning(r, several)),
         *(block for r in results for block in _joints(r, several)),
         *(_details(r, several) for r in results),
         part("How to reproduce this", section.reproduce(results)),
@@ -118,6 +120,13 @@ def _joints(result: RunResult, several: bool) -> list[Markup]:
     if found is None:
         return []
     return [part(f"Joint path: {_method(result)}" if several else "Joint path", found)]
+
+
+def _replanning(result: RunResult, several: bool) -> list[Markup]:
+    found = replanning_section(result)
+    if found is None:
+        return []
+    return [part(f"On the way: {_method(result)}" if several else "On the way", found)]
 
 
 def _details(result: RunResult, several: bool) -> Markup:

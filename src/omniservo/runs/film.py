@@ -18,14 +18,17 @@ FRAMES = 40
 _WIDTH, _HEIGHT = 480, 360
 
 
-def film_of(log: RunLog, images: Sequence[ByteArray], world: World) -> Film:
-    """Return evenly spaced moments of the run, seen from the hand and from outside."""
+def film_of(log: RunLog, images: Sequence[ByteArray], worlds: Sequence[World]) -> Film:
+    """Return evenly spaced moments of the run, seen from the hand and from outside, each in its world."""
     if not log.rows:
         return Film((), (), ())
     chosen = np.unique(np.linspace(0, len(log.rows) - 1, FRAMES).round().astype(int))
-    outside = OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=2)
+    views = {
+        id(world): OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=2)
+        for world in dict.fromkeys(worlds[i] for i in chosen)
+    }
     return Film(
         times=tuple(log.rows[i].time for i in chosen),
         camera=tuple(images[i] for i in chosen),
-        outside=tuple(outside.render(log.rows[i].joints) for i in chosen),
+        outside=tuple(views[id(worlds[i])].render(log.rows[i].joints) for i in chosen),
     )

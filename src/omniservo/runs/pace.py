@@ -44,20 +44,39 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
     if plan.path is None:
         return None
     joints = own_branch(task, scene, plan.path)
-    pixels = _image_speed_limit(task, plan.path, plan.problem.points)
-    limits = _limits(scene.arm, joints, JOINT_SHARE, pixels)
+    points = plan.problem.points
+    limits = limits_of(task, scene.arm, plan.path, joints, points)
     return PlannedMotion(
         arm=scene.arm,
         joints=joints,
-        law=_law(task, limits, _limits(scene.arm, joints, 1.0, pixels)),
+        law=_law(task, limits, limits_of(task, scene.arm, plan.path, joints, points, share=1.0)),
         limits=limits,
         time_optimal_seconds=TimeOptimalLaw(limits).duration,
         others=every_branch(task, scene, plan.path),
     )
 
 
-def _limits(arm: Arm, joints: JointPath, share: float, path_speed: _PathSpeed | None) -> PathLimits:
-    return PathLimits(joints, share * arm.joint_speed, share * arm.joint_acceleration, path_speed)
+def limits_of(
+    task: Task,
+    arm: Arm,
+    path: CameraPath,
+    joints: JointPath,
+    points: FloatArray,
+    *,
+    share: float = JOINT_SHARE,
+) -> PathLimits:
+    """Return a share of the arm's limits, and the task's image speed, along the joints that follow a path.
+
+    Args:
+        task: states the image speed, if one is.
+        arm: states the others.
+        path: of the camera, in the frame of the points.
+        joints: that follow it.
+        points: (n, 3) [m].
+        share: of joint speeds and accelerations.
+    """
+    pixels = _image_speed_limit(task, path, points)
+    return PathLimits(joints, share * arm.joint_speed, share * arm.joint_acceleration, pixels)
 
 
 def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _PathSpeed | None:

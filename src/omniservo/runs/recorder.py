@@ -5,24 +5,35 @@ from __future__ import annotations
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.safety import Controller, Step
-from omniservo.simulation import SimulatedRobot
+from omniservo.simulation import SimulatedRobot, World
 from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.tasks import Task
+from omniservo.tracking import Replanner
 
 
 class Recorder:
     """Collects one row per control step."""
 
-    def __init__(self, task: Task, robot: SimulatedRobot, controller: Controller, points: FloatArray) -> None:
+    def __init__(
+        self,
+        task: Task,
+        robot: SimulatedRobot,
+        controller: Controller,
+        replanner: Replanner | None,
+        points: FloatArray,
+    ) -> None:
         """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels."""
         self._camera = task.camera
         self._world_T_initial = task.start.world_T_camera.transform
         self._robot = robot
         self._controller = controller
+        self._replanner = replanner
         self._points = points
         self._log = RunLog()
         self.images: list[ByteArray] = []
         """what the camera saw, one per row"""
+        self.worlds: list[World] = []
+        """in which it was, one per row"""
 
     def step(self, step: Step) -> None:
         """Add a row. The truth is that of the image's exposure."""
@@ -35,6 +46,7 @@ class Recorder:
             LogRow(
                 time=step.time,
                 w=report.w,
+                leg=0 if self._replanner is None else self._replanner.leg_number(step.time),
                 joints=step.state.joint_positions,
                 joint_velocities=step.passed.target,
                 twist=step.filtered.twist,
@@ -54,6 +66,7 @@ class Recorder:
             )
         )
         self.images.append(step.image.pixels)
+        self.worlds.append(self._robot.world)
 
     def finish(self, stop: ServoStop | None) -> RunLog:
         """Return the log with how the run ended."""

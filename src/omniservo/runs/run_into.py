@@ -56,6 +56,8 @@ def _write(result: RunResult, folder: Path) -> None:
     result.estimate.save(folder / "estimate.json")
     if result.plan is not None:
         result.plan.save(folder / "plan.json")
+    for number, plan in enumerate((e.plan for e in result.replannings if e.plan is not None), start=2):
+        plan.save(folder / f"plan-{number}.json")
     result.goal.save(folder / "goal.json")
     for name, image in {
         "initial": result.seen.initial_image,

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan, RiskPlan
 from omniservo.runs.estimate_task import estimate_task
@@ -21,16 +21,18 @@ from omniservo.runs.film import film_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.in_view import require_in_view
 from omniservo.runs.motion_metrics import motion_metrics
+from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
+from omniservo.runs.replanner_of import followed_way, replanner_of
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
-from omniservo.safety import Controller, Supervisor, VisibilityFilter, servo
+from omniservo.safety import Controller, Step, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import ImageServoOptions
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.outside_view import OutsideView
@@ -42,7 +44,7 @@ from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
 from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks import Task, TaughtGoal
-from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
+from omniservo.tracking import GoalServo, PathTracker, Replanner, TrackerOptions
 
 Method = Literal["certified", "paper", "ibvs"]
 
@@ -91,17 +93,22 @@ def run_task(
     matched = seen.matched.where(followed)
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
+    outside = OutsideView(robot.world).render(scene.start_joints)
+    replanner = replanner_of(task, scene, plan, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
-    log, images = _drive(task, robot, controller, motion, tracker, truth)
+    recorder = Recorder(task, robot, controller, replanner, truth.points)
+    log = _drive(task, robot, controller, replanner, tracker, recorder)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     progress("drawing")
-    film = film_of(log, images, robot.world) if filmed else Film((), (), ())
-    final, outside = take_picture(robot).pixels, _outside(robot)
+    film = film_of(log, recorder.images, recorder.worlds) if filmed else Film((), (), ())
+    final = take_picture(robot).pixels
+    outside_final = OutsideView(robot.world).render(robot.read().joint_positions)
+    way = None if replanner is None else followed_way(replanner)
     seconds["whole"] = perf_counter() - started
     result = RunResult(
         task, method, goal, seen, estimate, followed, plan, risk, motion,
-        whole_arm_of(task, scene, plan, motion, log), log, final, *outside, film, truth,
-        seconds,
+        whole_arm_of(task, scene, plan, motion, way, log), log, final, outside, outside_final, film, truth,
+        way, () if replanner is None else tuple(replanner.events), seconds,
     )  # fmt: skip
     return replace(result, metrics=_metrics(result, seed))
 
@@ -122,12 +129,6 @@ def _planned(
         lambda: plan_task(task, scene, estimate, followed, method, seed)
     )
     return plan, risk, pace(task, scene, plan)
-
-
-def _outside(robot: SimulatedRobot) -> tuple[ByteArray, ByteArray]:
-    """A bystander's pictures of the start and of now."""
-    view = OutsideView(robot.world)
-    return view.render(robot.world.scene.start_joints), view.render(robot.read().joint_positions)
 
 
 def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
@@ -170,22 +171,28 @@ def _drive(
     task: Task,
     robot: SimulatedRobot,
     controller: Controller,
-    motion: PlannedMotion | None,
+    replanner: Replanner | None,
     tracker: FeatureTracker,
-    truth: Truth,
-) -> tuple[RunLog, list[ByteArray]]:
-    recorder = Recorder(task, robot, controller, truth.points)
-    scene, options = robot.world.scene, safety_of_task(task)
+    recorder: Recorder,
+) -> RunLog:
+    scene, options, moves = robot.world.scene, safety_of_task(task), Moves(task, robot, replanner)
+
+    def after(step: Step) -> None:
+        moves.at(step.time)
+        recorder.step(step)
+        if replanner is not None:
+            replanner.look(step.time)
+
     stop = servo(
         Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance, options=options),
         controller,
         tracker,
         VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),
-        on_step=recorder.step,
+        on_step=after,
         time_limit=task.servo.time_limit,
-        posture=None if motion is None else motion.posture,
+        posture=None if replanner is None else replanner.posture,
     )
-    return recorder.finish(stop), recorder.images
+    return recorder.finish(stop)
 
 
 def _truth(task: Task, scene: Scene, goal: TaughtGoal, points: FloatArray) -> Truth:
@@ -195,6 +202,8 @@ def _truth(task: Task, scene: Scene, goal: TaughtGoal, points: FloatArray) -> Tr
     if goal.joints is not None:
         initial_T_goal = initial_T_world * scene.world_T_camera(goal.joints)
     corners = [initial_T_world.apply(b.corners) for b in scene.obstacles if hasattr(b, "corners")]
+    for move in task.moves:
+        corners += [corners[i] + move.by for i in move.bodies]
     return Truth(initial_T_goal.as_matrix(), points, tuple(corners))
 
 
@@ -217,14 +226,31 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "task": result.task.name,
         "method": result.method,
         "seed": seed,
-        **score(result.task, result.plan, result.log, result.truth),
+        **score(result.task, result.plan, result.way, result.log, result.truth),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
         **_risk_metrics(result.risk),
         **motion_metrics(result),
         **_arm_metrics(result.whole_arm),
+        **_replanning_metrics(result),
         "planning_seconds": None,  # unless planned
         **seconds,
+    }
+
+
+def _replanning_metrics(result: RunResult) -> dict[str, object]:
+    """Return nothing for a run on which nothing changed."""
+    events = result.replannings
+    if not events:
+        return {}
+    legs = 0 if result.way is None else len(result.way.legs)
+    jumps = [] if result.way is None else [result.way.jumps(k) for k in range(1, legs)]
+    return {
+        "changes_on_the_way": len(events),
+        "replanned": sum(event.outcome == "replanned" for event in events),
+        "replanning_seconds": max(event.seconds for event in events),
+        "replanning_twist_jump": max((jump[0] for jump in jumps), default=None),
+        "replanning_joint_jump": max((jump[1] for jump in jumps), default=None),
     }
 
 

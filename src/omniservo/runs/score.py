@@ -8,12 +8,16 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
 from omniservo.reporting import image_distance
+from omniservo.reporting.curves import obstacle_distances
+from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.run_result import Truth
 from omniservo.tasks import Task
 
 
-def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str, object]:
+def score(
+    task: Task, plan: Plan | None, way: FollowedWay | None, log: RunLog, truth: Truth
+) -> dict[str, object]:
     """Return the metrics that compare the executed run with the truth, and with what the plan promised.
 
     Lengths in m, angles in rad, pixels in px; None where a quantity does not exist.
@@ -24,12 +28,12 @@ def score(task: Task, plan: Plan | None, log: RunLog, truth: Truth) -> dict[str,
         "reason": log.stop_message,
         "clearance_asked_m": task.planning.clearance,
         "clearance_planned_m": None if plan is None else plan.least_clearance(task.planning.common_obstacles),
-        "clearance_executed_m": _least_clearance(task, positions),
+        "clearance_executed_m": _least_clearance(task, log.column("time"), positions),
         "arm_clearance_executed_m": float(np.min(log.column("arm_clearance"))) if log.rows else None,
         "visibility_planned_px": None if plan is None else plan.least_visibility(),
         "visibility_executed_px": _least_visibility(task, log),
         **_final_errors(log, truth),
-        "path_deviation_m": _deviation(plan, log),
+        "path_deviation_m": _deviation(way, log),
         "servo_seconds": float(log.rows[-1].time) if log.rows else 0.0,
         "frames": len(log.rows),
         "lost_points": int(np.sum(log.column("valid") == 0)) if log.rows else 0,
@@ -49,12 +53,12 @@ def _status(log: RunLog) -> str:
     return "stopped" if log.stop_reason else "converged"
 
 
-def _least_clearance(task: Task, positions: FloatArray) -> float | None:
+def _least_clearance(task: Task, times: FloatArray, positions: FloatArray) -> float | None:
     """Smallest distance of the camera centre to the surface of the obstacles that ask for a clearance."""
-    asked = [o.obstacle for o in task.planning.obstacles if o.clearance is None]
-    if not asked or not len(positions):
+    if not task.planning.common_obstacles or not len(positions):
         return None
-    return float(min(o.distance(positions).min() for o in asked))
+    distances = obstacle_distances(task, times, positions)
+    return float(distances[:, task.planning.common_obstacles].min())
 
 
 def _least_visibility(task: Task, log: RunLog) -> float | None:
@@ -81,11 +85,11 @@ def _final_errors(log: RunLog, truth: Truth) -> dict[str, object]:
     }
 
 
-def _deviation(plan: Plan | None, log: RunLog) -> float | None:
-    """Largest distance of the executed positions from the planned path [m]."""
-    if plan is None or plan.path is None or not log.rows:
+def _deviation(way: FollowedWay | None, log: RunLog) -> float | None:
+    """Largest distance of the executed positions from the path that was followed [m]."""
+    if way is None or not log.rows:
         return None
-    planned = plan.path(np.linspace(0.0, 1.0, 1001)).translation
+    planned = way.positions(1001)
     executed = log.column("true_position")
     gaps = np.linalg.norm(executed[:, None, :] - planned[None, :, :], axis=2)
     return float(np.max(np.min(gaps, axis=1)))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from omniservo.planning import Plan, mount_margin
-from omniservo.robots import arm_clearance, link_gaps
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import ArmSetting, Plan, mount_margin
+from omniservo.robots import JointPath, arm_clearance, link_gaps
 from omniservo.runs.arm_setting_of import arm_setting_of
+from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.scene import Scene
@@ -14,22 +18,44 @@ from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks import Task
 
 
+def mount_margin_of(task: Task, setting: ArmSetting, plan: Plan, joints: JointPath) -> float:
+    """Return what a plan keeps beyond the task's clearance because the camera's mount is uncertain [m]."""
+    covariance, risk = task.arm.mount_covariance, task.planning.risk
+    if covariance is None or risk is None or plan.path is None:
+        return 0.0
+    bodies = setting.bodies(plan.problem.obstacles)
+    return mount_margin(setting, bodies, plan.path, joints, np.array(covariance), risk)
+
+
 def whole_arm_of(
-    task: Task, scene: Scene, plan: Plan | None, motion: PlannedMotion | None, log: RunLog
+    task: Task,
+    scene: Scene,
+    plan: Plan | None,
+    motion: PlannedMotion | None,
+    way: FollowedWay | None,
+    log: RunLog,
 ) -> WholeArm | None:
-    """Return what is proven of the planned joints, and each link's gaps on the way; None without a plan."""
-    if plan is None or motion is None:
+    """Return what is proven of the planned joints, and each link's gaps on the way; None without a plan.
+
+    Gaps are those to the obstacles where they are known to be at each row of the log.
+    """
+    if plan is None or motion is None or way is None:
         return None
     setting = arm_setting_of(task, scene)
     bodies = setting.bodies(plan.problem.obstacles)
-    covariance, risk, for_mount = task.arm.mount_covariance, task.planning.risk, 0.0
-    if covariance is not None and risk is not None and plan.path is not None:
-        for_mount = mount_margin(setting, bodies, plan.path, motion.joints, np.array(covariance), risk)
+    for_mount = mount_margin_of(task, setting, plan, motion.joints)
     kept = setting.clearance_around + for_mount
     proof = arm_clearance(bodies, motion.joints, clearance=kept, self_clearance=setting.self_clearance)
-    rows = log.rows
-    planned = motion.joints(np.clip(log.column("w"), 0.0, 1.0)) if rows else np.zeros((0, scene.arm.dof))
-    executed = log.column("joints") if rows else planned
-    return WholeArm(
-        proof, task.planning.arm_clearance, for_mount, link_gaps(bodies, planned), link_gaps(bodies, executed)
-    )
+    times = log.column("time")
+    none = np.zeros((0, scene.arm.dof))
+    planned, executed = (way.joints_at(times), log.column("joints")) if log.rows else (none, none)
+
+    def gaps(joints: FloatArray) -> dict[str, FloatArray]:
+        parts = []
+        for begin, end in pairwise([-np.inf, *sorted({move.time for move in task.moves}), np.inf]):
+            known = tuple(section.obstacle for section in task.known_obstacles(begin))
+            there = bodies if begin == -np.inf else setting.bodies(known)
+            parts.append(link_gaps(there, joints[(times >= begin) & (times < end)]))
+        return {link: np.concatenate([part[link] for part in parts]) for link in parts[0]}
+
+    return WholeArm(proof, task.planning.arm_clearance, for_mount, gaps(planned), gaps(executed))

@@ -138,7 +138,7 @@ def servo(
         controller: turns points into camera twists.
         features: finds the points near their predicted places.
         visibility: keeps the points in view.
-        on_step: called after every command.
+        on_step: called after every command; a `ServoStop` that it raises stops the robot.
         time_limit: of the whole servo [s].
         posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
 

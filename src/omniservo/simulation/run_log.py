@@ -19,6 +19,8 @@ class LogRow:
     """[s] since the start of the servo"""
     w: float
     """path parameter that the time law gave"""
+    leg: int
+    """which way was followed: 0 the plan's, then what was taken up after it"""
     joints: FloatArray
     """(n,) [rad]"""
     joint_velocities: FloatArray

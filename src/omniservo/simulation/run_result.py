@@ -8,11 +8,13 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan, RiskPlan
+from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
 from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
+from omniservo.tracking import Replanning
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,10 @@ class RunResult:
     outside_final: ByteArray
     film: Film
     truth: Truth
+    way: FollowedWay | None
+    """the plan's way and what was taken up after it; None where nothing was planned"""
+    replannings: tuple[Replanning, ...]
+    """every time when something had changed on the way"""
     seconds: dict[str, float]
     """perception, estimation, planning (each once), control (median of a step), whole run"""
     metrics: dict[str, object] = field(default_factory=dict)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -13,12 +15,15 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots import CameraImage, RobotState
-from omniservo.simulation.scene import Scene
+from omniservo.simulation.scene import Ball, Box, Scene
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import TICK, World
 
 _RAMP = 0.99
 """share of the acceleration limits at which set points change; the rest is for what the drives correct"""
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""all that moves"""
 
 _ROUNDING = 1e-6  # [ticks]: a duration this much short of a whole tick is that tick
 
@@ -65,7 +70,7 @@ class SimulatedRobot:
         self._velocity = np.zeros_like(q)
         self._command = np.zeros_like(q)
         self._contacts = self.world.touching(self._data)
-        self._exposed: dict[float, FloatArray] = {}
+        self._exposed: dict[float, tuple[FloatArray, World]] = {}
         self._waiting: deque[tuple[int, int]] = (
             deque()
         )  # exposure tick and number of frames not yet delivered
@@ -88,10 +93,11 @@ class SimulatedRobot:
             return None
         tick, number = self._delivered
         if self._picture is None or self._picture.time != tick * TICK:
-            if self._renderer is None:
-                self._renderer = UnifiedRenderer(self.world)
+            joints, world = self._exposed[tick * TICK]
+            if self._renderer is None or self._renderer.world is not world:
+                self._renderer = UnifiedRenderer(world)
             noise = np.random.default_rng([self._seed, number])
-            pixels = self._renderer.photograph(self._exposed[tick * TICK], noise)
+            pixels = self._renderer.photograph(joints, noise)
             self._picture = CameraImage(tick * TICK, pixels)
         return self._picture
 
@@ -125,6 +131,21 @@ class SimulatedRobot:
             self._due -= 1.0
             self._step()
 
+    def rearrange(self, obstacles: Sequence[Box | Ball]) -> None:
+        """Put the scene's obstacles elsewhere, at once; the arm moves on. Earlier exposures show them before.
+
+        Args:
+            obstacles: as many as the scene has, in their order.
+        """
+        state = np.empty(mujoco.mj_stateSize(self.world.model, _STATE))
+        mujoco.mj_getState(self.world.model, self._data, state, _STATE)
+        self._scene = replace(self._scene, obstacles=tuple(obstacles))
+        self.world = World(self._scene)
+        self._data = mujoco.MjData(self.world.model)
+        mujoco.mj_setState(self.world.model, self._data, state, _STATE)
+        mujoco.mj_forward(self.world.model, self._data)
+        self._contacts |= self.world.touching(self._data)
+
     def contacts(self) -> frozenset[tuple[str, str]]:
         """Return truth: the pairs of bodies that have touched since the start (names sorted in each pair)."""
         return frozenset(self._contacts)
@@ -144,7 +165,7 @@ class SimulatedRobot:
             return self._scene.world_T_camera(self._data.qpos)
         if time not in self._exposed:
             raise InputError(f"time: {time} s given; no frame was exposed then")
-        return self._scene.world_T_camera(self._exposed[time])
+        return self._scene.world_T_camera(self._exposed[time][0])
 
     def _step(self) -> None:
         arm = self._scene.arm
@@ -168,7 +189,7 @@ class SimulatedRobot:
         sensor = self._scene.sensor
         number = round(self.time * sensor.rate)
         if round(number / sensor.rate / TICK) == self._tick:
-            self._exposed[self.time] = self._data.qpos.copy()
+            self._exposed[self.time] = self._data.qpos.copy(), self.world
             self._waiting.append((self._tick, number))
         latency = math.ceil(sensor.latency / TICK - _ROUNDING)
         while self._waiting and self._waiting[0][0] + latency <= self._tick:

@@ -53,7 +53,8 @@ class UnifiedRenderer:
 
     def __init__(self, world: World) -> None:
         """Prepare the rays of all pixels, and two threads."""
-        self._world = world
+        self.world = world
+        """as given"""
         self._camera = world.scene.camera
         self._casters = [RayCaster(world, sees_camera=False) for _ in range(_THREADS)]
         self._is_dot = np.zeros(world.model.ngeom + 1, dtype=bool)  # the last entry answers for MISS = -1
@@ -79,7 +80,7 @@ class UnifiedRenderer:
             q: (n,) joints at the exposure [rad].
         """
         for caster in self._casters:
-            pose = self._world.world_T_camera(caster.pose_arm(q))
+            pose = self.world.world_T_camera(caster.pose_arm(q))
         image, is_dot, panels = self._first_look(pose)
         fine = differs_from_neighbour(is_dot.astype(np.float64), _CONTRAST)
         outline = self._outline(pose, panels)
@@ -118,7 +119,7 @@ class UnifiedRenderer:
             q: (n,) joints at the exposure [rad].
             noise: source of the sensor's noise.
         """
-        sensor = self._world.scene.sensor
+        sensor = self.world.scene.sensor
         image = (255.0 * self.render(q)).astype(np.float32)
         if sensor.blur > 0.0:
             image = gaussian_filter(image, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
@@ -186,8 +187,8 @@ class UnifiedRenderer:
 
         def look(caster: RayCaster, part: FloatArray) -> _Sight:
             geoms, _, normals = caster.cast(origin, np.einsum("ij,kj->ik", part, world_R_camera))
-            panels = self._world.panels_at(geoms, normals)
-            greys = np.where(panels >= 0, 1.0, self._world.luminance[geoms]) * daylight(normals)
+            panels = self.world.panels_at(geoms, normals)
+            greys = np.where(panels >= 0, 1.0, self.world.luminance[geoms]) * daylight(normals)
             greys[geoms == MISS] = BACKGROUND
             return _Sight(greys, self._is_dot[geoms], panels)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
@@ -19,6 +19,13 @@ class _Obstacle(BaseModel):
 
     clearance: NonNegativeLength | None = None
     """own clearance instead of the planner's [m]"""
+
+    def moved(self, by: tuple[float, float, float]) -> Self:
+        """Return it moved by so much in the initial camera frame [m]."""
+        places = [name for name in ("center", "start", "end") if hasattr(self, name)]
+        return self.model_copy(
+            update={name: tuple((np.array(getattr(self, name)) + by).tolist()) for name in places}
+        )
 
 
 class SphereSection(_Obstacle):
@@ -79,6 +86,10 @@ class HalfSpaceSection(_Obstacle):
         if abs(length - 1.0) > NEAR_UNIT:
             raise ValueError(f"length {length:g}; it must be 1 within {NEAR_UNIT:g}")
         return normal
+
+    def moved(self, by: tuple[float, float, float]) -> Self:
+        """Return it moved by so much in the initial camera frame [m]."""
+        return self.model_copy(update={"offset": self.offset + float(np.dot(self.normal, by))})
 
     @property
     def obstacle(self) -> HalfSpace:

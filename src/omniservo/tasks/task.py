@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.tasks.move import Move
 from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.placed import Block
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
@@ -252,6 +253,8 @@ class Task(Section):
     scale: Scale
     planning: Planning = Planning()
     servo: Servo = Servo()
+    moves: tuple[Move, ...] = ()
+    """what is put elsewhere while the arm moves; the path is planned again then"""
 
     @model_validator(mode="after")
     def _scale_of_the_target(self) -> Task:
@@ -260,3 +263,23 @@ class Task(Section):
         if self.scale.known_length is not None and not self.target.dots:
             raise ValueError("scale.known_length needs a target of dots")
         return self
+
+    @model_validator(mode="after")
+    def _moves_name_what_there_is(self) -> Task:
+        for i, move in enumerate(self.moves):
+            for name, there in (("bodies", self.obstacles), ("known", self.planning.obstacles)):
+                worst = max(getattr(move, name))
+                if worst >= len(there):
+                    raise ValueError(
+                        f"moves.{i}.{name}: {worst} given; there are {len(there)}, counted from 0"
+                    )
+        return self
+
+    def known_obstacles(self, time: float) -> tuple[ObstacleSection, ...]:
+        """Return `planning.obstacles` as they are known at ``time`` [s] since the servo's start."""
+        known = list(self.planning.obstacles)
+        for move in self.moves:
+            if move.time <= time:
+                for i in move.known:
+                    known[i] = known[i].moved(move.by)
+        return tuple(known)

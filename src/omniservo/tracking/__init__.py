@@ -1,8 +1,20 @@
-"""Following a plan by the image: the one place that joins a plan and features."""
+"""Following a plan by the image, and planning again on the way: joins a plan and features."""
 
 from omniservo.tracking.goal_servo import GoalServo
+from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
+from omniservo.tracking.replanner import FollowingArm, Replanner, Replanning, ReplanOptions
 from omniservo.tracking.tracker_options import TrackerOptions
 from omniservo.tracking.tracker_report import TrackerReport
 
-__all__ = ["GoalServo", "PathTracker", "TrackerOptions", "TrackerReport"]
+__all__ = [
+    "FollowingArm",
+    "GoalServo",
+    "Leg",
+    "PathTracker",
+    "ReplanOptions",
+    "Replanner",
+    "Replanning",
+    "TrackerOptions",
+    "TrackerReport",
+]

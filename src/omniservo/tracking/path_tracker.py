@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +11,13 @@ import numpy.typing as npt
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
-from omniservo.planning import Plan
+from omniservo.planning import CameraPath, Plan
 from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
 from omniservo.tracking.goal_image import GoalImage
+from omniservo.tracking.lead_over import LeadOver
+from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_state import path_state
 from omniservo.tracking.pose_filter import forget, predict_belief
 from omniservo.tracking.stop_criterion import StopCriterion
@@ -25,8 +28,8 @@ from omniservo.tracking.tracker_report import Phase, TrackerReport
 DEFAULT_DURATION = 4.0
 """of the rest-to-rest law that is taken where none is given [s]"""
 
-BLEND_START = 0.5
-"""From this w on the reference turns from the planned points' features to those of the goal image."""
+JOINS = 1e-6
+"""A leg begins where the one before is left, in m and in the quaternion, and as fast, in m/s and rad/s."""
 
 PLACES_CHECKED = 201
 """At so many places of the path virtual-plane features are checked for Z > 0."""
@@ -36,8 +39,8 @@ class PathTracker:
     """Turns images into camera twists that follow a plan and end on the goal image.
 
     The reference is s*(w) = s_p(w) + β(w) (s_goal − s_p(1)): the planned points' features of (43), led over
-    to those of the goal image by a smooth β that is 0 up to w = 1/2 and 1 at w = 1. So the twist has no jump
-    between path and goal, and the end is the goal image even where the estimated points disagree with it.
+    to those of the goal image by a smooth β that is 0 up to w = 1/2 and 1 at w = 1 (`LeadOver`). So the twist
+    has no jump between path and goal, and the end is the goal image even where the estimated points disagree.
     Distances are those of the filtered pose (44): the pose that explains the current image, joined with the
     poses before it. A point that this image's pose does not explain is not used; see TrackerOptions.gate_px.
 
@@ -68,8 +71,6 @@ class PathTracker:
     ) -> None:
         self.options = options or TrackerOptions()
         """as given"""
-        self.time_law = time_law or RestToRestLaw(DEFAULT_DURATION)
-        """as given"""
         self.report: TrackerReport | None = None
         """of the last step that gave a twist; None before the first"""
         if plan.path is None:
@@ -83,13 +84,10 @@ class PathTracker:
             raise InputError(
                 f"plan: {len(self._points)} points; at least {self.options.least_features} are needed"
             )
-        self._path = plan.path
-        self._rotation = np.array(plan.path.rotation, dtype=np.float64, order="C")
-        self._translation = np.array(plan.path.translation, dtype=np.float64, order="C")
-        if self.options.feature == "virtual-plane":
-            self._refuse_points_behind()
+        self._legs = [Leg(plan.path, time_law or RestToRestLaw(DEFAULT_DURATION))]
+        self._refuse_points_behind(plan.path)
         self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
-        self._goal_arrays = self._goal.pixels.copy(), self._goal.offsets.copy()
+        self._lead_over = LeadOver(self._goal.offsets)
         self._settings = _settings(self.options)
         self._belief, self._spread = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
@@ -110,6 +108,40 @@ class PathTracker:
     def goal(self) -> GoalImage:
         """Where the servo ends."""
         return self._goal
+
+    @property
+    def time_law(self) -> TimeLaw:
+        """s(t) of the leg that is followed last; of the first leg s is w."""
+        return self._legs[-1].law
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The ways that were followed, the plan's first, and the one that is followed last."""
+        return tuple(self._legs)
+
+    def take_up(self, leg: Leg) -> None:
+        """Follow another way from ``leg.time`` on; the reference's pose and twist have no jump there.
+
+        A goal that has changed is led over to from there, as `LeadOver` says.
+
+        Raises:
+            InputError: the leg begins elsewhere than the way before is left, or with another twist, or in the
+                past; virtual-plane features and a path along which a point leaves the half-space Z > 0; or
+                its end does not see the goal image's points.
+        """
+        if leg.time < self._legs[-1].time or (self.report is not None and leg.time <= self.report.time):
+            raise InputError(f"leg.time: {leg.time:g} s given; it must be taken up after what was seen last")
+        before, after = (np.concatenate(_state(each, leg.time)[2:]) for each in (self._leg(leg.time), leg))
+        if before[:4] @ after[:4] < 0.0:  # φ and −φ are the same rotation
+            after[:4] *= -1.0
+            leg = replace(leg, path=CameraPath(-leg.path.rotation, leg.path.translation))
+        apart = float(np.abs(before - after).max())
+        if not apart <= JOINS:
+            raise InputError(f"leg: it does not go on as the way before it is left: {apart:.2g} off")
+        self._refuse_points_behind(leg.path)
+        goal = GoalImage.of(self._camera, self._feature, leg.path, self._points, self._goal.pixels)
+        self._head_for(goal, leg.w(leg.time)[0])
+        self._legs.append(leg)
 
     def step(self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> FloatArray:
         """Return the camera twist (6,), (linear [m/s], angular [rad/s]), in the camera frame, by (43).
@@ -135,7 +167,7 @@ class PathTracker:
         self._belief, self._spread = belief, spread
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
-        w, w_dot = self.time_law(time)
+        w, w_dot = self._leg(time).w(time)
         self.report = TrackerReport(
             time, w, w_dot, phase, used, reference, error, goal_error, pose, belief, spread, rms,
             conditioning, factor < 1.0,
@@ -172,12 +204,18 @@ class PathTracker:
         """Servo on refined points (n, 3) from the next image on."""
         if points is None:
             return
+        path, w = self._legs[-1].path, 0.0 if self.report is None else self.report.w
         try:
-            goal = GoalImage.of(self._camera, self._feature, self._path, points, self._goal.pixels)
+            goal = GoalImage.of(self._camera, self._feature, path, points, self._goal.pixels)
         except InputError:  # the refined points leave the domain of the features at the plan's end
             return
-        self._points, self._goal = points, goal
-        self._goal_arrays = goal.pixels.copy(), goal.offsets.copy()
+        self._points = points
+        self._head_for(goal, w)
+
+    def _head_for(self, goal: GoalImage, w: float) -> None:
+        """End on another goal image, or on the same seen from another path's end, led over to from w on."""
+        self._goal = goal
+        self._lead_over.change_to(goal.offsets, w)
         self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
@@ -189,15 +227,14 @@ class PathTracker:
         """
         w, _, plan_seen, _ = self._planned(time)
         w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
-        blend = np.array((_blend(w)[0], *_blend(w_now)))
-        blend[kernel.BLEND_RATE] *= w_dot_now
-        plan_twist *= w_dot_now
+        now, growth = self._lead_over.at(w_now)
+        offsets = np.stack([self._lead_over.at(w)[0], now])
         belief, spread = self._believed(time, plan_seen)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
             self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
-            *self._goal_arrays, blend, plan_seen, plan_now, plan_twist, pose, belief, spread, twist,
-            reference, evidence,
+            self._goal.pixels.copy(), offsets, w_dot_now * growth, plan_seen, plan_now, plan_twist, pose,
+            belief, spread, twist, reference, evidence,
         )  # fmt: skip
         return status, twist, reference, pose, belief, spread, evidence
 
@@ -211,12 +248,13 @@ class PathTracker:
         predict_belief(belief, spread, self._planned(self.report.time)[2], plan_seen, time - self.report.time)
         return belief, spread
 
+    def _leg(self, time: float) -> Leg:
+        """Return the leg that is followed at ``time`` [s]."""
+        return next((leg for leg in self._legs[:0:-1] if leg.time <= time), self._legs[0])
+
     def _planned(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
-        """Return w, ẇ, the planned pose (7,) and the planned twist (6,) per unit w."""
-        w, w_dot = self.time_law(time)
-        pose, twist = np.empty(7), np.empty(6)
-        path_state(self._rotation, self._translation, w, pose, twist)
-        return w, w_dot, pose, twist
+        """Return w, ẇ, the planned pose (7,) and the planned twist (6,) at ``time`` [s]."""
+        return _state(self._leg(time), time)
 
     def _checked_image(
         self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None
@@ -239,7 +277,7 @@ class PathTracker:
 
     def _phase(self, time: float, goal_error: float, pose: FloatArray) -> Phase:
         """Return the phase of the step at ``time`` [s]."""
-        if self.time_law.finished(time):
+        if self._leg(time).law.finished(time):
             return "done" if self._stop.holds(time, goal_error, pose) else "goal"
         self._stop.restart()
         return "path"
@@ -264,10 +302,12 @@ class PathTracker:
             f"at most {options.divergence_px:g} px is allowed"
         )
 
-    def _refuse_points_behind(self) -> None:
-        """Raise where virtual-plane features do not exist along the path."""
+    def _refuse_points_behind(self, path: CameraPath) -> None:
+        """Raise where virtual-plane features are asked for and do not exist along the path."""
+        if self.options.feature != "virtual-plane":
+            return
         for w in np.linspace(0.0, 1.0, PLACES_CHECKED):
-            camera_points = self._path(w).inv().apply(self._points)
+            camera_points = path(w).inv().apply(self._points)
             if (camera_points[:, 2] <= 0.0).any():
                 j = int(np.argmin(camera_points[:, 2] / np.linalg.norm(camera_points, axis=1)))
                 angle = math.degrees(math.acos(camera_points[j, 2] / float(np.linalg.norm(camera_points[j]))))
@@ -289,8 +329,12 @@ def _settings(options: TrackerOptions) -> FloatArray:
     return settings
 
 
-def _blend(w: float) -> tuple[float, float]:
-    """Return β(w), twice continuously differentiable, and dβ/dw."""
-    x = min(max((w - BLEND_START) / (1.0 - BLEND_START), 0.0), 1.0)
-    rest = 1.0 - x
-    return x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * x * x * rest * rest / (1.0 - BLEND_START)
+def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]:
+    """Return w, ẇ, pose (7,) and twist (6,) of a leg at ``time`` [s]."""
+    s, speed = leg.law(time)
+    pose, twist = np.empty(7), np.empty(6)
+    rotation, translation = (
+        np.array(rows, dtype=np.float64, order="C") for rows in (leg.path.rotation, leg.path.translation)
+    )
+    path_state(rotation, translation, s, pose, twist)
+    return *leg.w(time), pose, speed * twist

@@ -25,9 +25,6 @@ DIVERGED = 5
 GAIN, LEAST_FEATURES, DIVERGENCE_PX, MAX_LINEAR, MAX_ANGULAR, GATE_PX = range(6)
 """Places in ``settings``."""
 
-BLEND_SEEN, BLEND_NOW, BLEND_RATE = range(3)
-"""Places in ``blend``: β at the exposure, β and dβ/dt [1/s] when the twist acts."""
-
 COUNT, ERROR_PX, GOAL_ERROR_PX, POSE_RMS_PX, CONDITIONING, FACTOR = range(6)
 """Places in ``evidence``; where the status is NOT_FINITE, COUNT holds the row instead."""
 
@@ -42,7 +39,7 @@ def track_step(
     valid: BoolArray,
     goal_pixels: FloatArray,
     offsets: FloatArray,
-    blend: FloatArray,
+    growth: FloatArray,
     plan_seen: FloatArray,
     plan_now: FloatArray,
     plan_twist: FloatArray,
@@ -63,8 +60,8 @@ def track_step(
         pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
         valid: on return: the points used; one that the others' pose does not explain is none of them.
         goal_pixels: (n, 2) [px] of the goal image.
-        offsets: (n, 3) goal image's features minus those of the plan's end, see `PathTracker`.
-        blend: (3,), see BLEND_SEEN and the rest.
+        offsets: (2, n, 3) added to the planned features at exposure and when the twist acts, see `LeadOver`.
+        growth: (n, 3) their derivative when the twist acts [1/s].
         plan_seen: (7,) planned pose at the exposure.
         plan_now: (7,) planned pose when the twist acts.
         plan_twist: (6,) planned twist when the twist acts, per second.
@@ -85,12 +82,12 @@ def track_step(
     if evidence[COUNT] < settings[LEAST_FEATURES]:
         return FEATURE_LOSS
     _measure_gaps(
-        parameters, kind, points, pixels, valid, goal_pixels, offsets, blend[BLEND_SEEN], plan_seen,
+        parameters, kind, points, pixels, valid, goal_pixels, offsets[0], plan_seen,
         reference_pixels, evidence,
     )  # fmt: skip
     evidence[CONDITIONING] = _solve(
-        kind, settings[GAIN], points, valid, bearings, offsets, blend, belief, plan_seen, plan_now,
-        plan_twist, twist,
+        kind, settings[GAIN], points, valid, bearings, offsets[1], growth, belief, plan_seen,
+        plan_now, plan_twist, twist,
     )  # fmt: skip
     return _judge(settings, seen, twist, evidence)
 
@@ -211,7 +208,6 @@ def _measure_gaps(
     valid: BoolArray,
     goal_pixels: FloatArray,
     offsets: FloatArray,
-    blend: float,
     plan_seen: FloatArray,
     reference_pixels: FloatArray,
     evidence: FloatArray,
@@ -229,7 +225,7 @@ def _measure_gaps(
         _into_camera(plan_seen, points[j], c)
         write_feature(kind, c[0], c[1], c[2], s)
         for a in range(3):
-            s[a] += blend * offsets[j, a]
+            s[a] += offsets[j, a]
         u, v, ok = project_point(parameters, s[0], s[1], s[2] if kind == BEARING else 1.0)
         reference_pixels[j, 0] = u if ok else math.nan
         reference_pixels[j, 1] = v if ok else math.nan
@@ -251,7 +247,7 @@ def _solve(
     valid: BoolArray,
     bearings: FloatArray,
     offsets: FloatArray,
-    blend: FloatArray,
+    growth: FloatArray,
     pose: FloatArray,
     plan_seen: FloatArray,
     plan_now: FloatArray,
@@ -276,7 +272,7 @@ def _solve(
         _move(plan_seen, plan_now, c, now)
         _into_camera(plan_now, points[j], planned)
         _write_equations(
-            kind, gain, now, planned, plan_twist, offsets[j], blend, rows[3 * j : 3 * j + 3],
+            kind, gain, now, planned, plan_twist, offsets[j], growth[j], rows[3 * j : 3 * j + 3],
             target[3 * j : 3 * j + 3],
         )  # fmt: skip
     return solve_twist(rows, target, twist)
@@ -290,7 +286,7 @@ def _write_equations(
     planned: FloatArray,
     plan_twist: FloatArray,
     offset: FloatArray,
-    blend: FloatArray,
+    growth: FloatArray,
     rows: FloatArray,
     target: FloatArray,
 ) -> None:
@@ -305,10 +301,10 @@ def _write_equations(
     write_rows(kind, now[0], now[1], now[2], rows)
     write_rows(kind, planned[0], planned[1], planned[2], flow)
     for a in range(3):
-        change = blend[BLEND_RATE] * offset[a]
+        change = growth[a]
         for b in range(6):
             change += flow[a, b] * plan_twist[b]
-        target[a] = change - gain * (s[a] - reference[a] - blend[BLEND_NOW] * offset[a])
+        target[a] = change - gain * (s[a] - reference[a] - offset[a])
 
 
 @kernel

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -15,9 +17,10 @@ from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.search.path_family import offsets, path_family, unknowns
-from omniservo.planning.search.problem_search import Found, ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import power_path
+from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.with_arm.arm_descent import ArmDescent
 from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
@@ -64,7 +67,7 @@ def plan_with_arm(problem: PlanningProblem, setting: ArmSetting, *, seed: int = 
     if not reason and setting.arm.has_closed_form:  # elsewhere that takes longer than most plans
         reason = violation_at_goal(problem, setting, bodies)
     if not reason:
-        found = _Planner(problem, setting, bodies, seed, begin).plan()
+        found = ArmPlanner(problem, setting, bodies, seed, begin).plan()
         if found.certified or setting.arm.has_closed_form:
             return found
         reason = violation_at_goal(problem, setting, bodies)
@@ -81,42 +84,56 @@ class _Attempt:
     followed: FollowedPath
 
 
-class _Planner:
+class ArmPlanner:
+    """The search for one problem and one arm, where both end poses are free."""
+
     def __init__(
         self, problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies, seed: int, begin: float
     ) -> None:
+        """Join them; ``bodies`` are the setting's among the problem's obstacles, ``begin`` when it began."""
         self._problem, self._setting, self._bodies, self._begin = problem, setting, bodies, begin
-        self._search = ProblemSearch.of(problem, int(seed))
-        self._demands = self._search.demands
+        self.search = ProblemSearch.of(problem, int(seed))
+        """the camera's own"""
+        self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
+        self._budget: TimeBudget | None = None
 
-    def plan(self) -> ArmPlan:
-        """Try one start after the other."""
-        search, number, attempts = self._search, 0, 0
-        best: _Attempt | None = None
-        found = search.run(0, search.starts, 1)
-        while found.proven and attempts < ATTEMPTS:
+    def plan(self, first: CameraPath | None = None, budget: TimeBudget | None = None) -> ArmPlan:
+        """Try one start after the other, before them a proven camera path if one is given."""
+        attempts, best = 0, None
+        self._budget = budget
+        for path, missing in islice(self._paths(first), ATTEMPTS):
+            if missing or (attempts and self._late):
+                break
             attempts += 1
-            for attempt in self._attempts(found):
+            for attempt in self._attempts(path):
                 if not attempt.judged.reason:
                     plan = judged_plan(self._problem, attempt.path, self._begin, "certified", "")
                     if plan.status == "certified":
                         return self._arm_plan(plan, attempt, attempts)
                 elif best is None or attempt.judged.until > best.judged.until:
                     best = attempt
-            number = max(number, found.number) + 1
-            if number >= search.starts:
-                break
-            found = search.run(number, search.starts, 0)
         if best is None:
-            plan = judged_plan(
-                self._problem, found.path, self._begin, "certified", "", f"no path in {found.tried} starts"
-            )
+            plan = judged_plan(self._problem, path, self._begin, "certified", "", missing)
             return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, attempts)
         plan = judged_plan(self._problem, best.path, self._begin, "certified", "")
         why = f"the arm can follow none of {attempts} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, attempts)
+
+    @property
+    def _late(self) -> bool:
+        return self._budget is not None and self._budget.is_used_up
+
+    def _paths(self, first: CameraPath | None) -> Iterator[tuple[CameraPath, str]]:
+        """Yield proven camera paths, each with ""; where no more are found the best attempt, and words."""
+        if first is not None:
+            yield first, ""
+        number, search = 0, self.search
+        while number < search.starts:
+            found = search.run(number, search.starts, int(number == 0))
+            yield found.path, "" if found.proven else f"no path in {found.tried} starts"
+            number = max(number, found.number) + 1 if found.proven else search.starts
 
     def _arm_plan(self, plan: Plan, attempt: _Attempt, attempts: int) -> ArmPlan:
         seconds = time.perf_counter() - self._begin
@@ -130,15 +147,17 @@ class _Planner:
             attempts,
         )
 
-    def _attempts(self, found: Found) -> list[_Attempt]:
+    def _attempts(self, path: CameraPath) -> list[_Attempt]:
         """Return what came of a camera path: the first attempt that will do is the last."""
-        followed = self._follow(found.path, self._setting.start)
+        followed = self._follow(path, self._setting.start)
         tried: list[_Attempt] = []
         for branch in followed.branches:
-            tried.append(_Attempt(found.path, judged_branch(self._setting, self._bodies, branch), followed))
+            tried.append(_Attempt(path, judged_branch(self._setting, self._bodies, branch), followed))
             if not tried[-1].judged.reason:
                 return tried
         for attempt in sorted(tried, key=lambda a: -a.judged.until)[:BRANCHES]:
+            if self._late:
+                break
             better = self._moved(attempt)
             tried.append(better)
             if not better.judged.reason:
@@ -151,8 +170,8 @@ class _Planner:
 
     def _moved(self, attempt: _Attempt) -> _Attempt:
         """Return the attempt with its camera path moved until the arm can follow it, or as far as it came."""
-        sigma, tau = self._search.degrees.tolist()
-        family = path_family(self._search.ends, sigma, tau)
+        sigma, tau = self.search.degrees.tolist()
+        family = path_family(self.search.ends, sigma, tau)
         x = np.zeros(unknowns(family))
         if not len(x):
             return attempt
@@ -171,6 +190,8 @@ class _Planner:
         best = now = attempt
         higher = 1.0
         for _ in range(ROUNDS):
+            if self._late:
+                break
             branch = now.judged.branch
             joints = branch(places[places <= branch.w[-1]])
             x, reached = descent.lower(x, places, joints, end_least, higher)

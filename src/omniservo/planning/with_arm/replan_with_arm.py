@@ -1,0 +1,81 @@
+"""A new plan on the way for camera and arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.judged_plan import infeasible_plan
+from omniservo.planning.plan import Plan
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.replan import path_near_rest, rest_of_plan
+from omniservo.planning.time_budget import TimeBudget
+from omniservo.planning.with_arm.arm_ends import violation_at_start
+from omniservo.planning.with_arm.arm_plan import ArmPlan
+from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
+from omniservo.robots import Arm, ArmBodies, JointPath
+
+_ITERATIONS = 3
+"""of Newton: between two samples of a joint path the camera may be 1e-6 off"""
+
+
+def replan_with_arm(
+    plan: Plan,
+    joints: JointPath,
+    w: float,
+    problem: PlanningProblem,
+    setting: ArmSetting,
+    *,
+    bodies: ArmBodies | None = None,
+    time_budget: float | None = None,
+    seed: int = 0,
+) -> ArmPlan:
+    """Return a plan for the rest of the way that the arm can follow from where it is; see `replan`.
+
+    Tried first is the proven camera path nearest to the rest of the old one; if the arm cannot follow it, it
+    is moved until it can, and after it other starts, as by `plan_with_arm`. The plan stands in the present
+    camera frame; joints go on from where they are, those of a six-joint arm with their present speeds.
+
+    Args:
+        plan: the plan that is followed; any that has a path.
+        joints: that follow it, over the same w.
+        w: where on it the camera is, 0 ≤ w < 1.
+        problem: what is known now, in the frame of the plan's path.
+        setting: the arm, with that frame as its initial one.
+        bodies: the setting's among the problem's obstacles, where they are known; None: made here.
+        time_budget: [s], looked at between starts and descents; None: without end.
+        seed: as for `plan_with_arm`.
+
+    Raises:
+        InputError: as `replan`; or an obstacle that cannot be judged for the whole arm.
+    """
+    budget = TimeBudget(time_budget)
+    finite_number("seed", seed, minimum=0)
+    old, pose, rest = rest_of_plan(plan, w, problem)
+    base_T_here = setting.base_T_initial * pose
+    start = _on_pose(setting.arm, joints(w), base_T_here * setting.camera_T_flange)
+    here = replace(setting, base_T_initial=base_T_here, start=start)
+    bodies = here.bodies(rest.obstacles) if bodies is None else bodies
+    reason = violation_at_end(rest) or violation_at_start(here, bodies)
+    if reason:
+        return ArmPlan(infeasible_plan(rest, budget.begin, "certified", reason), None, None, None, 0.0, 0)
+    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin)
+    return planner.plan(path_near_rest(planner.search, old, w, pose), budget)
+
+
+def _on_pose(arm: Arm, q: FloatArray, base_T_flange: RigidTransform) -> FloatArray:
+    """Return the joints next to ``q`` that put the flange on a pose."""
+    goal = base_T_flange.as_matrix()
+    for _ in range(_ITERATIONS):
+        twist, jacobian = arm.miss(q, goal)
+        q = q + np.linalg.lstsq(jacobian, twist)[0]
+    twist, _ = arm.miss(q, goal)
+    if not np.abs(twist).max() < 1e-6:
+        raise InputError("joints: they do not put the camera where the plan's path has it at w")
+    return q

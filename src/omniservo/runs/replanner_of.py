@@ -1,0 +1,67 @@
+"""What plans a task's way again while its arm moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from omniservo.planning import CameraPath, Plan
+from omniservo.robots import JointPath
+from omniservo.runs.arm_setting_of import arm_setting_of
+from omniservo.runs.pace import limits_of
+from omniservo.runs.whole_arm_of import mount_margin_of
+from omniservo.safety import Controller
+from omniservo.servoing import PathLimits
+from omniservo.simulation.followed_way import FollowedWay
+from omniservo.simulation.planned_motion import PlannedMotion
+from omniservo.simulation.scene import Scene
+from omniservo.tasks import Task
+from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
+
+
+def replanner_of(
+    task: Task,
+    scene: Scene,
+    plan: Plan | None,
+    motion: PlannedMotion | None,
+    controller: Controller,
+    seed: int,
+) -> Replanner | None:
+    """Return the replanner of a plan that is about to be followed; None where nothing was planned.
+
+    Another way is taken up one period of the camera, and the delay until a twist acts, after the image with
+    which planning began; the simulator's time stands meanwhile. What the plan keeps because the camera's
+    mount is uncertain is kept later, too.
+    """
+    if plan is None or motion is None or not isinstance(controller, PathTracker):
+        return None
+    setting = arm_setting_of(task, scene)
+    for_mount = mount_margin_of(task, setting, plan, motion.joints)
+    if setting.clearance is not None:
+        setting = replace(setting, clearance=setting.clearance + for_mount)
+
+    def limits(path: CameraPath, joints: JointPath) -> PathLimits:
+        return limits_of(task, scene.arm, path, joints, plan.problem.points)
+
+    kept = None if task.servo.time_law == "exponential" else limits
+    return Replanner(
+        controller,
+        plan,
+        arm=FollowingArm(setting, motion.joints, kept),
+        options=ReplanOptions(
+            ahead=1.5 / task.sensor.rate + task.sensor.latency, tube=_tube(task), seed=seed
+        ),
+    )
+
+
+def followed_way(replanner: Replanner) -> FollowedWay:
+    """Return the way that the arm was led on."""
+    return FollowedWay(replanner.legs, tuple(joints for joints in replanner.joints if joints is not None))
+
+
+def _tube(task: Task) -> float:
+    """The tracking margin: an estimate that changes by more leads the camera off the path by more."""
+    return max(task.planning.tracking_margin, _LEAST_TUBE)
+
+
+_LEAST_TUBE = 0.003
+"""[m]"""

@@ -1,0 +1,141 @@
+"""What is left of a time law when another path is taken up on the way, slowed down where that asks for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.servoing.path_limits import PathLimits
+from omniservo.servoing.time_law import TimeLaw
+
+RAMPS = (0.1, 0.3, 0.9)
+"""[s] in which the clock may be slowed down: the one that asks least of the joints is taken."""
+
+LEAST_PACE = 0.1
+"""A path on which even so slow a clock would not do is too sharp for the speed at which it is entered."""
+
+_PLACES = 401
+_DIFFERENCE = 1e-4  # [s] over which ẅ is a difference of ẇ
+_SLOWER = 0.85  # at least by this factor in every round
+_MET = 1.002  # what a law that just met its limits may exceed them by here, where places lie otherwise
+
+
+@dataclass(frozen=True)
+class RestOfLaw:
+    """s(t) = (w(τ(t)) − w₀)/(1 − w₀) from t = begin on, w₀ = w(begin): starts at 0 with the present speed.
+
+    τ is a clock that goes right at first, τ(begin) = begin and τ' = 1, and within ``ramp`` has slowed down to
+    τ' = pace: τ' = 1 − (1 − pace)(3u² − 2u³), u = (t − begin)/ramp. So s and ṡ have no jump, and s̈ has
+    none where w's has none.
+    """
+
+    law: TimeLaw
+    """w(t), which was followed until now"""
+    begin: float
+    """[s]"""
+    pace: float = 1.0
+    """of the slowed clock, in (0, 1]; 1: the law is carried on"""
+    ramp: float = RAMPS[0]
+    """[s]"""
+    _done: float = field(init=False, repr=False, compare=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        finite_number("begin", self.begin)
+        finite_number("pace", self.pace, above=0.0, maximum=1.0)
+        finite_number("ramp", self.ramp, above=0.0)
+        done, _ = self.law(self.begin)
+        if not done < 1.0:
+            raise InputError(f"begin: {self.begin:g} s given; the law has reached w = 1 by then")
+        object.__setattr__(self, "_done", done)
+
+    def __call__(self, time: float) -> tuple[float, float]:
+        """Return (s, ṡ [1/s]) at ``time`` [s]; (0, 0) before the beginning.
+
+        Raises:
+            InputError: the time is not finite.
+        """
+        if math.isfinite(time) and time < self.begin:
+            return 0.0, 0.0
+        clock, rate = self._clock(time)
+        w, speed = self.law(clock)
+        left = 1.0 - self._done
+        return (w - self._done) / left, speed * rate / left
+
+    def finished(self, time: float) -> bool:
+        """Return whether the path counts as run through at ``time`` [s]."""
+        return time > self.begin and self.law.finished(self._clock(time)[0])
+
+    @classmethod
+    def within(cls, law: TimeLaw, begin: float, limits: PathLimits | None) -> Self | None:
+        """Return the rest of a law, slowed down as far as limits need it; None: no clock is slow enough.
+
+        Limits are looked at in 401 places; one that the law just met may be exceeded by 0.2%.
+
+        Args:
+            law: what is followed until then.
+            begin: [s] when the new path is taken up.
+            limits: along the new path, over s; None: the law is carried on as it is.
+
+        Raises:
+            InputError: the law has reached w = 1 by then, or as `PathLimits` says.
+        """
+        if isinstance(law, RestOfLaw) and law.pace == 1.0:
+            law = law.law  # of the rest of a rest: the same numbers, without a law around every law before
+        found = cls(law, begin)
+        if limits is None:
+            return found
+        clock, s, speed, change = found._motion()
+        excess = limits.excess(s, speed, change)
+        while excess > _MET:
+            pace = found.pace * min(0.99 / excess, _SLOWER)
+            if pace < LEAST_PACE:
+                return None
+            tried = []
+            for ramp in RAMPS:
+                rate, growth = _slowed(clock - begin, pace, ramp)
+                needed = limits.excess(s, speed * rate, change * rate**2 + speed * growth)
+                tried.append((needed, ramp))
+            excess, ramp = min(tried)
+            found = cls(law, begin, pace, ramp)
+        return found
+
+    def _clock(self, time: float) -> tuple[float, float]:
+        """Return τ [s] and τ' at ``time`` ≥ begin [s]."""
+        lost = 1.0 - self.pace
+        u = min((time - self.begin) / self.ramp, 1.0)
+        late = lost * (self.ramp * u**3 * (1.0 - 0.5 * u) + max(time - self.begin - self.ramp, 0.0))
+        return time - late, 1.0 - lost * u * u * (3.0 - 2.0 * u)
+
+    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return clock times [s], s, ds/dτ and d²s/dτ² (m,) until the law is finished."""
+        span = 1.0
+        while not self.law.finished(self.begin + span):
+            span *= 2.0
+        low = 0.0
+        while span - low > 1e-4 * span:
+            middle = 0.5 * (low + span)
+            low, span = (low, middle) if self.law.finished(self.begin + middle) else (middle, span)
+        clock = self.begin + np.linspace(0.0, span, _PLACES)
+        values = np.array([self.law(t) for t in clock.tolist()])
+        after, before = (
+            np.array([self.law(t)[1] for t in (clock + step).tolist()])
+            for step in (_DIFFERENCE, -_DIFFERENCE)
+        )
+        left = 1.0 - self._done
+        s = np.clip((values[:, 0] - self._done) / left, 0.0, 1.0)
+        return clock, s, values[:, 1] / left, (after - before) / (2.0 * _DIFFERENCE * left)
+
+
+def _slowed(elapsed: FloatArray, pace: float, ramp: float) -> tuple[FloatArray, FloatArray]:
+    """Return τ' and its derivative [1/s] where the slowed clock has gone on by ``elapsed`` (m,) [s]."""
+    u = np.linspace(0.0, 1.0, _PLACES)
+    gone = ramp * (u - (1.0 - pace) * u**3 * (1.0 - 0.5 * u))
+    at = np.interp(elapsed, gone, u)
+    rate: FloatArray = 1.0 - (1.0 - pace) * at**2 * (3.0 - 2.0 * at)
+    growth: FloatArray = -(1.0 - pace) * 6.0 * at * (1.0 - at) / ramp
+    return rate, growth

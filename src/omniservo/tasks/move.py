@@ -1,0 +1,25 @@
+"""What happens on the way: an obstacle is put elsewhere while the arm moves."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat
+
+from omniservo.tasks.quantities import Point
+from omniservo.tasks.section import Section
+
+_Indices = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+
+
+class Move(Section):
+    """Some bodies are moved, and the planner is told at once what it knows of them."""
+
+    time: Annotated[FiniteFloat, Field(ge=0, le=3600)]
+    """since the servo's start [s]; at the first image from then on"""
+    by: Point
+    """in the initial camera frame [m]"""
+    bodies: _Indices
+    """which of the task's ``obstacles``"""
+    known: _Indices
+    """which of ``planning.obstacles`` stand for them"""

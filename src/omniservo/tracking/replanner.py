@@ -1,0 +1,330 @@
+"""Planning again while the camera moves: when what is known has changed, and what is done then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.errors import Blocked, InputError
+from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning import ArmSetting, CameraPath, Plan, PlanningProblem, replan, replan_with_arm
+from omniservo.planning.keeps_problem import keeps_problem
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.with_arm.part_of_joints import part_of_joints
+from omniservo.planning.with_arm.solids_of import solids_of
+from omniservo.robots import ArmBodies, JointPath, arm_clearance
+from omniservo.servoing import PathLimits, RestOfLaw
+from omniservo.tracking.leg import Leg
+from omniservo.tracking.path_tracker import PathTracker
+
+LEAST_REST = 1e-3
+"""Where less than this part of a leg is left nothing is planned any more."""
+
+_SHORTEST = 1e-9
+"""part of a leg that is worth a look"""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingArm:
+    """The arm that carries the camera along the plan."""
+
+    setting: ArmSetting
+    """with the plan's initial frame; what is proven of the plan is proven of what is planned later"""
+    joints: JointPath
+    """that follow the plan"""
+    limits: Callable[[CameraPath, JointPath], PathLimits] | None
+    """what a time law has to keep on another path, stated in the plan's frame; None: laws are carried on"""
+
+
+@dataclass(frozen=True)
+class ReplanOptions:
+    """When a plan is made again."""
+
+    ahead: float = 0.08
+    """The new way is taken up so long after the image with which planning began [s]: a period of the camera,
+    in which to plan, and the delay until a twist acts. Until then the old way is followed, and proven, too"""
+    tube: float = 0.005
+    """An estimate that has changed by more than this is planned for again [m]; see `Replanner.change`"""
+    time_budget: float | None = None
+    """A plan that took longer is not followed [s]; None: as long as it takes, where time stands meanwhile"""
+    seed: int = 0
+    """as for `plan_path`"""
+
+    def __post_init__(self) -> None:
+        finite_number("ahead", self.ahead, above=0.0)
+        finite_number("tube", self.tube, above=0.0)
+        finite_number("seed", self.seed, minimum=0)
+        if self.time_budget is not None:
+            finite_number("time_budget", self.time_budget, above=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Replanning:
+    """One look at what has changed."""
+
+    time: float
+    """of the image after which it was made, since the servo's start [s]"""
+    cause: Literal["obstacles", "estimate"]
+    outcome: Literal["kept", "replanned", "blocked"]
+    """kept: the way is still proven. replanned: another one is. blocked: none is; the robot is stopped"""
+    w: float
+    """where the way is left, or the robot was"""
+    problem: PlanningProblem
+    """what was known then, in the plan's frame"""
+    seconds: float
+    """that it took [s]"""
+    reason: str = ""
+    """why no way on is proven; else empty"""
+    leg: Leg | None = None
+    """what was taken up; None unless replanned"""
+    joints: JointPath | None = None
+    """that follow it"""
+    plan: Plan | None = None
+    """certified, in the camera frame where the old way is left; None unless replanned"""
+
+
+class Replanner:
+    """Keeps a tracker on proven ways while obstacles move and the estimate changes.
+
+    After every command `look` is called. Where something has changed the rest of the way is proven again for
+    what is known now; where that fails, another way is planned from where the reference will be in a moment,
+    with its pose and velocity, near the old one if that can be (`replan`), and taken up there: the reference
+    has no jump in pose or twist, and the joints that follow it have none in position or, six of them, in
+    speed. Its law is what is left of the old one, its clock slowed down where the joints ask for it
+    (`RestOfLaw`). If no way on is proven, `look` raises `Blocked`, and the robot is braked.
+
+    Args:
+        tracker: follows the plan.
+        plan: with which it was made.
+        arm: that carries the camera; None: the camera alone is planned for, and laws are carried on.
+        options: see ReplanOptions.
+
+    Raises:
+        InputError: a plan without a path, or obstacles with a motion.
+    """
+
+    def __init__(
+        self,
+        tracker: PathTracker,
+        plan: Plan,
+        *,
+        arm: FollowingArm | None = None,
+        options: ReplanOptions | None = None,
+    ) -> None:
+        self.options = options or ReplanOptions()
+        """as given"""
+        self.events: list[Replanning] = []
+        """every look at which something had changed"""
+        if plan.path is None:
+            raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
+        self._tracker, self._plan, self._arm = tracker, plan, arm
+        self._problem = self._asked = plan.problem
+        self._joints = [None if arm is None else arm.joints]
+        self.set_obstacles(plan.problem.obstacles)
+        self._rehearse()
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """As known now, in the plan's initial camera frame."""
+        return self._asked.obstacles
+
+    @property
+    def change(self) -> float:
+        """How far the tracker's estimate has moved from what is planned for [m].
+
+        The largest of: the goal's centre, the goal's rotation times the points' mean distance, and the
+        points, root mean square.
+        """
+        problem, pose = self._problem, self._tracker.goal.pose
+        goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
+        off = problem.initial_T_goal.inv() * goal
+        distance = float(np.linalg.norm(problem.points - problem.goal_translation, axis=1).mean())
+        moved = np.linalg.norm(self._tracker.points - problem.points, axis=1)
+        return max(
+            float(np.linalg.norm(off.translation)),
+            distance * float(off.rotation.magnitude()),
+            float(np.sqrt(np.mean(moved**2))),
+        )
+
+    def set_obstacles(self, obstacles: Iterable[Obstacle]) -> None:
+        """Say where obstacles are now, all of them: what is not among them is gone.
+
+        Args:
+            obstacles: in the plan's initial camera frame; each keeps its own clearance, or the problem's.
+
+        Raises:
+            InputError: what a problem refuses; or an obstacle with a motion, which runs over a plan's own w.
+        """
+        asked = replace(self._asked, obstacles=tuple(obstacles))
+        for i, obstacle in enumerate(asked.obstacles):
+            if obstacle.motion is not None:
+                raise InputError(f"obstacles[{i}]: motion given; legal: where it is now, again as it moves")
+        if self._arm is not None and self._arm.setting.clearance is not None:
+            solids_of(asked.obstacles, self._arm.setting.base_T_initial, 1.0)  # refuses what it cannot judge
+        self._asked = asked
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The tracker's."""
+        return self._tracker.legs
+
+    @property
+    def joints(self) -> tuple[JointPath | None, ...]:
+        """What follows each of the tracker's legs; None without an arm."""
+        return tuple(self._joints)
+
+    def leg_number(self, time: float) -> int:
+        """Return which of the tracker's legs is followed at ``time`` [s]."""
+        return max([k for k, leg in enumerate(self._tracker.legs) if leg.time <= time], default=0)
+
+    def posture(self, time: float) -> tuple[FloatArray, FloatArray]:
+        """Return the joints (n,) [rad] and their speeds [rad/s] at ``time`` [s] since the servo's start.
+
+        Raises:
+            InputError: no arm was given.
+        """
+        leg, joints = self._at(time)
+        if joints is None:
+            raise InputError("posture: no arm was given")
+        s, speed = leg.law(time)
+        return joints(s), speed * joints(s, 1)
+
+    def look(self, time: float) -> Replanning | None:
+        """Plan again where something has changed; return what came of it, None where nothing had changed.
+
+        Args:
+            time: of the last image, since the servo's start [s].
+
+        Raises:
+            Blocked: no way on is proven.
+        """
+        cause: Literal["obstacles", "estimate"] | None = None
+        problem = self._problem
+        if self._asked.obstacles is not problem.obstacles:
+            cause, problem = "obstacles", replace(problem, obstacles=self._asked.obstacles)
+        if self.change > self.options.tube:
+            cause, pose = cause or "estimate", self._tracker.goal.pose
+            goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
+            problem = replace(problem, points=self._tracker.points, initial_T_goal=goal)
+        if cause is None:
+            return None
+        begin = perf_counter()
+        event = self._answer(time, cause, problem, begin)
+        self.events.append(event)
+        self._problem = problem
+        if event.outcome == "blocked":
+            raise Blocked(f"{cause} changed at {time:.3f} s and no way on is proven: {event.reason}")
+        if event.leg is not None:
+            self._tracker.take_up(event.leg)
+            self._joints.append(event.joints)
+        return event
+
+    def _answer(
+        self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
+    ) -> Replanning:
+        bodies = self._bodies(problem)
+        later = time + self.options.ahead
+        leg = self._at(later)[0]
+        s = leg.law(later)[0]
+        same_goal = problem.initial_T_goal is self._problem.initial_T_goal
+
+        def told(outcome: Literal["kept", "replanned", "blocked"], **more: object) -> Replanning:
+            w, seconds = leg.w(later)[0], perf_counter() - begin
+            return Replanning(time, cause, outcome, w, problem, seconds, **more)  # type: ignore[arg-type]
+
+        if same_goal and self._is_clear(problem, bodies, time, np.inf):
+            return told("kept")
+        if 1.0 - s < LEAST_REST:
+            return told("blocked", reason="it is too near to the goal to plan again")
+        if not self._is_clear(problem, bodies, time, later):
+            return told("blocked", reason="what is gone before another way could be taken up is not clear")
+        plan, joints = self._planned(problem, bodies, later)
+        if plan.status != "certified" or plan.path is None:
+            return told("blocked", reason=plan.reason)
+        path = plan.path.seen_in(leg.path(s))
+        law = self._law(path, joints, later)
+        if law is None:
+            return told("blocked", reason="the joints cannot turn into the way found as fast as they move")
+        budget = self.options.time_budget
+        if budget is not None and perf_counter() - begin > budget:
+            return told("blocked", reason=f"planning took longer than {budget:g} s")
+        return told("replanned", leg=Leg(path, law, later, leg.w(later)[0]), joints=joints, plan=plan)
+
+    def _rehearse(self) -> None:
+        """Go through all of it once, so that compiling does not delay a twist."""
+        bodies, later = self._bodies(self._problem), self.options.ahead
+        self._is_clear(self._problem, bodies, 0.0, later)
+        plan, joints = self._planned(self._problem, bodies, later)
+        if plan.path is not None:
+            self._law(plan.path.seen_in(self._at(later)[0].path(0.0)), joints, later)
+
+    def _bodies(self, problem: PlanningProblem) -> ArmBodies | None:
+        return None if self._arm is None else self._arm.setting.bodies(problem.obstacles)
+
+    def _law(self, path: CameraPath, joints: JointPath | None, later: float) -> RestOfLaw | None:
+        """Return how a way taken up at ``later`` [s] is gone; None: the joints are too fast for it then."""
+        limits = None
+        if self._arm is not None and self._arm.limits is not None and joints is not None:
+            limits = self._arm.limits(path, joints)
+        return RestOfLaw.within(self._at(later)[0].law, later, limits)
+
+    def _planned(
+        self, problem: PlanningProblem, bodies: ArmBodies | None, later: float
+    ) -> tuple[Plan, JointPath | None]:
+        leg, joints = self._at(later)
+        s, seed, budget = leg.law(later)[0], self.options.seed, self.options.time_budget
+        followed = replace(self._plan, path=leg.path)
+        if self._arm is None or joints is None:
+            return replan(followed, s, problem, time_budget=budget, seed=seed), None
+        found = replan_with_arm(
+            followed, joints, s, problem, self._arm.setting, bodies=bodies, time_budget=budget, seed=seed
+        )
+        return found.plan, found.branch
+
+    def _is_clear(
+        self, problem: PlanningProblem, bodies: ArmBodies | None, since: float, until: float
+    ) -> bool:
+        """Return whether the way between two times [s] is proven for a problem, camera and arm."""
+        legs = self._tracker.legs
+        for k, (leg, joints) in enumerate(zip(legs, self._joints, strict=True)):
+            left = legs[k + 1].time if k + 1 < len(legs) else np.inf
+            last = min(until, left)
+            if last <= since or leg.time >= until:
+                continue
+            begin = leg.law(max(since, leg.time))[0]
+            end = 1.0 if last == np.inf else leg.law(last)[0]
+            if not self._keeps(problem, bodies, leg.path, joints, begin, max(end, begin + _SHORTEST)):
+                return False
+        return True
+
+    def _keeps(
+        self,
+        problem: PlanningProblem,
+        bodies: ArmBodies | None,
+        path: CameraPath,
+        joints: JointPath | None,
+        begin: float,
+        end: float,
+    ) -> bool:
+        if not keeps_problem(problem, path.part(begin, end)):
+            return False
+        if self._arm is None or bodies is None or joints is None:
+            return True
+        setting = self._arm.setting
+        found = arm_clearance(
+            bodies,
+            part_of_joints(setting, joints, begin, min(end, 1.0)),
+            clearance=setting.clearance_around,
+            self_clearance=setting.self_clearance,
+        )
+        return found.status == "clear"
+
+    def _at(self, time: float) -> tuple[Leg, JointPath | None]:
+        """Return the leg that is followed at ``time`` [s], and the joints that do."""
+        k = self.leg_number(time)
+        return self._tracker.legs[k], self._joints[k]

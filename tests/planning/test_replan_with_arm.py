@@ -1,0 +1,89 @@
+"""A plan on the way for the whole arm: joints go on as they move, and everything is proven again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.planning.arm_scenes import random_task
+
+from omniservo.errors import InputError
+from omniservo.planning import Sphere, plan_with_arm, replan_with_arm
+from omniservo.planning.with_arm.part_of_joints import part_of_joints
+from omniservo.robots import load_arm
+from omniservo.verification import verify_plan
+
+
+def moved(problem, random, size):
+    """Every ball moved by ``size`` [m]."""
+    steps = random.normal(size=(len(problem.obstacles), 3))
+    balls = tuple(
+        replace(o, center=o.center + size * step / np.linalg.norm(step))
+        for o, step in zip(problem.obstacles, steps, strict=True)
+    )
+    return replace(problem, obstacles=balls)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    """A certified plan with its arm."""
+    problem, setting = random_task(load_arm("rx60"), np.random.default_rng(5))
+    found = plan_with_arm(problem, setting)
+    assert found.certified
+    return problem, setting, found
+
+
+def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():
+    arm, certified, elsewhere = load_arm("rx60"), 0, 0
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        problem, setting = random_task(arm, random)
+        found = plan_with_arm(problem, setting)
+        if not found.certified:
+            continue
+        w, now = random.uniform(0.1, 0.7), moved(problem, random, 0.03)
+        rest = replan_with_arm(found.plan, found.branch, w, now, setting)
+        if not rest.certified:
+            assert rest.plan.reason
+            continue
+        certified += 1
+        assert verify_plan(rest.plan).status == "certified"
+        assert rest.branch(0.0) == pytest.approx(found.branch(w), abs=1e-5)
+        assert rest.branch(0.0, 1) == pytest.approx((1.0 - w) * found.branch(w, 1), abs=1e-4)
+        bodies = setting.bodies(now.obstacles)
+        for s in np.linspace(0.0, 1.0, 40):
+            q = rest.branch(s)
+            camera = setting.base_T_initial.inv() * arm.base_T_flange(q) * setting.flange_T_camera
+            off = (found.plan.path(w) * rest.plan.path(s)).inv() * camera
+            assert np.linalg.norm(off.translation) < 2e-6
+            bodies.place(q)
+            for near in bodies.near(0.05):
+                asked = setting.clearance if bodies.is_around(near.pair) else setting.self_clearance
+                assert near.gap >= asked - 1e-9
+        old = found.plan.path(w + (1 - w) * 0.5).translation
+        elsewhere += np.linalg.norm((found.plan.path(w) * rest.plan.path(0.5)).translation - old) > 1e-3
+    assert certified >= 4
+    assert elsewhere >= 1
+
+
+def test_a_way_that_is_shut_is_said_with_what_shuts_it(planned):
+    problem, setting, found = planned
+    here = Sphere(found.plan.path(0.4).translation, 0.02)
+    rest = replan_with_arm(found.plan, found.branch, 0.4, replace(problem, obstacles=(here,)), setting)
+    assert rest.plan.status == "infeasible"
+    assert "start pose" in rest.plan.reason
+
+
+def test_joints_that_are_elsewhere_are_refused(planned):
+    problem, setting, found = planned
+    with pytest.raises(InputError, match="joints: they do not put the camera where the plan's path has it"):
+        replan_with_arm(found.plan, lambda w: found.branch(w) + 0.5, 0.4, problem, setting)
+
+
+def test_a_part_of_the_joints_is_the_same_motion(planned):
+    _, setting, found = planned
+    part, s = part_of_joints(setting, found.branch, 0.21, 0.83), np.linspace(0.0, 1.0, 9)
+    for order in (0, 1, 2):
+        whole = 0.62**order * found.branch(0.21 + 0.62 * s, order)
+        assert part(s, order) == pytest.approx(whole, abs=1e-9)
+    assert part.limit_margins == pytest.approx(setting.arm.limit_margins(part.positions))
+    assert 0.0 < part.travel < found.branch.travel

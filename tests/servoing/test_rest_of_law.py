@@ -1,0 +1,96 @@
+"""What is left of a law: no jump where it begins, at rest where it ends, and as slow as limits need it."""
+
+import numpy as np
+import pytest
+
+from omniservo.errors import InputError
+from omniservo.servoing import ExponentialLaw, PathLimits, RestOfLaw, RestToRestLaw
+
+LAW = RestToRestLaw(3.0)
+RESTS = [
+    RestOfLaw(LAW, 1.1),
+    RestOfLaw(LAW, 1.1, pace=0.4, ramp=0.3),
+    RestOfLaw(ExponentialLaw(0.7), 0.5, pace=0.7),
+    RestOfLaw(RestOfLaw(LAW, 0.8, pace=0.5), 1.4, pace=0.6),
+]
+
+
+def bent(size, sharp=0.0):
+    """One joint that goes on as before and then farther by ``size`` [rad]; sharp: dq/dw bends at once."""
+
+    def joints(w, order):
+        values = {
+            1: 0.4 + sharp * w + 2.0 * size * np.sin(np.pi * w) ** 2,
+            2: sharp + 2.0 * size * np.pi * np.sin(2.0 * np.pi * w),
+        }
+        return values[order][:, None]
+
+    return joints
+
+
+@pytest.mark.parametrize("rest", RESTS)
+def test_it_begins_at_zero_with_the_present_speed_and_ends_at_rest(rest):
+    w, speed = rest.law(rest.begin)
+    assert rest(rest.begin) == (0.0, pytest.approx(speed / (1.0 - w), rel=1e-12))
+    times = np.linspace(rest.begin, 60.0, 4001)
+    s, rates = np.array([rest(t) for t in times]).T
+    assert (np.diff(s) >= 0.0).all()
+    assert (rates >= 0.0).all()
+    assert s[-1] == pytest.approx(1.0, abs=1e-8)
+    assert rates[-1] == pytest.approx(0.0, abs=1e-8)
+    assert rest.finished(60.0)
+    assert not rest.finished(rest.begin)
+
+
+@pytest.mark.parametrize("rest", RESTS)
+def test_speed_is_the_derivative_and_has_no_jump(rest):
+    for time in rest.begin + np.linspace(0.001, 3.0, 43):
+        slope = (rest(time + 1e-6)[0] - rest(time - 1e-6)[0]) / 2e-6
+        assert rest(time)[1] == pytest.approx(slope, abs=1e-7)
+
+
+def test_carried_on_it_is_the_law_itself():
+    rest = RestOfLaw(LAW, 1.1)
+    w, _ = LAW(1.1)
+    for time in (1.1, 1.7, 2.9, 3.0):
+        assert w + (1.0 - w) * rest(time)[0] == pytest.approx(LAW(time)[0], abs=1e-15)
+    assert rest.finished(3.0)
+    assert not rest.finished(2.99)
+
+
+@pytest.mark.parametrize("begin", [0.4, 0.7, 1.1])
+@pytest.mark.parametrize("size", [0.2, 0.5, 1.0])
+def test_within_limits_it_keeps_them_at_every_millisecond(begin, size):
+    limits = PathLimits(bent(size), [0.7], [1.0])
+    rest = RestOfLaw.within(LAW, begin, limits)
+    times = np.arange(begin + 1e-3, begin + 25.0, 1e-3)
+    s, speed = np.array([rest(t) for t in times]).T
+    change = np.gradient(speed, times)
+    excess = limits.excess(np.clip(s, 0, 1), speed, change)
+    carried = np.array([RestOfLaw(LAW, begin)(t) for t in times]).T
+    needed = limits.excess(np.clip(carried[0], 0, 1), carried[1], np.gradient(carried[1], times))
+    assert excess <= 1.005
+    assert (rest.pace == 1.0) == (needed <= 1.002)
+
+
+def test_a_path_too_sharp_for_the_speed_at_which_it_is_entered_has_no_law():
+    """Whatever the clock does later, q″ṡ² at the beginning is beyond the limit."""
+    assert RestOfLaw.within(LAW, 1.5, PathLimits(bent(0.0, sharp=20.0), [5.0], [3.0])) is None
+    assert RestOfLaw.within(LAW, 1.5, None) == RestOfLaw(LAW, 1.5)
+
+
+def test_rests_of_rests_that_go_on_do_not_pile_up():
+    rest = LAW
+    for begin in np.linspace(0.2, 2.0, 30):
+        rest = RestOfLaw.within(rest, float(begin), None)
+    assert rest == RestOfLaw(LAW, 2.0)
+
+
+def test_a_law_that_is_over_and_numbers_that_are_none_are_refused():
+    with pytest.raises(InputError, match="begin: 3 s given; the law has reached w = 1"):
+        RestOfLaw(LAW, 3.0)
+    for bad in ({"begin": np.nan}, {"begin": 1.0, "pace": 0.0}, {"begin": 1.0, "pace": 1.5}):
+        with pytest.raises(InputError):
+            RestOfLaw(LAW, **bad)
+    with pytest.raises(InputError):
+        RestOfLaw(LAW, 1.0)(np.nan)
