@@ -1,6 +1,10 @@
-"""What a kernel promises about its compilation."""
+"""What kernels promise about their compilation."""
 
-from omniservo.geometry.kernel import kernel
+import numpy as np
+import pytest
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel, leaf
 
 
 @kernel
@@ -13,7 +17,39 @@ def _square_and_cube(x: float) -> float:
     return _power(x, 2) + _power(x, 3)
 
 
+@kernel
+def _sum_of_new(n: int) -> float:
+    return float(np.ones(n).sum())
+
+
+@leaf
+def _first_and_new(x: FloatArray) -> tuple[float, float]:
+    return x[0], _sum_of_new(3)
+
+
+@leaf
+def _makes_an_array(n: int) -> float:
+    return float(np.ones(n).sum())
+
+
 def test_a_kernel_is_compiled_once_for_all_constants_that_kernels_call_it_with():
     assert _square_and_cube(2.0) == 12.0
     assert _power(2.0, 4) == 16.0
     assert len(_power.signatures) == 1
+
+
+def test_what_a_leaf_calls_may_make_arrays():
+    assert _first_and_new(np.array([5.0, 6.0])) == (5.0, 3.0)
+
+
+def test_a_leaf_that_makes_an_array_is_refused():
+    with pytest.raises(Exception, match="Only accept returning of array|NRT required"):
+        _makes_an_array(3)
+
+
+def test_a_leaf_that_would_return_an_array_is_refused():
+    def view(x: FloatArray) -> FloatArray:
+        return x[1:]
+
+    with pytest.raises(TypeError, match="numbers alone"):
+        leaf(view)

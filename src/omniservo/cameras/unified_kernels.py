@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import BLOCK, inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
 
 _NAN = math.nan
 _LEAST_SQUARE = 1e-280
@@ -108,7 +108,7 @@ def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, floa
     return _undistort_slowly(parameters, px, py)
 
 
-@kernel
+@leaf
 def _undistort_slowly(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
     """Return m as `undistort` does, by Newton's method with halved steps inside the disc."""
     largest = parameters[11] * (1.0 + 1e-12)
@@ -141,7 +141,7 @@ def _undistort_slowly(parameters: FloatArray, px: float, py: float) -> tuple[flo
     return x, y, ok
 
 
-@kernel
+@leaf
 def project_point(parameters: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Return the pixel (u, v) of a point in the camera frame [m], and whether it is in the domain."""
     square = x * x + y * y + z * z
@@ -158,7 +158,7 @@ def project_point(parameters: FloatArray, x: float, y: float, z: float) -> tuple
     )
 
 
-@kernel
+@leaf
 def project_point_jacobian(
     parameters: FloatArray, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float, float, bool]:
@@ -192,7 +192,7 @@ def project_point_jacobian(
     )
 
 
-@kernel
+@leaf
 def unproject_plane(parameters: FloatArray, mx: float, my: float) -> tuple[float, float, float]:
     """Return the bearing of a point m of the normalised plane inside the domain of unprojection.
 
@@ -217,13 +217,13 @@ def _bearing_of_pixel(parameters: FloatArray, u: float, v: float) -> tuple[float
     return x, y, z, True
 
 
-@kernel
+@leaf
 def unproject_pixel(parameters: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
     """Return the bearing (unit) of a pixel, and whether the pixel is in the domain."""
     return _bearing_of_pixel(parameters, u, v)
 
 
-@kernel
+@leaf
 def unproject_pixel_jacobian(parameters: FloatArray, u: float, v: float, out: FloatArray) -> bool:
     """Write the bearing and ∂bearing/∂(u, v) [1/px] into ``out`` (9,): x, y, z, xu, xv, yu, yv, zu, zv.
 
@@ -254,7 +254,7 @@ def unproject_pixel_jacobian(parameters: FloatArray, u: float, v: float, out: Fl
     return True
 
 
-@kernel
+@leaf
 def project_points(parameters: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """`project_point` for each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
     for i in range(points.shape[0]):
@@ -263,7 +263,7 @@ def project_points(parameters: FloatArray, points: FloatArray, pixels: FloatArra
         )
 
 
-@kernel
+@leaf
 def project_points_jacobian(
     parameters: FloatArray, points: FloatArray, pixels: FloatArray, jacobians: FloatArray, valid: BoolArray
 ) -> None:
@@ -277,7 +277,7 @@ def project_points_jacobian(
         jacobians[i, 1, 0], jacobians[i, 1, 1], jacobians[i, 1, 2] = vx, vy, vz
 
 
-@kernel
+@leaf
 def _undistort_block(
     parameters: FloatArray, px: FloatArray, py: FloatArray, x: FloatArray, y: FloatArray
 ) -> None:
@@ -321,7 +321,7 @@ def unproject_pixels(
             bearings[start + i, 2] = u[i] if ok else _NAN
 
 
-@kernel
+@leaf
 def unproject_pixels_jacobian(
     parameters: FloatArray, pixels: FloatArray, results: FloatArray, valid: BoolArray
 ) -> None:

@@ -17,9 +17,9 @@ from omniservo.cameras.unified_kernels import project_point, project_point_jacob
 from omniservo.estimation.pose_refinement import pose_rows
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.matrix_products import transposed_times
 
 LEAST_PIVOT = 1e-12
 FIRST_DAMPING = 1e-6
@@ -163,7 +163,7 @@ def linearise(
     return cost
 
 
-@kernel
+@leaf
 def _baseline(poses: FloatArray, view: int) -> float:
     """Return the distance of a view's centre from the first one's."""
     square = 0.0
@@ -172,7 +172,7 @@ def _baseline(poses: FloatArray, view: int) -> float:
     return math.sqrt(square)
 
 
-@kernel
+@leaf
 def _rescale(poses: FloatArray, points: FloatArray, factor: float) -> None:
     """Scale everything about the first view's centre, which no picture shows."""
     for i in range(3):
@@ -198,7 +198,7 @@ def _hold_scale(poses: FloatArray, scale_view: int, normal: FloatArray, reduced:
             reduced[at + i, at + k] += 1e6 * weight * along / square
 
 
-@kernel
+@leaf
 def _damped_point(own: FloatArray, damping: float, factor: FloatArray) -> bool:
     """Write the Cholesky factor of a point's damped block; False where nobody sees the point."""
     for a in range(3):

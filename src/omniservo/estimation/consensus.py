@@ -16,7 +16,7 @@ from omniservo.estimation.epipolar_refinement import (
 from omniservo.estimation.essential_matrix import motion_from_essential
 from omniservo.estimation.five_points import MOST_SOLUTIONS, SAMPLE, five_point_essentials
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 LEAST_SAMPLES = 20
 MOST_SAMPLES = 2000
@@ -67,14 +67,14 @@ def find_consensus(
     return best, count
 
 
-@kernel
+@leaf
 def _copy(source: FloatArray, target: FloatArray) -> None:
     """Copy a 3×3 matrix."""
     for i in range(9):
         target[i // 3, i % 3] = source[i // 3, i % 3]
 
 
-@kernel
+@leaf
 def msac_score(
     bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, threshold: float, best: float
 ) -> tuple[float, int]:
@@ -118,7 +118,7 @@ def _improve(
     return True
 
 
-@kernel
+@leaf
 def gather(
     bearings: FloatArray, jacobians: FloatArray, chosen: BoolArray, near: FloatArray, slopes: FloatArray
 ) -> int:
@@ -134,7 +134,7 @@ def gather(
     return count
 
 
-@kernel
+@leaf
 def draw(state: int, n: int, chosen: IntArray) -> int:
     """Fill ``chosen`` with distinct numbers below n; return the next state (48-bit linear congruence)."""
     for i in range(chosen.shape[0]):

@@ -14,7 +14,7 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import (
     factor_cholesky,
     smallest_eigenvectors,
@@ -78,7 +78,7 @@ def refine_linear_map(
     return cost
 
 
-@kernel
+@leaf
 def _hold_scale(g: FloatArray, normal: FloatArray) -> None:
     """Add a penalty along G itself: the cost does not depend on its norm."""
     weight = 0.0
@@ -89,7 +89,7 @@ def _hold_scale(g: FloatArray, normal: FloatArray) -> None:
             normal[i, k] += weight * g[i // 3, i % 3] * g[k // 3, k % 3]
 
 
-@kernel
+@leaf
 def _step(kind: int, matrix: FloatArray, step: FloatArray, turn: FloatArray, trial: FloatArray) -> None:
     """Write into ``trial`` the map moved by the step: R exp([δ]×), or G + dG with norm 1."""
     if kind == HOMOGRAPHY:
@@ -144,7 +144,7 @@ def _accumulate(
     return cost
 
 
-@kernel
+@leaf
 def _linearise_match(
     matches: Matches, j: int, size: int, g: FloatArray, rows: FloatArray
 ) -> tuple[float, float, float, float, float, bool]:
@@ -172,7 +172,7 @@ def _linearise_match(
     )
 
 
-@kernel
+@leaf
 def _row(
     rows: FloatArray,
     row: int,
@@ -211,7 +211,7 @@ def map_distances(matches: Matches, matrix: FloatArray, distances: FloatArray) -
         distances[j] = map_distance(matches, j, matrix, rows)
 
 
-@kernel
+@leaf
 def map_distance(matches: Matches, j: int, matrix: FloatArray, rows: FloatArray) -> float:
     """Return √(eᵀ(I + AAᵀ)⁻¹e) [px] of match ``j``, infinite off the image; ``rows`` (2, 9): scratch."""
     eu, ev, suu, suv, svv, ok = _linearise_match(matches, j, 3, matrix, rows)
@@ -284,7 +284,7 @@ def algebraic_map(bearings: FloatArray, members: BoolArray, kind: int) -> FloatA
     return matrix
 
 
-@kernel
+@leaf
 def _add_across(bearings: FloatArray, j: int, gram: FloatArray) -> None:
     """Add the lower triangle of (I − bbᵀ) ⊗ b*b*ᵀ, that of ‖b × G b*‖² in the entries of G."""
     for a in range(9):

@@ -12,9 +12,9 @@ import numpy as np
 from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.matrix_products import times, transposed_times
 
 FIRST_DAMPING = 1e-5
 LARGEST_DAMPING = 1e8
@@ -23,7 +23,7 @@ SMALL_GAIN = 1e-5
 """A relative gain far below what noise can tell ends the refinement; the joint one follows anyway."""
 
 
-@kernel
+@leaf
 def essential_matrix(rotation: FloatArray, translation: FloatArray, essential: FloatArray) -> None:
     """Write E = [t]× R into ``essential`` (3, 3)."""
     for i in range(3):
@@ -95,7 +95,7 @@ def refine_epipolar(
     return cost, False
 
 
-@kernel
+@leaf
 def _damped_step(
     normal: FloatArray, gradient: FloatArray, damping: float, factor: FloatArray, step: FloatArray
 ) -> float:
@@ -114,7 +114,7 @@ def _damped_step(
     return decrement
 
 
-@kernel
+@leaf
 def sampson_distance(bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray) -> float:
     """Return match ``j``'s signed Sampson distance [px].
 
@@ -126,7 +126,7 @@ def sampson_distance(bearings: FloatArray, jacobians: FloatArray, j: int, e: Flo
     return form / math.sqrt(f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
 
 
-@kernel
+@leaf
 def sampson_gradient(
     bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray
 ) -> tuple[float, float, float, float, float]:
@@ -143,7 +143,7 @@ def sampson_gradient(
     )
 
 
-@kernel
+@leaf
 def sampson_distances(
     bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, distances: FloatArray
 ) -> None:
@@ -152,7 +152,7 @@ def sampson_distances(
         distances[j] = sampson_distance(bearings, jacobians, j, essential)
 
 
-@kernel
+@leaf
 def sampson_cost(
     bearings: FloatArray, jacobians: FloatArray, loss_scale: float, essential: FloatArray
 ) -> float:
@@ -164,7 +164,7 @@ def sampson_cost(
     return cost
 
 
-@kernel
+@leaf
 def correct_bearings(
     bearings: FloatArray, jacobians: FloatArray, essential: FloatArray, corrected: FloatArray
 ) -> None:
@@ -178,7 +178,7 @@ def correct_bearings(
             corrected[j, 3 + i] = b[3 + i] - ratio * (f2 * k[6 + 2 * i] + f3 * k[7 + 2 * i])
 
 
-@kernel
+@leaf
 def tangent_plane(translation: FloatArray, tangents: FloatArray) -> None:
     """Write two orthonormal rows (2, 3) across the unit ``translation``."""
     smallest = 0
@@ -253,7 +253,7 @@ def accumulate_distances(
     return cost
 
 
-@kernel
+@leaf
 def sampson_row(
     bearings: FloatArray,
     jacobians: FloatArray,
@@ -298,13 +298,3 @@ def sampson_row(
     row[4] = tangents[1, 0] * sx + tangents[1, 1] * sy + tangents[1, 2] * sz
     distance: float = form * scale
     return distance
-
-
-@kernel
-def times(m: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the product of a 3×3 matrix and (x, y, z)."""
-    return (
-        m[0, 0] * x + m[0, 1] * y + m[0, 2] * z,
-        m[1, 0] * x + m[1, 1] * y + m[1, 2] * z,
-        m[2, 0] * x + m[2, 1] * y + m[2, 2] * z,
-    )

@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import smallest_eigenvectors, symmetric_eigen
 
 FAR = 50.0
@@ -95,7 +95,7 @@ def motion_from_essential(essential: FloatArray, rotation: FloatArray, translati
     return True
 
 
-@kernel
+@leaf
 def ray_distances(
     bearings: FloatArray, j: int, rotation: FloatArray, translation: FloatArray
 ) -> tuple[float, float]:
@@ -115,7 +115,7 @@ def ray_distances(
     return first, second
 
 
-@kernel
+@leaf
 def mark_in_front(
     bearings: FloatArray, rotation: FloatArray, translation: FloatArray, in_front: BoolArray
 ) -> None:
@@ -125,7 +125,7 @@ def mark_in_front(
         in_front[j] = 0.0 < first < math.inf and 0.0 < second < math.inf
 
 
-@kernel
+@leaf
 def motion_in_front(
     bearings: FloatArray,
     essential: FloatArray,
@@ -167,7 +167,7 @@ def turn_in_front(bearings: FloatArray, rotation: FloatArray, translation: Float
     return max(plus, minus)
 
 
-@kernel
+@leaf
 def _count_in_front(bearings: FloatArray, rotation: FloatArray, translation: FloatArray) -> tuple[int, int]:
     """Return how many matches meet in front of both cameras under t and under −t."""
     plus, minus = 0, 0
@@ -180,7 +180,7 @@ def _count_in_front(bearings: FloatArray, rotation: FloatArray, translation: Flo
     return plus, minus
 
 
-@kernel
+@leaf
 def linear_structure(
     bearings: FloatArray, rotation: FloatArray, translation: FloatArray, points: FloatArray
 ) -> None:
@@ -204,7 +204,7 @@ def linear_structure(
                 points[j, i] = FAR * bearings[j, i]
 
 
-@kernel
+@leaf
 def bearings_of_pixels(
     parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, jacobians: FloatArray
 ) -> int:

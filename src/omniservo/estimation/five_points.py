@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.real_roots import real_roots
 
 SAMPLE = 5
@@ -97,7 +97,7 @@ def _null_space(bearings: FloatArray, chosen: IntArray, space: FloatArray) -> bo
     return True
 
 
-@kernel
+@leaf
 def _add_quadratic(factor: float, space: FloatArray, i: int, k: int, quadratic: FloatArray) -> None:
     """Add factor · E_i E_k, entries of E as linear forms in (x, y, z, 1), to a quadratic (10,)."""
     for p in range(4):
@@ -105,7 +105,7 @@ def _add_quadratic(factor: float, space: FloatArray, i: int, k: int, quadratic: 
             quadratic[PAIRS[p, q]] += factor * space[p, i] * space[q, k]
 
 
-@kernel
+@leaf
 def _add_cubic(quadratic: FloatArray, space: FloatArray, i: int, cubic: FloatArray) -> None:
     """Add quadratic · E_i to a cubic (20,)."""
     for p in range(10):
@@ -141,7 +141,7 @@ def _write_cubics(space: FloatArray, cubics: FloatArray) -> None:
         _add_cubic(minor, space, c, cubics[9])
 
 
-@kernel
+@leaf
 def _eliminate(a: FloatArray) -> bool:
     """Reduce the first ten columns of (10, 20) to the identity, as far as the last six rows need."""
     for step in range(10):
@@ -165,7 +165,7 @@ def _eliminate(a: FloatArray) -> bool:
     return True
 
 
-@kernel
+@leaf
 def _subtract_shifted(e: FloatArray, f: FloatArray, row: FloatArray) -> None:
     """Write e − z f as polynomials in z, lowest power first, of x, y and 1: (3, 5).
 

@@ -17,6 +17,7 @@ from omniservo.estimation.normal_blocks import (
     invert_point_block,
     linearise,
 )
+from omniservo.estimation.pose_refinement import cauchy_loss
 from omniservo.estimation.rotation_parameters import (
     QUATERNION,
     parameters_from_rotation,
@@ -24,9 +25,9 @@ from omniservo.estimation.rotation_parameters import (
     rotation_from_parameters,
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.matrix_products import transposed_times
 
 FIRST_DAMPING = 1e-6
 LARGEST_DAMPING = 1e8
@@ -77,18 +78,18 @@ def refine_jointly(
         if not decrement >= 0.0:
             damping *= 10.0
             continue
-        for i in range(s.shape[0]):
-            trial_s[i] = s[i] + step[3 + i]
-        for i in range(3):
-            trial_t[i] = translation[i] + step[i]
-        _unit_quaternion(kind, trial_s)
+        _move_motion(kind, s, translation, step, trial_s, trial_t)
         rotation_from_parameters(kind, trial_s, trial_r)
         _move_points(points, point_steps, trial_h)
         _unit_translation(trial_t, trial_h)
-        # Most trials are taken, so their normal equations are made along with their cost.
-        trial = linearise(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h, trial_blocks)
         # Below this the cost is rounding; the step is as good as the answer.
         last = decrement <= 1e-9 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
+        if last:
+            trial = _cost(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h)
+        else:  # Most trials are taken, so their normal equations are made along with their cost.
+            trial = linearise(
+                parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h, trial_blocks
+            )
         if trial > cost and not (last and trial < math.inf):
             damping = max(10.0 * damping, 1e-8)
             continue
@@ -101,21 +102,57 @@ def refine_jointly(
 
 
 @kernel
+def _cost(
+    parameters: FloatArray,
+    pixels: FloatArray,
+    weights: FloatArray,
+    loss_scale: float,
+    rotation: FloatArray,
+    translation: FloatArray,
+    points: FloatArray,
+) -> float:
+    """Return the cost [px²] alone, infinite outside the domain; see `linearise`."""
+    residuals, cost = np.empty_like(pixels), 0.0
+    write_residuals(parameters, pixels, rotation, translation, points, residuals)
+    for j in range(points.shape[0]):
+        u, v = weights[j, 0] * residuals[j, 0], weights[j, 0] * residuals[j, 1]
+        u_goal, v_goal = weights[j, 1] * residuals[j, 2], weights[j, 1] * residuals[j, 3]
+        error = u * u + v * v + u_goal * u_goal + v_goal * v_goal
+        if not error < math.inf:
+            return math.inf
+        cost += cauchy_loss(error, loss_scale)
+    return cost
+
+
+@kernel
 def _empty_blocks(n: int) -> NormalBlocks:
     """Return room for n points."""
     return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
 
 
-@kernel
-def _unit_quaternion(kind: int, s: FloatArray) -> None:
-    """Set a quaternion's length to 1; it does not change the cost."""
+@leaf
+def _move_motion(
+    kind: int,
+    s: FloatArray,
+    translation: FloatArray,
+    step: FloatArray,
+    trial_s: FloatArray,
+    trial_t: FloatArray,
+) -> None:
+    """Write (s_t, s_R) moved by the step (7,); a quaternion keeps its length, which the cost does not see."""
+    for i in range(3):
+        trial_t[i] = translation[i] + step[i]
+    square = 0.0
+    for i in range(s.shape[0]):
+        trial_s[i] = s[i] + step[3 + i]
+        square += trial_s[i] * trial_s[i]
     if kind == QUATERNION:
-        norm = math.sqrt(s[0] ** 2 + s[1] ** 2 + s[2] ** 2 + s[3] ** 2)
+        norm = math.sqrt(square)
         for i in range(4):
-            s[i] /= norm
+            trial_s[i] /= norm
 
 
-@kernel
+@leaf
 def _accept(
     trial_s: FloatArray,
     trial_r: FloatArray,
@@ -137,7 +174,7 @@ def _accept(
             points[j, i] = trial_h[j, i]
 
 
-@kernel
+@leaf
 def write_residuals(
     parameters: FloatArray,
     pixels: FloatArray,
@@ -162,7 +199,7 @@ def write_residuals(
                 residuals[j, i] = math.nan
 
 
-@kernel
+@leaf
 def residual_sums(residuals: FloatArray, weights: FloatArray, members: BoolArray) -> tuple[float, float]:
     """Return Σ r² and Σ w²r² of the members' residuals (n, 4) [px²]."""
     plain, weighted = 0.0, 0.0
@@ -213,7 +250,7 @@ def _solve_step(
     return decrement
 
 
-@kernel
+@leaf
 def _solve_point(
     blocks: NormalBlocks,
     j: int,
@@ -291,7 +328,7 @@ def _solve_motion(
     return True
 
 
-@kernel
+@leaf
 def _move_points(points: FloatArray, steps: FloatArray, moved: FloatArray) -> None:
     """Write h moved by dh: its direction by the part across h, its inverse distance by the part along h."""
     for j in range(points.shape[0]):
@@ -304,7 +341,7 @@ def _move_points(points: FloatArray, steps: FloatArray, moved: FloatArray) -> No
         moved[j, 0], moved[j, 1], moved[j, 2] = scale * x, scale * y, scale * z
 
 
-@kernel
+@leaf
 def _unit_translation(translation: FloatArray, points: FloatArray) -> None:
     """Scale t to length 1 and every point with it: (22), with the structure's scale put right."""
     scale = 1.0 / math.sqrt(translation[0] ** 2 + translation[1] ** 2 + translation[2] ** 2)

@@ -26,7 +26,7 @@ from omniservo.estimation.essential_matrix import mark_in_front
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.motion_search import Minimum
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 LEVEL = 0.95
@@ -181,7 +181,7 @@ def _straight(
     move_motion(rotation, translation, tangents, step, trial_r, trial_t)
 
 
-@kernel
+@leaf
 def _along(way: FloatArray, tangents: FloatArray, step: FloatArray) -> None:
     """Write a way (6,), (t, δ), as a step (5,), (δ, τ)."""
     for i in range(3):

@@ -19,7 +19,7 @@ from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.normal_blocks import NormalBlocks, invert_point_block, linearise
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 PROPOSALS = 8
 """for every sample that is kept"""
@@ -148,7 +148,7 @@ def structures(
                     _step(inverse, blocks.point_gradients[j], points[k, j])
 
 
-@kernel
+@leaf
 def _step(inverse: FloatArray, gradient: FloatArray, point: FloatArray) -> None:
     """Move a point by −V⁻¹g: its direction by the part across it, its inverse distance by the part along."""
     x, y, z = gradient[0], gradient[1], gradient[2]

@@ -20,7 +20,7 @@ from omniservo.estimation.degenerate_motion import (
 )
 from omniservo.estimation.matches import Matches
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 SAMPLE = 4
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -83,7 +83,7 @@ def _keeps_angles(matches: Matches, members: BoolArray, gate: float, share: floa
     return kept >= half - (1.0 - share) * places.shape[0]
 
 
-@kernel
+@leaf
 def _angle(a: FloatArray, b: FloatArray) -> float:
     """Return the angle of two unit vectors [rad]."""
     chord = 0.0
@@ -92,7 +92,7 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
     return 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(chord)))
 
 
-@kernel
+@leaf
 def _angle_by_pixel(jacobian: FloatArray) -> float:
     """Return the larger of the two images' Frobenius norms of ∂b/∂p [rad/px]."""
     initial, goal = 0.0, 0.0
@@ -175,7 +175,7 @@ def _sampled_homography(
     return found
 
 
-@kernel
+@leaf
 def _coprime(first: int, n: int) -> int:
     """Return the first whole number from ``first`` on that shares no factor with ``n``."""
     stride = max(first, 1)
@@ -225,7 +225,7 @@ def _homography_of_four(bearings: FloatArray, chosen: IntArray, g: FloatArray) -
     return True
 
 
-@kernel
+@leaf
 def _invert(m: FloatArray, inverse: FloatArray) -> bool:
     """Write the inverse of a 3×3 matrix; False where it is singular."""
     for i in range(3):

@@ -14,8 +14,8 @@ from omniservo.estimation.epipolar_refinement import (
 from omniservo.estimation.essential_matrix import motion_from_essential, ray_distances, turn_in_front
 from omniservo.estimation.matches import Matches
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.matrix_products import transposed_times
 
 MOTION_PARAMETERS = 5
 """Rotation and direction; every match leaves one equation after its point is eliminated."""
@@ -49,7 +49,7 @@ def blended_noise(distances: FloatArray, members: BoolArray, stated: float) -> f
     return math.sqrt(square / (PRIOR_WEIGHT + max(n - MOTION_PARAMETERS, 1)))
 
 
-@kernel
+@leaf
 def sampling_threshold(stated: float) -> float:
     """Return the Sampson distance [px] at which a match stops to count while sampling."""
     return GATE * stated if stated > 0.0 else SAMPLE_THRESHOLD_PX
@@ -85,7 +85,7 @@ def mark_members(
     return count, sigma
 
 
-@kernel
+@leaf
 def meets_behind(matches: Matches, j: int, rotation: FloatArray, translation: FloatArray) -> bool:
     """Tell whether match ``j``'s rays meet behind a camera, by more than a point at infinity with noise."""
     first, second = ray_distances(matches.bearings, j, rotation, translation)

@@ -23,7 +23,7 @@ from omniservo.estimation.essential_matrix import (
 from omniservo.estimation.joint_refinement import refine_jointly
 from omniservo.estimation.matches import Matches
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 START_ANGLES = np.array([0.0, 0.6, -0.6, 1.2, -1.2])
 """a [rad]; five starts leave about 1% of nine-point scenes in a false minimum, one start 10 to 20%."""
@@ -159,7 +159,7 @@ def _refined_starts(matches: Matches, starts: FloatArray, found: Minima) -> Floa
     return order
 
 
-@kernel
+@leaf
 def _joint(matches: Matches, kind: int, found: Minima, k: int, most_steps: int) -> tuple[float, bool]:
     """Refine motion and structure of place ``k``; return (cost [px²], converged)."""
     return refine_jointly(
@@ -175,7 +175,7 @@ def _joint(matches: Matches, kind: int, found: Minima, k: int, most_steps: int) 
     )
 
 
-@kernel
+@leaf
 def _twin(found: Minima, k: int, most: float) -> int:
     """Return a minimum found before, of at most this cost, that the motion ``k`` belongs to; −1: none."""
     r, t = found.rotations, found.translations
@@ -206,7 +206,7 @@ def eight_point_starts(bearings: FloatArray, angles: FloatArray) -> FloatArray:
     return starts
 
 
-@kernel
+@leaf
 def refined_motion(
     bearings: FloatArray,
     jacobians: FloatArray,

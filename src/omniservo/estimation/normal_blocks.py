@@ -8,8 +8,8 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point_jacobian
 from omniservo.estimation.pose_refinement import cauchy_loss, pose_rows
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.matrix_products import transposed_times
 
 
 class NormalBlocks(NamedTuple):
@@ -27,7 +27,7 @@ class NormalBlocks(NamedTuple):
     """(n, 3)"""
 
 
-@kernel
+@leaf
 def linearise_point(
     parameters: FloatArray,
     pixels: FloatArray,
@@ -91,23 +91,31 @@ def linearise(
         cost += cauchy_loss(error, loss_scale)
         weight = 1.0 if loss_scale == math.inf else 1.0 / (1.0 + error / (loss_scale * loss_scale))
         place = 0
+        # A point moves in the goal image as −t does, so the goal's part stands in three blocks.
         for a in range(3):
             x, y, z, w = weight * b4[0, a], weight * b4[1, a], weight * b4[2, a], weight * b4[3, a]
-            blocks.point_gradients[j, a] = x * e[0] + y * e[1] + z * e[2] + w * e[3]
+            goal = z * e[2] + w * e[3]
+            blocks.point_gradients[j, a] = x * e[0] + y * e[1] + goal
+            blocks.motion_gradient[a] -= goal
             for b in range(a + 1):
-                blocks.points[j, place] = x * b4[0, b] + y * b4[1, b] + z * b4[2, b] + w * b4[3, b]
+                goal = z * b4[2, b] + w * b4[3, b]
+                blocks.points[j, place] = x * b4[0, b] + y * b4[1, b] + goal
+                blocks.motion[a, b] += goal
+                blocks.mixed[j, 3 * a + b], blocks.mixed[j, 3 * b + a] = -goal, -goal
                 place += 1
-        for a in range(6):
+        for a in range(3, 6):
             x, y = weight * a2[0, a], weight * a2[1, a]
             blocks.motion_gradient[a] += x * e[2] + y * e[3]
-            for b in range(a + 1):
-                blocks.motion[a, b] += x * a2[0, b] + y * a2[1, b]
             for b in range(3):
-                blocks.mixed[j, 3 * a + b] = x * b4[2, b] + y * b4[3, b]
+                goal = x * b4[2, b] + y * b4[3, b]
+                blocks.mixed[j, 3 * a + b] = goal
+                blocks.motion[a, b] -= goal
+            for b in range(3, a + 1):
+                blocks.motion[a, b] += x * a2[0, b] + y * a2[1, b]
     return cost
 
 
-@kernel
+@leaf
 def invert_point_block(block: FloatArray, damping: float, inverse: FloatArray) -> bool:
     """Write the inverse (6,), same order, of a point block (6,) with its diagonal times (1 + damping)."""
     xx, yy, zz = (1.0 + damping) * block[0], (1.0 + damping) * block[2], (1.0 + damping) * block[5]
@@ -123,7 +131,7 @@ def invert_point_block(block: FloatArray, damping: float, inverse: FloatArray) -
     return True
 
 
-@kernel
+@leaf
 def eliminate_point(inverse: FloatArray, mixed: FloatArray, product: FloatArray) -> None:
     """Write the product (18,), a 6×3 block row by row, of a mixed block and an inverted point block."""
     for a in range(6):

@@ -14,7 +14,7 @@ from omniservo.estimation.pose_refinement import minimise_pose
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, quaternion_from_matrix
 from omniservo.estimation.three_point_pose import three_point_poses
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import symmetric_eigen
 
 MOST_MINIMA = 6
@@ -176,7 +176,7 @@ def _mirrored(pose: FloatArray, middle: FloatArray, normal: FloatArray, q: Float
         t[i] = middle[i] - (turned[i, 0] * sight[0] + turned[i, 1] * sight[1] + turned[i, 2] * sight[2])
 
 
-@kernel
+@leaf
 def _widest_triangle(points: FloatArray, weights: FloatArray, chosen: IntArray) -> None:
     """Write the rows of a wide triangle: two points far apart, and the one farthest from their line."""
     first = 0

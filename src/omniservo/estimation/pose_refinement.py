@@ -12,9 +12,9 @@ from omniservo.cameras.unified_kernels import project_point, project_point_jacob
 from omniservo.errors import InputError
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.matrix_products import times, transposed_times
 
 LEAST_POINTS = 4
 """Three points leave up to four poses and nothing to check them by."""
@@ -111,7 +111,7 @@ def refine_pose_kernel(
     return q, t, math.sqrt(cost / count), True
 
 
-@kernel
+@leaf
 def _weigh(valid: BoolArray, weights: FloatArray) -> int:
     """Write 1 for what is valid and 0 for the rest; return how many are valid."""
     count = 0
@@ -210,7 +210,7 @@ def pose_cost(
     return cost
 
 
-@kernel
+@leaf
 def cauchy_loss(square: float, scale: float) -> float:
     """Return the Cauchy loss of a squared residual [px²]; the square itself for an infinite scale."""
     if scale == math.inf:
@@ -267,13 +267,13 @@ def _normal_equations(
     return cost
 
 
-@kernel
+@leaf
 def pose_rows(
     row: FloatArray, i: int, r: FloatArray, x: float, y: float, z: float, jx: float, jy: float, jz: float
 ) -> None:
     """Write row ``i`` of J·[−Rᵀ, [c]×]: one pixel coordinate's derivative to (dt, δ), c = (x, y, z)."""
-    for k in range(3):
-        row[i, k] = -(jx * r[k, 0] + jy * r[k, 1] + jz * r[k, 2])
+    tx, ty, tz = times(r, jx, jy, jz)
+    row[i, 0], row[i, 1], row[i, 2] = -tx, -ty, -tz
     row[i, 3] = jy * z - jz * y
     row[i, 4] = jz * x - jx * z
     row[i, 5] = jx * y - jy * x

@@ -15,7 +15,7 @@ from omniservo.estimation.pose_refinement import minimise_pose
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, quaternion_from_matrix
 from omniservo.estimation.three_point_pose import three_point_poses
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 LEAST_SAMPLES = 3
 MOST_SAMPLES = 1000
@@ -249,7 +249,7 @@ def noise_of_all(
     return sigma, math.sqrt(farthest)
 
 
-@kernel
+@leaf
 def _blended_noise(squares: FloatArray, members: BoolArray, count: int) -> float:
     """Return σ from the median squared distance of the members and the prior."""
     low, high = 0.0, 0.0
@@ -274,7 +274,7 @@ def _blended_noise(squares: FloatArray, members: BoolArray, count: int) -> float
     return sigma
 
 
-@kernel
+@leaf
 def _copy_pose(q: FloatArray, t: FloatArray, quaternion: FloatArray, translation: FloatArray) -> None:
     """Copy (q, t); an assignment of arrays would take longer to compile."""
     for i in range(4):

@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 QUATERNION = 0
 CAYLEY = 1
 
 
-@kernel
+@leaf
 def matrix_from_quaternion(x: float, y: float, z: float, w: float, matrix: FloatArray) -> None:
     """Write R = Λ(q/‖q‖), (20), of q = (x, y, z, w), scalar last and not zero, into ``matrix`` (3, 3)."""
     s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -55,7 +55,7 @@ def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
     return q
 
 
-@kernel
+@leaf
 def _normalise(q: FloatArray, negate: bool) -> None:
     """Scale a quaternion (4,) to length 1, with the other sign where asked."""
     scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -65,7 +65,7 @@ def _normalise(q: FloatArray, negate: bool) -> None:
         q[i] *= scale
 
 
-@kernel
+@leaf
 def rotation_from_parameters(kind: int, parameters: FloatArray, matrix: FloatArray) -> None:
     """Write the rotation of s_R into ``matrix`` (3, 3): (20) for QUATERNION (4,), (21) for CAYLEY (3,).
 
@@ -90,7 +90,7 @@ def parameters_from_rotation(kind: int, matrix: FloatArray) -> FloatArray:
     return cayley
 
 
-@kernel
+@leaf
 def rotation_differential(kind: int, parameters: FloatArray, differential: FloatArray) -> None:
     """Write D (3, 4 or 3) with δ = D ds_R, where R(s_R + ds_R) = R(s_R) exp([δ]×) to first order.
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 LEAST_SINE = 1e-3
 """A triangle, or its three bearings, flatter than this has no usable pose."""
@@ -68,7 +68,7 @@ def three_point_poses(
     return count
 
 
-@kernel
+@leaf
 def _conics(
     a12: float, a13: float, c12: float, c13: float, c23: float, first: FloatArray, second: FloatArray
 ) -> None:
@@ -81,7 +81,7 @@ def _conics(
     second[1, 2] = second[2, 1] = a13 * c23
 
 
-@kernel
+@leaf
 def _determinant(m: FloatArray) -> float:
     """Return det of a symmetric 3×3 matrix."""
     value: float = (
@@ -92,7 +92,7 @@ def _determinant(m: FloatArray) -> float:
     return value
 
 
-@kernel
+@leaf
 def _mixed_determinant(m: FloatArray, n: FloatArray) -> float:
     """Return d det(m + γn)/dγ at γ = 0 for symmetric matrices: tr(adj(m) n)."""
     value: float = (
@@ -174,7 +174,7 @@ def _split(m: FloatArray, lines: FloatArray) -> None:
         lines[1, i] = rank_one[i, column] / largest
 
 
-@kernel
+@leaf
 def _cubic_roots(a: float, b: float, c: float, d: float, roots: FloatArray) -> int:
     """Write the real roots of aγ³ + bγ² + cγ + d, polished by Newton's method; return how many."""
     if abs(a) < 1e-14 * (abs(b) + abs(c) + abs(d)):
@@ -206,7 +206,7 @@ def _cubic_roots(a: float, b: float, c: float, d: float, roots: FloatArray) -> i
     return count
 
 
-@kernel
+@leaf
 def _quadratic_roots(a: float, half_b: float, c: float, roots: FloatArray) -> int:
     """Write the real roots of ax² + 2·half_b·x + c; return how many."""
     discriminant = half_b * half_b - a * c
@@ -256,7 +256,7 @@ def _line_meets_conic(line: FloatArray, conic: FloatArray, directions: FloatArra
     return 2
 
 
-@kernel
+@leaf
 def _scaled(
     direction: FloatArray,
     a12: float,
@@ -281,7 +281,7 @@ def _scaled(
     return True
 
 
-@kernel
+@leaf
 def _polished(
     a12: float, a13: float, a23: float, c12: float, c13: float, c23: float, distances: FloatArray
 ) -> bool:
@@ -330,7 +330,7 @@ def _align(
             translation[i] -= rotation[i, k] * (c[0, k] + c[1, k] + c[2, k]) / 3.0
 
 
-@kernel
+@leaf
 def _axes(corners: FloatArray, axes: FloatArray) -> None:
     """Write a triangle's orthonormal axes, one a row: along its first side, across, and its normal."""
     for k in range(3):

@@ -7,8 +7,8 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.matrix_products import transposed_times
 
 LEAST_SINE = 1e-3
 """Two rays that meet at a smaller angle make no point."""
@@ -86,7 +86,7 @@ def _halfway(
     return bool(first > 0.0 and second > 0.0)
 
 
-@kernel
+@leaf
 def _score(
     parameters: FloatArray,
     pixels: FloatArray,

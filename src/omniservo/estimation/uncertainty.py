@@ -15,7 +15,7 @@ from omniservo.estimation.normal_blocks import (
     linearise_point,
 )
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 FAR_POINT_DAMPING = 1e-10
@@ -63,7 +63,7 @@ class LinearResponse:
         return rows[:count], own
 
 
-@kernel
+@leaf
 def _add_product(a: FloatArray, b: FloatArray, total: FloatArray) -> None:
     """Add a bᵀ to ``total``."""
     for i in range(a.shape[0]):
@@ -263,7 +263,7 @@ def _responses(
     return True
 
 
-@kernel
+@leaf
 def _own_response(inverse: FloatArray, b4: FloatArray, noise: FloatArray, own: FloatArray) -> None:
     """Write P = V⁻¹BᵀA (3, 4) of one point: how it follows its own pixels while the motion stands still."""
     for c in range(4):

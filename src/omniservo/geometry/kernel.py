@@ -3,12 +3,16 @@
 A kernel is optimised, together with all that it calls, and then again inside every kernel that calls it. What
 has one caller and mostly calls others is therefore `inlined`, and large named tuples are `held`.
 
+Numba counts the references to every array that a kernel is handed: two calls and two atomic additions each,
+which take longer than the work on one point. What makes and returns no array is a `leaf`, and is spared that.
+
 A loop becomes vector instructions, four numbers at a time, if it goes over arrays of one number each, `BLOCK`
 long, without branches: conditions are joined by ``&`` and choose between values that are computed either way
 (what is read from an array only on one side is a branch). An iteration takes a fixed number of steps for the
 whole block; the few points for which it was too short are done one by one behind it.
 """
 
+import re
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -17,6 +21,9 @@ from numba.core.types.misc import unliteral
 
 BLOCK = 512
 """numbers: all arrays of such a loop stay in the nearest cache"""
+
+_NUMBERS = r"None|<class '(float|int|bool)'>|float|int|bool|tuple\[((float|int|bool)(, |\]))+"
+"""what a leaf may return, as annotations are written"""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -27,17 +34,29 @@ def kernel(function: F) -> F:
     No fast-math and no fused multiply-add contraction, because certificates bound every rounding
     error. Division by zero follows IEEE (infinity or NaN) instead of raising, so kernels return flags.
     """
-    return _compiled(function, "never")
+    return _compiled(function, _nrt=True)
+
+
+def leaf(function: F) -> F:
+    """Compile like `kernel` what neither makes nor returns an array, without counting references.
+
+    An array that is made inside is an error of the compiler; one that is returned would be freed while
+    in use, and is refused here.
+    """
+    returned = str(function.__annotations__["return"])
+    if not re.fullmatch(_NUMBERS, returned):
+        raise TypeError(f"{function.__qualname__}: returns {returned}; a leaf returns numbers alone")
+    return _compiled(function, _nrt=False)
 
 
 def inlined(function: F) -> F:
     """Compile like `kernel`, but as a part of the kernel that calls it: not for itself, and never twice."""
-    return _compiled(function, "always")
+    return _compiled(function, inline="always")
 
 
-def _compiled(function: F, inline: str) -> F:
+def _compiled(function: F, **options: Any) -> F:
     compiled: Any = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath=False, inline=inline, no_cfunc_wrapper=True
+        cache=True, nogil=True, error_model="numpy", fastmath=False, no_cfunc_wrapper=True, **options
     )(function)
     of_types = compiled.get_call_template
 

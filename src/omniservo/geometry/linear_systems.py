@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 INVERSE_ITERATIONS = 6
 
 
-@kernel
+@leaf
 def factor_cholesky(matrix: FloatArray, size: int, least: float) -> bool:
     """Replace the lower triangle of ``matrix[:size, :size]`` by its Cholesky factor L, matrix = L Lᵀ.
 
@@ -34,7 +34,7 @@ def factor_cholesky(matrix: FloatArray, size: int, least: float) -> bool:
     return True
 
 
-@kernel
+@leaf
 def solve_factored(factor: FloatArray, size: int, vector: FloatArray) -> None:
     """Replace ``vector[:size]`` by the solution x of L Lᵀ x = vector, L from :func:`factor_cholesky`."""
     for i in range(size):
@@ -84,7 +84,7 @@ def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, vectors
 
 
-@kernel
+@leaf
 def _rotate(a: FloatArray, v: FloatArray, i: int, j: int) -> None:
     """Zero the entry (i, j) of the symmetric ``a`` by one rotation and collect it in ``v``."""
     if a[i, j] == 0.0:
@@ -141,7 +141,7 @@ def smallest_eigenvectors(matrix: FloatArray, vectors: FloatArray, values: Float
     _rayleigh_ritz(matrix, vectors, values)
 
 
-@kernel
+@leaf
 def _orthonormalise(vectors: FloatArray, j: int) -> None:
     """Make column ``j`` of length 1 and orthogonal to those before it, twice for the sake of rounding."""
     m = vectors.shape[0]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 MAX_DEGREE = 54
 """Up to here every binomial coefficient, and every product C(m,i) C(n,k−i), is exact in a float."""
@@ -43,7 +43,7 @@ def bernstein_from_power(coefficients: FloatArray) -> FloatArray:
     return controls
 
 
-@kernel
+@leaf
 def set_basis(basis: FloatArray, index: int, w: float) -> None:
     """Write the Bernstein polynomials at w into row ``index``."""
     n = basis.shape[1] - 1
@@ -73,7 +73,7 @@ def power_from_bernstein(controls: FloatArray) -> FloatArray:
     return coefficients
 
 
-@kernel
+@leaf
 def magnitude(coefficients: FloatArray) -> float:
     """Return the largest Σₖ |aₖ| over the rows: no Bernstein coefficient of any row is larger."""
     largest = 0.0
@@ -96,7 +96,7 @@ def scale(controls: FloatArray) -> FloatArray:
     return scaled
 
 
-@kernel
+@leaf
 def add_product(factor: float, a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Add factor · a · b to ``out``, all in scaled coefficients: (m+1,), (n+1,), (m+n+1,)."""
     for i in range(a.shape[0]):
@@ -105,7 +105,7 @@ def add_product(factor: float, a: FloatArray, b: FloatArray, out: FloatArray) ->
             out[i + j] += value * b[j]
 
 
-@kernel
+@leaf
 def halve(controls: FloatArray, left: FloatArray, right: FloatArray) -> None:
     """Write the Bernstein coefficients of every row on [0, ½] and [½, 1] (de Casteljau); (m, n+1) each.
 
@@ -172,7 +172,7 @@ def prove_nonnegative(controls: FloatArray, count: float, size: float) -> tuple[
     return PROVEN, 0.0
 
 
-@kernel
+@leaf
 def copy_into(source: FloatArray, out: FloatArray) -> None:
     """Copy (m, n) into (m, n): NumPy's own assignment takes seconds to compile."""
     for i in range(source.shape[0]):
@@ -180,7 +180,7 @@ def copy_into(source: FloatArray, out: FloatArray) -> None:
             out[i, j] = source[i, j]
 
 
-@kernel
+@leaf
 def _all_at_least(controls: FloatArray, bound: float) -> bool:
     """Tell whether every coefficient (1, n+1) is ≥ bound; NaN is not."""
     holds = True

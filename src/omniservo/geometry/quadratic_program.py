@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 GIVE = 1e-11
@@ -63,7 +63,7 @@ def nonnegative_minimum(gram: FloatArray, right: FloatArray, multipliers: FloatA
                 return
 
 
-@kernel
+@leaf
 def _solve_active(
     gram: FloatArray,
     right: FloatArray,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 MOST_STEPS = 80
 
@@ -45,7 +45,7 @@ def real_roots(coefficients: FloatArray, bound: float, roots: FloatArray) -> int
     return count
 
 
-@kernel
+@leaf
 def _roots_between(p: FloatArray, degree: int, turns: FloatArray, count: int, roots: FloatArray) -> int:
     """Write the root, if any, of each of the count + 1 intervals between ``turns``; return how many."""
     found = 0
@@ -66,7 +66,7 @@ def _roots_between(p: FloatArray, degree: int, turns: FloatArray, count: int, ro
     return found
 
 
-@kernel
+@leaf
 def _beyond(p: FloatArray, degree: int, turn: float, bound: float) -> tuple[float, float]:
     """Return an interval, no wider than its distance from the outermost ``turn``, with the root beyond it."""
     at_turn, _ = _value(p, degree, turn)
@@ -80,7 +80,7 @@ def _beyond(p: FloatArray, degree: int, turn: float, bound: float) -> tuple[floa
     return min(near, bound), max(near, bound)
 
 
-@kernel
+@leaf
 def _root(p: FloatArray, degree: int, low: float, high: float, rising: bool) -> float:
     """Return the root between ``low`` and ``high``: Newton's steps, and halving where they lead outside."""
     x = 0.5 * (low + high)
@@ -103,7 +103,7 @@ def _root(p: FloatArray, degree: int, low: float, high: float, rising: bool) -> 
     return x
 
 
-@kernel
+@leaf
 def _value(p: FloatArray, degree: int, x: float) -> tuple[float, float]:
     """Return p(x) and p'(x)."""
     value, slope = p[degree], 0.0

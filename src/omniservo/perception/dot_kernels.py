@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 GROWTH = 1.5
 """how far outside the ellipse darkness is collected [px]: an edge spreads over one pixel, blur adds to it"""
@@ -27,7 +27,7 @@ COLUMNS = 14
 """numbers that `measure_blobs` says about a blob"""
 
 
-@kernel
+@leaf
 def edge_distance(x: float, y: float, a: float, b: float, c: float) -> float:
     """Signed first-order distance [px] from (x, y) to the ellipse a·x² + 2b·xy + c·y² = 1; inside < 0."""
     gx = a * x + b * y
@@ -40,14 +40,14 @@ def edge_distance(x: float, y: float, a: float, b: float, c: float) -> float:
     return (q - 1.0) * q / slope
 
 
-@kernel
+@leaf
 def inverse_of_shape(suu: float, suv: float, svv: float) -> tuple[float, float, float]:
     """(a, b, c) of the ellipse with second moments S: (4S)⁻¹."""
     determinant = 4.0 * (suu * svv - suv * suv)
     return svv / determinant, -suv / determinant, suu / determinant
 
 
-@kernel
+@leaf
 def fit_ground(
     image: ByteArray, box: IntArray, shape: FloatArray, tolerance: float, ground: FloatArray
 ) -> tuple[int, int, float]:
@@ -98,7 +98,7 @@ def fit_ground(
     return n, left, squares
 
 
-@kernel
+@leaf
 def guess_ground(image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray) -> float:
     """Set a flat ground: the mean of the ring's brighter half. Returns how much darker it gets inside."""
     a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
@@ -122,7 +122,7 @@ def guess_ground(image: ByteArray, box: IntArray, shape: FloatArray, ground: Flo
     return level - darkest
 
 
-@kernel
+@leaf
 def fit_moments(image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray) -> float:
     """Replace ``shape`` (u, v, S_uu, S_uv, S_vv) by the darkness's moments; returns its sum, 0: not dark."""
     u0, v0 = shape[0], shape[1]
@@ -160,7 +160,7 @@ def fit_moments(image: ByteArray, box: IntArray, shape: FloatArray, ground: Floa
     return m
 
 
-@kernel
+@leaf
 def set_box(shape: FloatArray, width: int, height: int, box: IntArray) -> bool:
     """Set the pixels (u_min, v_min, u_max, v_max) of ellipse and ring; False: they leave the image."""
     reach_u = 2.0 * math.sqrt(shape[2]) + GROWTH + RING
@@ -172,7 +172,7 @@ def set_box(shape: FloatArray, width: int, height: int, box: IntArray) -> bool:
     return bool(box[0] >= 0 and box[1] >= 0 and box[2] < width and box[3] < height)
 
 
-@kernel
+@leaf
 def judge(
     image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray, darkness: float, row: FloatArray
 ) -> None:
@@ -213,7 +213,7 @@ def judge(
     row[13] = math.sqrt(sixth) / darkness
 
 
-@kernel
+@leaf
 def misfit(
     image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray, contrast: float, area: float
 ) -> tuple[float, float]:

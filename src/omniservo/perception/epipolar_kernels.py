@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.perception.match_kernels import CAP, cross, dot, unit
 
 STEPS = 25
@@ -20,7 +20,7 @@ BEHIND = 25.0
 """cost of a dot that the motion puts behind a camera"""
 
 
-@kernel
+@leaf
 def copy(source: FloatArray, target: FloatArray) -> None:
     """Copy a matrix (a slice assignment compiles many times as long)."""
     for r in range(source.shape[0]):
@@ -28,7 +28,7 @@ def copy(source: FloatArray, target: FloatArray) -> None:
             target[r, c] = source[r, c]
 
 
-@kernel
+@leaf
 def solve5(matrix: FloatArray, right: FloatArray) -> bool:
     """Solve a positive definite 5×5 system in place (Cholesky); the answer replaces ``right``."""
     for i in range(5):

@@ -11,13 +11,13 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 CAP = 16.0
 """cost of a dot without a partner, in variances"""
 
 
-@kernel
+@leaf
 def cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     """Vector product out = a × b."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -25,19 +25,19 @@ def cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@leaf
 def dot(a: FloatArray, b: FloatArray) -> float:
     """Scalar product of 3-vectors."""
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-@kernel
+@leaf
 def gap(a: FloatArray, b: FloatArray) -> float:
     """Distance of two points."""
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@kernel
+@leaf
 def unit(a: FloatArray) -> float:
     """Divide a 3-vector by its length, which is returned; zero stays zero."""
     length = math.sqrt(dot(a, a))
@@ -47,7 +47,7 @@ def unit(a: FloatArray) -> float:
     return length
 
 
-@kernel
+@leaf
 def triangle_frame(p: FloatArray, q: FloatArray, r: FloatArray, out: FloatArray) -> bool:
     """Orthonormal frame (rows of ``out``) of a triangle: along pq, in its plane, normal.
 
@@ -65,7 +65,7 @@ def triangle_frame(p: FloatArray, q: FloatArray, r: FloatArray, out: FloatArray)
     return not flat
 
 
-@kernel
+@leaf
 def assign(cost: FloatArray, limit: float, partner: IntArray) -> float:
     """Pair rows with columns that are each other's nearest and nearer than ``limit``.
 
@@ -91,7 +91,7 @@ def assign(cost: FloatArray, limit: float, partner: IntArray) -> float:
     return total
 
 
-@kernel
+@leaf
 def motion_between(
     frame_a: FloatArray,
     frame_b: FloatArray,
@@ -173,7 +173,7 @@ def register_triples(
     return count
 
 
-@kernel
+@leaf
 def _alike(
     cloud_a: FloatArray, cloud_b: FloatArray, i: int, k: int, j: int, h: int, variance: FloatArray
 ) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 FloatImage = npt.NDArray[np.float32]
 
@@ -14,7 +14,7 @@ LEAST_GAIN = 0.1
 """a patch that is less alike is not pulled at all harder"""
 
 
-@kernel
+@leaf
 def write_rays(
     bearings: FloatArray,
     first: FloatArray,
@@ -75,7 +75,7 @@ def write_greys(image: FloatImage, pixels: FloatArray, greys: FloatArray) -> Non
                 greys[i, s] += _cubic(b, y) * line
 
 
-@kernel
+@leaf
 def _cubic(tap: int, x: float) -> float:
     """Weight of the neighbour ``tap`` (0…3) at −1, 0, 1, 2 for a place x in [0, 1)."""
     if tap == 0:
@@ -111,7 +111,7 @@ def normalise(values: FloatArray, weight: FloatArray, norm: FloatArray) -> None:
             values[i, s] *= factor
 
 
-@kernel
+@leaf
 def write_pulls(
     rows: IntArray, values: FloatArray, weight: FloatArray, grey: FloatArray, steepest: FloatArray,
     correlation: FloatArray, scatter: FloatArray, pulls: FloatArray,
@@ -145,7 +145,7 @@ def write_pulls(
                 pulls[i, p] += weight[s] * steepest[row, s, p] * difference
 
 
-@kernel
+@leaf
 def write_templates(
     square: FloatArray, samples: FloatArray, weight: FloatArray, grey: FloatArray, norm: FloatArray,
     steepest: FloatArray, normal: FloatArray,

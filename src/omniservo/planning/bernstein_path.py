@@ -3,7 +3,7 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import (
     BINOMIALS,
     UNIT,
@@ -55,7 +55,7 @@ def camera_controls(
     return controls, errors
 
 
-@kernel
+@leaf
 def camera_count(sigma: int, tau: int) -> int:
     """Return the count of `camera_controls`."""
     return 3 * sigma + 4 * tau + 22
@@ -84,7 +84,7 @@ def _rotation_controls(phi: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@leaf
 def _add_raised(matrix: FloatArray, j: int, centre: FloatArray, sums: FloatArray) -> None:
     """Write column j of Λ, raised to degree 2σ+τ, and its product with t into ``sums`` (4, 2σ+τ+1)."""
     m, n = matrix.shape[1], centre.shape[1]

@@ -8,13 +8,13 @@ needs to trust the search that proposes n.
 import math
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 2, 3, 4, 5, 6, 7
 """MuJoCo's numbers of the shapes."""
 
 
-@kernel
+@leaf
 def extent(
     kind: int, size: FloatArray, axes: FloatArray, corners: FloatArray, x: float, y: float, z: float
 ) -> float:
@@ -41,7 +41,7 @@ def extent(
     return most
 
 
-@kernel
+@leaf
 def lower_gaps(
     pairs: IntArray,
     chosen: IntArray,
@@ -83,7 +83,7 @@ def lower_gaps(
         gaps[k] = gap
 
 
-@kernel
+@leaf
 def farthest_moves(
     anchors: FloatArray,
     directions: FloatArray,

@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.quadratic_program import quadratic_step
 from omniservo.servoing.control_law import limit_twist
 
@@ -95,7 +95,7 @@ def keep_in_view(
     evidence[SOLVED] = 1.0 if solved else 0.0
 
 
-@kernel
+@leaf
 def _write_rows(
     parameters: FloatArray,
     limits: FloatArray,
@@ -126,7 +126,7 @@ def _write_rows(
     return count, total / seen if seen > 0 else 1.0
 
 
-@kernel
+@leaf
 def _carried(x: float, y: float, z: float, twist: FloatArray, time: float) -> tuple[float, float, float]:
     """Return where a point that stands still is seen after ``time`` [s] of a twist: c − (v + ω × c) t."""
     return (
@@ -179,7 +179,7 @@ def _write_limits(
     return count, True
 
 
-@kernel
+@leaf
 def _write_flow(gx: float, gy: float, gz: float, x: float, y: float, z: float, flow: FloatArray) -> None:
     """Write g·ċ as a row of the twist, with ċ = −v − ω × c: (−g, −c × g)."""
     flow[0], flow[1], flow[2] = -gx, -gy, -gz
@@ -188,7 +188,7 @@ def _write_flow(gx: float, gy: float, gz: float, x: float, y: float, z: float, f
     flow[5] = y * gx - x * gy
 
 
-@kernel
+@leaf
 def _append(
     height: float,
     a: float,
@@ -205,7 +205,7 @@ def _append(
     return count + 1
 
 
-@kernel
+@leaf
 def _append_rim(
     xi: float,
     limits: FloatArray,
@@ -230,7 +230,7 @@ def _append_rim(
     return count + 1
 
 
-@kernel
+@leaf
 def _times(rows: FloatArray, i: int, twist: FloatArray) -> float:
     total = 0.0
     for a in range(6):

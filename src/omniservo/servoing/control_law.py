@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError, SingularInteraction
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 LEAST_CONDITIONING = 1e-4
@@ -125,7 +125,7 @@ def _trace_of_inverse(factor: FloatArray) -> float:
     return total
 
 
-@kernel
+@leaf
 def limit_twist(twist: FloatArray, max_linear_speed: float, max_angular_speed: float) -> float:
     """Scale ``twist`` (6,) in place so that both speeds keep their limits; return the factor ≤ 1."""
     linear = math.sqrt(twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2])

@@ -7,7 +7,7 @@ virtual-plane feature and its row are zero and drop out of every sum.
 import math
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 
 BEARING = 0
 VIRTUAL_PLANE = 1
@@ -16,7 +16,7 @@ LEAST_COSINE = 1e-9
 """A point whose direction has a smaller cosine to the optical axis has no virtual-plane image."""
 
 
-@kernel
+@leaf
 def write_feature(kind: int, x: float, y: float, z: float, feature: FloatArray) -> bool:
     """Write the feature (3,) of the camera point (x, y, z); False, with zeros, where it does not exist.
 
@@ -38,7 +38,7 @@ def write_feature(kind: int, x: float, y: float, z: float, feature: FloatArray) 
     return True
 
 
-@kernel
+@leaf
 def write_rows(kind: int, x: float, y: float, z: float, rows: FloatArray) -> bool:
     """Write ds/dt = rows · (linear, angular), rows (3, 6), of the camera point (x, y, z) that stands still.
 
@@ -59,7 +59,7 @@ def write_rows(kind: int, x: float, y: float, z: float, rows: FloatArray) -> boo
     return True
 
 
-@kernel
+@leaf
 def _write_bearing_rows(a: float, b: float, c: float, nearness: float, rows: FloatArray) -> None:
     """Write the block of the bearing (a, b, c) of a point at distance 1/nearness."""
     rows[0, 0], rows[0, 1], rows[0, 2] = nearness * (a * a - 1.0), nearness * a * b, nearness * a * c
@@ -70,7 +70,7 @@ def _write_bearing_rows(a: float, b: float, c: float, nearness: float, rows: Flo
     rows[2, 3], rows[2, 4], rows[2, 5] = -b, a, 0.0
 
 
-@kernel
+@leaf
 def _write_plane_rows(a: float, b: float, nearness: float, rows: FloatArray) -> None:
     """Write the block of the virtual-plane point (a, b) of a point at depth 1/nearness."""
     rows[0, 0], rows[0, 1], rows[0, 2] = -nearness, 0.0, a * nearness
@@ -80,14 +80,14 @@ def _write_plane_rows(a: float, b: float, nearness: float, rows: FloatArray) -> 
     rows[2, :] = 0.0
 
 
-@kernel
+@leaf
 def write_features(kind: int, points: FloatArray, features: FloatArray, valid: BoolArray) -> None:
     """Write the features (n, 3) of camera points (n, 3) and where they exist (n,)."""
     for j in range(points.shape[0]):
         valid[j] = write_feature(kind, points[j, 0], points[j, 1], points[j, 2], features[j])
 
 
-@kernel
+@leaf
 def write_interaction(kind: int, points: FloatArray, rows: FloatArray, valid: BoolArray) -> None:
     """Write the interaction blocks (n, 3, 6) of camera points (n, 3) and where they exist (n,)."""
     for j in range(points.shape[0]):

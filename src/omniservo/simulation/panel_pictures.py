@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 from omniservo.simulation.scene import Panel
 
 _LEAST_SIDE = 0.01  # [picture elements] a smaller rectangle's sum would drown in rounding
@@ -77,7 +77,7 @@ class PanelPictures:
         return greys
 
 
-@kernel
+@leaf
 def _mean_greys(
     panels: IntArray,
     directions: FloatArray,
@@ -117,7 +117,7 @@ def _mean_greys(
         greys[i] = total / max(count, 1)
 
 
-@kernel
+@leaf
 def _turned(turn: FloatArray, v: FloatArray) -> tuple[float, float, float]:
     return (
         turn[0, 0] * v[0] + turn[0, 1] * v[1] + turn[0, 2] * v[2],
@@ -126,7 +126,7 @@ def _turned(turn: FloatArray, v: FloatArray) -> tuple[float, float, float]:
     )
 
 
-@kernel
+@leaf
 def _mean(
     table: FloatArray,
     start: int,
@@ -149,14 +149,14 @@ def _mean(
     return total / ((right - left) * (bottom - top))
 
 
-@kernel
+@leaf
 def _within(middle: float, half: float, length: int) -> tuple[float, float]:
     """The interval, cut off at 0 and length, but never shorter than the least side."""
     low = min(max(middle - half, 0.0), length - _LEAST_SIDE)
     return low, max(min(middle + half, float(length)), low + _LEAST_SIDE)
 
 
-@kernel
+@leaf
 def _sum_before(table: FloatArray, start: int, rows: int, columns: int, column: float, row: float) -> float:
     """Integral of the picture over [0, column] × [0, row]: linear in each between the running sums."""
     i, j = min(int(row), rows - 1), min(int(column), columns - 1)

@@ -9,7 +9,7 @@ from omniservo.estimation.pose_refinement import LEAST_POINTS, refine_pose_kerne
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.transposed_times import transposed_times
+from omniservo.geometry.matrix_products import transposed_times
 
 GATE = 3.5
 """A point is wrong where it lies more than so many σ away"""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 
 @kernel
@@ -38,7 +38,7 @@ def path_state(
     twist[5] = 2.0 * (q[3] * dq[2] - dq[3] * q[2] - (q[0] * dq[1] - q[1] * dq[0])) / square
 
 
-@kernel
+@leaf
 def _horner(coefficients: FloatArray, row: int, w: float) -> tuple[float, float]:
     """Return the polynomial in row ``row``, highest power first, and its derivative at ``w``."""
     value = 0.0

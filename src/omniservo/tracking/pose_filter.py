@@ -12,7 +12,7 @@ import numpy as np
 from omniservo.estimation.pose_refinement import pose_covariance
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 UNPLANNED_SPEED = 0.01
@@ -28,7 +28,7 @@ LEAST_PIXEL_VARIANCE = 0.02**2
 """No pixel is known better [px²]: a few residuals that happen to vanish do not make a pose certain."""
 
 
-@kernel
+@leaf
 def forget(spread: FloatArray) -> None:
     """Make the covariance (6, 6) that of a pose of which nothing is known."""
     for i in range(6):
@@ -114,7 +114,7 @@ def correct_belief(
         pose[4 + i] += step[i]
 
 
-@kernel
+@leaf
 def _gap(pose: FloatArray, other: FloatArray, gap: FloatArray) -> None:
     """Write what leads from ``pose`` to ``other``: translation and rotation vector on the right, (6,)."""
     x, y, z, w = pose[0], pose[1], pose[2], pose[3]
@@ -132,7 +132,7 @@ def _gap(pose: FloatArray, other: FloatArray, gap: FloatArray) -> None:
         gap[i] = other[4 + i] - pose[4 + i]
 
 
-@kernel
+@leaf
 def _compose(pose: FloatArray, before: FloatArray, after: FloatArray) -> None:
     """Turn ``pose`` by the planned rotation: q ← q · before* · after, of length 1."""
     _multiply(pose, -before[0], -before[1], -before[2], before[3])
@@ -142,7 +142,7 @@ def _compose(pose: FloatArray, before: FloatArray, after: FloatArray) -> None:
         pose[i] /= norm
 
 
-@kernel
+@leaf
 def _multiply(q: FloatArray, a: float, b: float, c: float, d: float) -> None:
     """Multiply the quaternion in q[:4] by (a, b, c, d) from the right."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -152,7 +152,7 @@ def _multiply(q: FloatArray, a: float, b: float, c: float, d: float) -> None:
     q[3] = w * d - x * a - y * b - z * c
 
 
-@kernel
+@leaf
 def _matrix(pose: FloatArray, r: FloatArray) -> None:
     """Write the rotation matrix (3, 3) of a pose."""
     matrix_from_quaternion(pose[0], pose[1], pose[2], pose[3], r)

@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point, unproject_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.servoing.control_law import LEAST_CONDITIONING, limit_twist, solve_twist
 from omniservo.servoing.interaction import BEARING, LEAST_COSINE, write_feature, write_rows
 from omniservo.tracking.gate import robust_pose
@@ -111,7 +111,7 @@ def predict_pixels(
         pixels[j, 0], pixels[j, 1], valid[j] = project_point(parameters, moved[0], moved[1], moved[2])
 
 
-@kernel
+@leaf
 def _judge(settings: FloatArray, seen: bool, twist: FloatArray, evidence: FloatArray) -> int:
     """Return the status, and limit the twist or set it to zero."""
     total = 0.0
@@ -132,7 +132,7 @@ def _judge(settings: FloatArray, seen: bool, twist: FloatArray, evidence: FloatA
     return DONE
 
 
-@kernel
+@leaf
 def _read_pixels(
     parameters: FloatArray,
     kind: int,
@@ -307,7 +307,7 @@ def _write_equations(
         target[a] = change - gain * (s[a] - reference[a] - offset[a])
 
 
-@kernel
+@leaf
 def _into_camera(pose: FloatArray, point: FloatArray, c: FloatArray) -> None:
     """Write c = Rᵀ(h − t), (44) with the transpose where the paper prints R."""
     x, y, z = point[0] - pose[4], point[1] - pose[5], point[2] - pose[6]
@@ -324,7 +324,7 @@ def _move(before: FloatArray, after: FloatArray, point: FloatArray, moved: Float
     _into_camera(after, h, moved)
 
 
-@kernel
+@leaf
 def _rotate(
     qx: float, qy: float, qz: float, qw: float, x: float, y: float, z: float, out: FloatArray
 ) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 PARAMETERS = 11
@@ -22,7 +22,7 @@ _NEAR = 3.0  # [px]
 _DECIDED = 0.6  # of the contrast: pixels beyond belong to one quadrant
 
 
-@kernel
+@leaf
 def prepare(state: FloatArray, ready: FloatArray) -> None:
     """Write what all pixels need of the state: cosine and sine of both directions, 1/(√2 σ)."""
     ready[0], ready[1] = math.cos(state[2]), math.sin(state[2])
@@ -30,7 +30,7 @@ def prepare(state: FloatArray, ready: FloatArray) -> None:
     ready[4] = math.exp(-state[6]) / math.sqrt(2.0)
 
 
-@kernel
+@leaf
 def crossing(state: FloatArray, ready: FloatArray, x: float, y: float, slope: FloatArray) -> float:
     """Grey value at the offset (x, y); derivatives by the parameters go to ``slope``; see `fit_saddles`."""
     qx, qy = x - state[0], y - state[1]
@@ -57,7 +57,7 @@ def crossing(state: FloatArray, ready: FloatArray, x: float, y: float, slope: Fl
     return float(state[7] + qx * state[8] + qy * state[9] + b * e1 * e2)
 
 
-@kernel
+@leaf
 def gather(
     image: ByteArray,
     start: FloatArray,

@@ -8,10 +8,10 @@ import math
 
 from omniservo.cameras.models.plane_kernels import distance_in_domain, plane_point, write_bearing, write_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 
 
-@kernel
+@leaf
 def read_points(p: FloatArray, points: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
     """Read points (n, 3); x is NaN where the angle from the axis is not in the domain."""
     for i in range(points.shape[0]):
@@ -21,7 +21,7 @@ def read_points(p: FloatArray, points: FloatArray, x: FloatArray, y: FloatArray,
         x[i] = x[i] if ok else math.nan
 
 
-@kernel
+@leaf
 def read_pixels(p: FloatArray, pixels: FloatArray, x: FloatArray, y: FloatArray) -> None:
     """Read pixels (n, 2) as points of the plane; x is NaN outside the domain's disc."""
     for i in range(pixels.shape[0]):
@@ -29,14 +29,14 @@ def read_pixels(p: FloatArray, pixels: FloatArray, x: FloatArray, y: FloatArray)
         x[i], y[i] = mx if ok else math.nan, my
 
 
-@kernel
+@leaf
 def write_pixels(p: FloatArray, x: FloatArray, y: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Write the pixels (n, 2) and ``valid`` (n,) of points of the plane."""
     for i in range(pixels.shape[0]):
         write_pixel(p, x[i], y[i], x[i] == x[i], i, pixels, valid)
 
 
-@kernel
+@leaf
 def write_bearings(
     p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:

@@ -24,7 +24,7 @@ from omniservo.cameras.models.block_kernels import (
 )
 from omniservo.cameras.models.radial_kernels import TABLE, table_value
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import BLOCK, inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
 
 OWN = 17
 """where the coefficients start"""
@@ -100,7 +100,7 @@ def _inverse_jacobian(p: FloatArray, x: float, y: float) -> tuple[float, float, 
     return scale * yy, -scale * xy, -scale * yx, scale * xx
 
 
-@kernel
+@leaf
 def _undistort(p: FloatArray, px: FloatArray, py: FloatArray, x: FloatArray, y: FloatArray) -> None:
     """Write the m with D(m) = (px, py) in the disc; x is NaN where there is none.
 
@@ -135,7 +135,7 @@ def _undistort(p: FloatArray, px: FloatArray, py: FloatArray, x: FloatArray, y: 
             x[i], y[i] = _undistort_slowly(p, px[i], py[i])
 
 
-@kernel
+@leaf
 def _undistort_slowly(p: FloatArray, px: float, py: float) -> tuple[float, float]:
     """Return the one m with D(m) = (px, py) in the disc or NaN, by Newton's method with halved steps."""
     r = math.sqrt(px * px + py * py)
@@ -169,7 +169,7 @@ def _undistort_slowly(p: FloatArray, px: float, py: float) -> tuple[float, float
     return shrink * x if ok & (square <= p[13] * _RIM) else math.nan, shrink * y
 
 
-@kernel
+@leaf
 def _untilt(p: FloatArray, x: FloatArray, y: FloatArray) -> None:
     """Replace points of the tilted sensor by those before it, T⁻¹ m."""
     for i in range(x.shape[0]):
@@ -178,7 +178,7 @@ def _untilt(p: FloatArray, x: FloatArray, y: FloatArray) -> None:
         x[i], y[i] = mx / w if w > 0.0 else math.nan, my / w
 
 
-@kernel
+@leaf
 def _distort(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
     """Replace points by T D(X/Z, Y/Z); x is NaN where Z ≤ 0 or (X/Z, Y/Z) is not in the disc."""
     for i in range(x.shape[0]):
@@ -205,7 +205,7 @@ def project_pinhole(p: FloatArray, points: FloatArray, pixels: FloatArray, valid
         write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
-@kernel
+@leaf
 def _unproject_straight(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """`unproject_pinhole` without distortion: as the memory is the limit, all in one loop."""
     cx, cy, xx, xy, yx, yy = p[4], p[5], p[6], p[7], p[8], p[9]

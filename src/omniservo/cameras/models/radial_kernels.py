@@ -22,7 +22,7 @@ from omniservo.cameras.models.arc_tangent import arc_tangent
 from omniservo.cameras.models.block_kernels import read_points, write_pixels
 from omniservo.cameras.models.plane_kernels import plane_point, write_bearing
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import BLOCK, inlined, kernel
+from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
 
 TABLE = 256
 """intervals"""
@@ -92,7 +92,7 @@ def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, 
     return scale * mx, scale * my, cosine, True
 
 
-@kernel
+@leaf
 def _radius_of_angle(p: FloatArray, side: float, z: float, radius: float) -> float:
     """Return ρ with z ρ + f(ρ) ‖(X, Y)‖ = 0, from a start: Newton's method, else halving."""
     count = int(p[13])
@@ -116,7 +116,7 @@ def _radius_of_angle(p: FloatArray, side: float, z: float, radius: float) -> flo
     return radius
 
 
-@kernel
+@leaf
 def _start(p: FloatArray, side: float, z: float) -> float:
     """Return ρ of a point from the table."""
     half = math.sqrt(
@@ -125,7 +125,7 @@ def _start(p: FloatArray, side: float, z: float) -> float:
     return table_value(p, OWN + int(p[13]), half * p[14])[0]
 
 
-@kernel
+@leaf
 def _newton_steps(
     p: FloatArray, side: FloatArray, z: FloatArray, radius: FloatArray, value: FloatArray, slope: FloatArray
 ) -> None:
@@ -143,7 +143,7 @@ def _newton_steps(
             radius[i] += value[i]
 
 
-@kernel
+@leaf
 def _ocam_plane(
     p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray, work: tuple[FloatArray, ...]
 ) -> None:
@@ -177,7 +177,7 @@ def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, flo
     return scale * mx, scale * my, -scale * value, True
 
 
-@kernel
+@leaf
 def _kannala_brandt_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
     """Replace points by m = r(θ) (X, Y)/‖(X, Y)‖ with r = θ(1 + k1θ² + k2θ⁴ + k3θ⁶ + k4θ⁸).
 
@@ -204,7 +204,7 @@ def project_kannala_brandt(p: FloatArray, points: FloatArray, pixels: FloatArray
         write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
-@kernel
+@leaf
 def unproject_kannala_brandt(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
@@ -231,7 +231,7 @@ def project_ocam(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: B
         write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
-@kernel
+@leaf
 def unproject_ocam(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
     for i in range(pixels.shape[0]):

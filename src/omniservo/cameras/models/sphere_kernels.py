@@ -22,13 +22,13 @@ from omniservo.cameras.models.plane_kernels import (
     write_pixel,
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import BLOCK, kernel
+from omniservo.geometry.kernel import BLOCK, kernel, leaf
 
 _RIM = 1e-12
 """how much of the image is left out at the seam and the poles, where a direction has several pixels"""
 
 
-@kernel
+@leaf
 def _height(alpha: float, s: float) -> float:
     """Return m_z = (1 − α²s)/(α√(1 − (2α−1)s) + 1 − α); for large α in the form without 0/0 at the rim."""
     root = math.sqrt(max(0.0, 1.0 - (2.0 * alpha - 1.0) * s))
@@ -37,7 +37,7 @@ def _height(alpha: float, s: float) -> float:
     return (1.0 - alpha * alpha * s) / (alpha * root + 1.0 - alpha)
 
 
-@kernel
+@leaf
 def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z) with d = √(β(X² + Y²) + Z²)."""
     d = math.sqrt(p[14] * (x * x + y * y) + z * z)
@@ -45,7 +45,7 @@ def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, 
     return x / denominator, y / denominator, denominator > 0.0
 
 
-@kernel
+@leaf
 def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the unit vector along (m, (1 − βα²r²)/(α√(1 − (2α−1)βr²) + 1 − α))."""
     z = _height(p[13], p[14] * (mx * mx + my * my))
@@ -53,7 +53,7 @@ def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float,
     return scale * mx, scale * my, scale * z, True
 
 
-@kernel
+@leaf
 def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z′) with Z′ = Z + ξρ and d = ‖(X, Y, Z′)‖."""
     shifted = z + p[14] * rho
@@ -62,7 +62,7 @@ def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float)
     return x / denominator, y / denominator, denominator > 0.0
 
 
-@kernel
+@leaf
 def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return η(m, m_z) − (0, 0, ξ): m_z from the inner sphere, η to the outer."""
     alpha, xi, s = p[13], p[14], mx * mx + my * my
@@ -72,7 +72,7 @@ def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, f
     return eta * mx, eta * my, eta * mz - xi, True
 
 
-@kernel
+@leaf
 def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None:
     """Replace points by u = W(λ/2π + ½) − ½, v = H(φ/π + ½) − ½; x is NaN at the poles.
 
@@ -89,7 +89,7 @@ def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: Float
         x[i] = u if (down >= _RIM) & (down <= 1.0 - _RIM) else math.nan
 
 
-@kernel
+@leaf
 def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
     """Return (cos φ sin λ, sin φ, cos φ cos λ)."""
     across, down = (u + 0.5) / p[13], (v + 0.5) / p[14]
@@ -101,7 +101,7 @@ def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, f
     return level * math.sin(longitude), math.sin(latitude), z, z > p[10] - 1e-15
 
 
-@kernel
+@leaf
 def project_extended(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
     for i in range(points.shape[0]):
@@ -113,7 +113,7 @@ def project_extended(p: FloatArray, points: FloatArray, pixels: FloatArray, vali
         write_pixel(p, mx, my, ok, i, pixels, valid)
 
 
-@kernel
+@leaf
 def unproject_extended(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
     for i in range(pixels.shape[0]):
@@ -124,7 +124,7 @@ def unproject_extended(p: FloatArray, pixels: FloatArray, bearings: FloatArray, 
         write_bearing(p, x, y, z, ok, i, bearings, valid)
 
 
-@kernel
+@leaf
 def project_double_sphere(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
     for i in range(points.shape[0]):
@@ -136,7 +136,7 @@ def project_double_sphere(p: FloatArray, points: FloatArray, pixels: FloatArray,
         write_pixel(p, mx, my, ok, i, pixels, valid)
 
 
-@kernel
+@leaf
 def unproject_double_sphere(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
@@ -161,7 +161,7 @@ def project_equirectangular(p: FloatArray, points: FloatArray, pixels: FloatArra
         write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
 
 
-@kernel
+@leaf
 def unproject_equirectangular(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, leaf
 from omniservo.geometry.polynomial import (
     PROVEN,
     UNDECIDED,
@@ -48,7 +48,7 @@ SLACK_RAD = 1e-12
 """The same for the domain's angle."""
 
 
-@kernel
+@leaf
 def circle_cosine(xi: float, radius: float) -> float:
     """Return Z/ρ of the bearings at the radius r = ‖m̄‖: (ξ + √(1 + (1−ξ²)r²))/(1 + r²) − ξ."""
     square = radius * radius

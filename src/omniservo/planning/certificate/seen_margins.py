@@ -3,7 +3,7 @@
 import math
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.planning.bernstein_path import ROTATION_FLOOR
 from omniservo.planning.certificate.margin_kinds import (
     BODY,
@@ -80,14 +80,14 @@ def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> 
     return sphere_margin(demands.obstacles, index, pose)
 
 
-@kernel
+@leaf
 def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
     """Return what the clearance of a sphere leaves at a pose (13,)."""
     x, y, z = pose[9] - obstacles[index, 0], pose[10] - obstacles[index, 1], pose[11] - obstacles[index, 2]
     return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
 
 
-@kernel
+@leaf
 def centre_from_body(pose: FloatArray, motions: FloatArray, motion: float) -> tuple[float, float, float]:
     """Return t − m of a pose (14,)."""
     x, y, z = displacement(motions, motion, pose[13])

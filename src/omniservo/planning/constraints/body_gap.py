@@ -8,7 +8,7 @@ box; a box has r = 0, a capsule e = (half length, 0, 0), a sphere that moves e =
 import math
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 
 BODY_SIZE = 24
 """Numbers of a row."""
@@ -17,13 +17,13 @@ _TOUCHING = 1e-14
 """Below this part of the distances involved, a gap's direction is only rounding."""
 
 
-@kernel
+@leaf
 def is_solid(body: FloatArray) -> bool:
     """Tell whether a body has volume: a point hides nothing."""
     return bool(body[15] > 0.0 or body[12] > 0.0)
 
 
-@kernel
+@leaf
 def in_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the coordinates a_k·v of a vector (x, y, z)."""
     return (
@@ -33,13 +33,13 @@ def in_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float
     )
 
 
-@kernel
+@leaf
 def excess(x: float, h: float) -> float:
     """Return what of x lies outside [−h, h]."""
     return x - h if x > h else (x + h if x < -h else 0.0)
 
 
-@kernel
+@leaf
 def half_slope(
     p: tuple[float, float, float], d: tuple[float, float, float], e: tuple[float, float, float], s: float
 ) -> float:
@@ -50,7 +50,7 @@ def half_slope(
     return total
 
 
-@kernel
+@leaf
 def nearest_part(
     p: tuple[float, float, float], d: tuple[float, float, float], e: tuple[float, float, float]
 ) -> float:
@@ -78,7 +78,7 @@ def nearest_part(
     return low + (high - low) * before / (before - after)
 
 
-@kernel
+@leaf
 def depth_inside(
     p: tuple[float, float, float], d: tuple[float, float, float], e: tuple[float, float, float], s: float
 ) -> tuple[float, float, float, float, float]:
@@ -112,7 +112,7 @@ def depth_inside(
     return x, y, z, -depth, part
 
 
-@kernel
+@leaf
 def segment_gap(
     body: FloatArray, tx: float, ty: float, tz: float, hx: float, hy: float, hz: float
 ) -> tuple[float, float, float, float, float]:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -41,7 +41,7 @@ def cloud_nodes(demands: Demands, index: int) -> FloatArray:
     return demands.cloud_nodes[int(demands.clouds[index, 0]) : int(demands.clouds[index, 1])]
 
 
-@kernel
+@leaf
 def squared_gap(piece: FloatArray, k: int, o: FloatArray, reach: float) -> float:
     """Return coefficient k of ‖t − o‖² − reach²; ``piece`` (4, 2τ+1): t raised, then ‖t‖²."""
     x, y, z = o[0], o[1], o[2]
@@ -49,7 +49,7 @@ def squared_gap(piece: FloatArray, k: int, o: FloatArray, reach: float) -> float
     return float(piece[3, k] - 2.0 * inner + (x * x + y * y + z * z - reach * reach))
 
 
-@kernel
+@leaf
 def keeps_off(piece: FloatArray, o: FloatArray, reach: float, bound: float) -> bool:
     """Tell whether every coefficient of ‖t − o‖² − reach² is at least ``bound``."""
     k, count = 0, piece.shape[1]
@@ -58,7 +58,7 @@ def keeps_off(piece: FloatArray, o: FloatArray, reach: float, bound: float) -> b
     return bool(k == count)
 
 
-@kernel
+@leaf
 def first_near(piece: FloatArray, points: FloatArray, nodes: FloatArray, reach: float, bound: float) -> int:
     """Return the first point of a tree that a piece is not shown to keep off; −1: there is none."""
     i = 0
@@ -75,7 +75,7 @@ def first_near(piece: FloatArray, points: FloatArray, nodes: FloatArray, reach: 
     return -1
 
 
-@kernel
+@leaf
 def farthest(nodes: FloatArray) -> float:
     """Return what no coordinate of a tree's points and centres exceeds."""
     return float(max(abs(nodes[0, 0]), abs(nodes[0, 1]), abs(nodes[0, 2])) + nodes[0, RADIUS])

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -34,7 +34,7 @@ _TOGETHER = 4
 """So often a piece is halved in the attempt to keep all lines of sight beyond one plane a ball."""
 
 
-@kernel
+@leaf
 def first_hiding(
     piece: FloatArray, targets: FloatArray, points: FloatArray, nodes: FloatArray, radius: float, bound: float
 ) -> int:
@@ -83,7 +83,7 @@ def prove_sights_past_cloud(
     return status, w, j
 
 
-@kernel
+@leaf
 def _prove_sights(
     centre: FloatArray,
     size: float,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
@@ -26,7 +26,7 @@ def prove_outside_ball(
     return prove_nonnegative(controls, 3.0 * (m - 1) + 20.0, 3.0 * total * total + reach * reach)
 
 
-@kernel
+@leaf
 def prove_collision_free(
     square: FloatArray, raised: FloatArray, size: float, obstacles: FloatArray
 ) -> tuple[int, float]:
@@ -39,7 +39,7 @@ def prove_collision_free(
     return PROVEN, 0.0
 
 
-@kernel
+@leaf
 def push_from_obstacles(
     obstacles: FloatArray,
     poses: FloatArray,

@@ -10,13 +10,13 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 Limit = tuple[float, float, float, float]
 """n and κ of n·c ≤ κ‖c‖"""
 
 
-@kernel
+@leaf
 def offset_from_disc(disc: FloatArray, x: float, y: float, z: float) -> tuple[float, float]:
     """Return p − p₀ [px] of a camera point with D > 0; (0, 0) where D ≤ 0."""
     d = z + disc[6] * math.sqrt(x * x + y * y + z * z)
@@ -39,14 +39,14 @@ def tangent_limit(disc: FloatArray, x: float, y: float, z: float) -> Limit:
     return -eu * disc[0], -(eu * disc[1] + ev * disc[2]), -third, disc[6] * third
 
 
-@kernel
+@leaf
 def disc_size(disc: FloatArray) -> float:
     """Return a bound on |n|₁ + 3|κ| of every tangent limit, for the error bound."""
     third = abs(disc[3]) + abs(disc[4]) + disc[5]
     return float(abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + third * (1.0 + 3.0 * disc[6]))
 
 
-@kernel
+@leaf
 def disc_margin(disc: FloatArray, x: float, y: float, z: float) -> float:
     """Return ‖p − p₀‖ − r [px] of a camera point; −∞ where D ≤ 0."""
     d = z + disc[6] * math.sqrt(x * x + y * y + z * z)

@@ -3,13 +3,13 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.motion import displacement, seen_from_body
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
-@kernel
+@leaf
 def free_side_gap(x: float, y: float, z: float, plane: FloatArray) -> float:
     """Return n·(x, y, z) − (b + d) of a ``plane`` (6,) (see `Demands`)."""
     return float(plane[0] * x + plane[1] * y + plane[2] * z - plane[3])
@@ -41,7 +41,7 @@ def prove_free_sides(
     return PROVEN, 0.0
 
 
-@kernel
+@leaf
 def push_to_free_side(
     planes: FloatArray,
     motions: FloatArray,

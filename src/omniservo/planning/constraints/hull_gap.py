@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 _MOST_STEPS = 100
 """Joining differences; each step makes x shorter, so it ends before."""
@@ -38,7 +38,7 @@ class Hull(NamedTuple):
     """(E, 12): a point, the direction along the edge, the normals of its two faces"""
 
 
-@kernel
+@leaf
 def support(corners: FloatArray, x: float, y: float, z: float) -> tuple[float, int]:
     """Return the greatest n·v over the vertices for n = (x, y, z), and the vertex."""
     most, found = -math.inf, 0
@@ -92,7 +92,7 @@ def nearest_weights(points: FloatArray, count: int, weights: FloatArray) -> bool
     return True
 
 
-@kernel
+@leaf
 def drop_points(points: FloatArray, shares: FloatArray, weights: FloatArray, count: int) -> int:
     """Replace the points of ``weights`` 0 by those behind them; return how many are left."""
     left = 0
@@ -105,7 +105,7 @@ def drop_points(points: FloatArray, shares: FloatArray, weights: FloatArray, cou
     return left
 
 
-@kernel
+@leaf
 def shorten(points: FloatArray, shares: FloatArray, weights: FloatArray, count: int, room: FloatArray) -> int:
     """Move the weights to the point nearest to 0 of the hull of ``count`` points; return how many are left.
 
@@ -169,7 +169,7 @@ def nearest_difference(
     return x, y, z, part
 
 
-@kernel
+@leaf
 def depth_in_hull(
     hull: Hull, t: tuple[float, float, float], h: tuple[float, float, float], s: float
 ) -> tuple[float, float, float, float, float]:
@@ -205,7 +205,7 @@ def depth_in_hull(
     return x, y, z, -depth, part
 
 
-@kernel
+@leaf
 def hull_gap(
     hull: Hull, t: tuple[float, float, float], h: tuple[float, float, float]
 ) -> tuple[float, float, float, float, float]:

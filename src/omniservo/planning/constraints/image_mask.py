@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -34,7 +34,7 @@ from omniservo.planning.constraints.visibility import (
 )
 
 
-@kernel
+@leaf
 def best_edge(edges: FloatArray, x: float, y: float, z: float) -> tuple[int, float]:
     """Return the edge that a camera point is farthest beyond, and by how much: px times D."""
     rho = math.sqrt(x * x + y * y + z * z)
@@ -47,7 +47,7 @@ def best_edge(edges: FloatArray, x: float, y: float, z: float) -> tuple[int, flo
     return best, most
 
 
-@kernel
+@leaf
 def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, int]:
     """Return how far [px] the camera points c (n, 4) are beyond one polygon, and which point the least."""
     least, about = math.inf, 0
@@ -59,7 +59,7 @@ def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, i
     return least, about
 
 
-@kernel
+@leaf
 def prove_outside_masks(
     controls: FloatArray, errors: FloatArray, count: float, edges: FloatArray, firsts: IntArray
 ) -> tuple[int, float, int]:
@@ -113,7 +113,7 @@ def prove_outside_mask(
     return PROVEN, 0.0, 0
 
 
-@kernel
+@leaf
 def _beyond_one_edge(piece: FloatArray, edges: FloatArray, bound: float) -> bool:
     """Tell whether the control points show the whole piece beyond the edge that faces its mean bearing."""
     x, y, z = sum_of_controls(piece)
@@ -127,7 +127,7 @@ def _beyond_one_edge(piece: FloatArray, edges: FloatArray, bound: float) -> bool
     return holds_by_tightest(piece, edge, allowed)
 
 
-@kernel
+@leaf
 def _inside(piece: FloatArray, edges: FloatArray, k: int, bound: float) -> bool:
     """Tell whether control point k, an end of the piece, is inside every edge beyond rounding."""
     for i in range(edges.shape[0]):
@@ -137,7 +137,7 @@ def _inside(piece: FloatArray, edges: FloatArray, k: int, bound: float) -> bool:
     return True
 
 
-@kernel
+@leaf
 def _edge_size(edge: FloatArray) -> float:
     """Return |n|₁ + 3|κ|, for the error bound."""
     return float(abs(edge[0]) + abs(edge[1]) + abs(edge[2]) + 3.0 * abs(edge[3]))
@@ -154,7 +154,7 @@ def moved_outward(edges: FloatArray, margin: float, xi: float) -> FloatArray:
     return moved
 
 
-@kernel
+@leaf
 def push_off_masks(
     edges: FloatArray,
     firsts: IntArray,

@@ -3,13 +3,13 @@
 import math
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
-@kernel
+@leaf
 def prove_least_distance(
     square: FloatArray, raised: FloatArray, size: float, points: FloatArray, distance: float
 ) -> tuple[int, float, int]:
@@ -22,7 +22,7 @@ def prove_least_distance(
     return PROVEN, 0.0, 0
 
 
-@kernel
+@leaf
 def push_from_points(
     points: FloatArray,
     distance: float,

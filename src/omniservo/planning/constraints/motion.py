@@ -7,11 +7,11 @@ says which is its own (−1: it stands still).
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 
 
-@kernel
+@leaf
 def displacement(motions: FloatArray, index: float, w: float) -> tuple[float, float, float]:
     """Return m(w) [m]; 0 where the index is −1."""
     x, y, z = 0.0, 0.0, 0.0
@@ -22,7 +22,7 @@ def displacement(motions: FloatArray, index: float, w: float) -> tuple[float, fl
     return x, y, z
 
 
-@kernel
+@leaf
 def motion_degree(motion: FloatArray) -> int:
     """Return the degree of a motion (3, K+1), without leading zeros."""
     top = 0

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -31,7 +31,7 @@ _STEPS = 8
 """of Gilbert's algorithm; a plane that it does not find is found on half the piece"""
 
 
-@kernel
+@leaf
 def sight_offset(
     tx: float, ty: float, tz: float, h: FloatArray, o: FloatArray
 ) -> tuple[float, float, float, float, float]:
@@ -39,7 +39,7 @@ def sight_offset(
     return nearest_of_sight(tx - o[0], ty - o[1], tz - o[2], h[0] - tx, h[1] - ty, h[2] - tz)
 
 
-@kernel
+@leaf
 def nearest_of_sight(
     px: float, py: float, pz: float, lx: float, ly: float, lz: float
 ) -> tuple[float, float, float, float, float]:
@@ -102,7 +102,7 @@ def prove_clear_sights(
     return PROVEN, 0.0, 0
 
 
-@kernel
+@leaf
 def _hidden_point(
     piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float, hidden: BoolArray
 ) -> int:
@@ -133,7 +133,7 @@ def _hidden_point(
                 hidden[j] = not along - radius >= bound
 
 
-@kernel
+@leaf
 def plane_past_ball(
     piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float
 ) -> tuple[bool, float, float, float]:
@@ -182,7 +182,7 @@ def prove_unoccluded(
     return PROVEN, 0.0
 
 
-@kernel
+@leaf
 def push_sight(
     points: FloatArray,
     obstacles: FloatArray,

@@ -3,10 +3,10 @@
 import math
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 
 
-@kernel
+@leaf
 def place(
     phi: FloatArray,
     t: FloatArray,

@@ -11,13 +11,13 @@ target is ASLEEP is not looked at.
 """
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import leaf
 
 ASLEEP = -1e300
 """Target of a group that has so much left that a descent need not look at it."""
 
 
-@kernel
+@leaf
 def push_centre(
     systems: FloatArray, costs: FloatArray, s: int, poses: FloatArray, x: float, y: float, z: float, r: float
 ) -> None:
@@ -34,7 +34,7 @@ def push_centre(
     costs[s] += 0.5 * r * r
 
 
-@kernel
+@leaf
 def push_centre_often(
     systems: FloatArray,
     costs: FloatArray,
@@ -56,7 +56,7 @@ def push_centre_often(
     costs[s] += cost
 
 
-@kernel
+@leaf
 def push_camera_point(
     systems: FloatArray,
     costs: FloatArray,

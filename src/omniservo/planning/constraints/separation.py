@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import MAX_LEVEL, PROVEN, REFUTED, TINY, UNDECIDED, UNIT, copy_into, halve
 from omniservo.planning.constraints.body_gap import is_solid
 from omniservo.planning.constraints.hull_gap import Hull
@@ -29,7 +29,7 @@ _STEPS = 4
 """of Gilbert's algorithm for a piece's plane; one that it does not find is found on half the piece"""
 
 
-@kernel
+@leaf
 def plane_of_piece(
     piece: FloatArray,
     h: FloatArray,
@@ -132,7 +132,7 @@ def separate(
     return PROVEN, 0.0, count
 
 
-@kernel
+@leaf
 def _extent(body: FloatArray, h: FloatArray) -> float:
     """Return the part of the magnitude that comes from the body and the far ends h (3, k+1 or 0)."""
     far = 0.0
@@ -142,7 +142,7 @@ def _extent(body: FloatArray, h: FloatArray) -> float:
     return float(far + abs(body[0]) + abs(body[1]) + abs(body[2]) + body[12] + body[13] + body[14])
 
 
-@kernel
+@leaf
 def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray, hull: Hull) -> float:
     """Return the distance of one end (0 or 1) of a piece, or of its line of sight, to the body's core.
 

@@ -6,7 +6,7 @@ joined arrays of all meshes. Boxes are no meshes: their own gap takes a tenth of
 """
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.planning.constraints.body_gap import segment_gap
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap, support
 
@@ -21,7 +21,7 @@ def hull_of(body: FloatArray, hulls: Hull) -> Hull:
     )
 
 
-@kernel
+@leaf
 def solid_gap(
     body: FloatArray, hull: Hull, tx: float, ty: float, tz: float, hx: float, hy: float, hz: float
 ) -> tuple[float, float, float, float, float]:
@@ -31,7 +31,7 @@ def solid_gap(
     return segment_gap(body, tx, ty, tz, hx, hy, hz)
 
 
-@kernel
+@leaf
 def core_support(body: FloatArray, hull: Hull, nx: float, ny: float, nz: float) -> float:
     """Return the greatest n·(x − c) over the core, c the row's centre."""
     if hull.corners.shape[0] > 0:

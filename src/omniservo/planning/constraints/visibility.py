@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import (
     MAX_LEVEL,
     MAX_PIECES,
@@ -69,7 +69,7 @@ def prove_visible(
     return PROVEN, 0.0, 0, 0
 
 
-@kernel
+@leaf
 def _prove_point(
     stack: FloatArray,
     start: FloatArray,
@@ -144,7 +144,7 @@ def _first_failing(
     return -1, 0
 
 
-@kernel
+@leaf
 def sum_of_controls(piece: FloatArray) -> tuple[float, float, float]:
     """Return the sum of the control points (3, n+1): it points where the piece is on average."""
     x, y, z = 0.0, 0.0, 0.0
@@ -155,7 +155,7 @@ def sum_of_controls(piece: FloatArray) -> tuple[float, float, float]:
     return x, y, z
 
 
-@kernel
+@leaf
 def cone_holds(piece: FloatArray, limit: Limit, ex: float, ey: float, ez: float, bound: float) -> bool:
     """Tell whether the control points show n·c ≤ κ‖c‖ on the whole piece; ‖(ex, ey, ez)‖ ≤ 1."""
     nx, ny, nz, kappa = limit
@@ -169,7 +169,7 @@ def cone_holds(piece: FloatArray, limit: Limit, ex: float, ey: float, ez: float,
     return bool(held == piece.shape[1])
 
 
-@kernel
+@leaf
 def holds_by_tightest(piece: FloatArray, limit: Limit, bound: float) -> bool:
     """Try the bearing of the control point with the least left: exact where an end of the piece is it."""
     tightest, most = 0, -math.inf
@@ -185,7 +185,7 @@ def holds_by_tightest(piece: FloatArray, limit: Limit, bound: float) -> bool:
     return cone_holds(piece, limit, x * shorter, y * shorter, z * shorter, bound)
 
 
-@kernel
+@leaf
 def _violated_end(piece: FloatArray, limit: Limit, bound: float) -> int:
     """Return 1 or 2 where n·c > κ‖c‖ beyond rounding at the start or end of the piece, else 0."""
     if cone_value(piece, limit, 0) > bound:
@@ -193,7 +193,7 @@ def _violated_end(piece: FloatArray, limit: Limit, bound: float) -> int:
     return 2 if cone_value(piece, limit, piece.shape[1] - 1) > bound else 0
 
 
-@kernel
+@leaf
 def cone_value(piece: FloatArray, limit: Limit, k: int) -> float:
     """Return n·C − κ‖C‖ of control point k."""
     nx, ny, nz, kappa = limit
@@ -201,7 +201,7 @@ def cone_value(piece: FloatArray, limit: Limit, k: int) -> float:
     return nx * x + ny * y + nz * z - kappa * math.sqrt(x * x + y * y + z * z)
 
 
-@kernel
+@leaf
 def push_into_image(
     limits: FloatArray,
     disc: FloatArray,

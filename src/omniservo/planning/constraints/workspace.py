@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
@@ -33,7 +33,7 @@ def prove_workspace(controls: FloatArray, size: float, box: FloatArray) -> tuple
     return PROVEN, 0.0
 
 
-@kernel
+@leaf
 def push_into_box(
     box: FloatArray,
     poses: FloatArray,

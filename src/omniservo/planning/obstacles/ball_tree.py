@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 RADIUS, FIRST, END, NEXT = 3, 4, 5, 6
 """Columns of a node after its centre."""
@@ -60,7 +60,7 @@ def ball_tree(points: FloatArray) -> BallTree:
     return BallTree(ordered, nodes[:count])
 
 
-@kernel
+@leaf
 def _enclose(points: FloatArray, first: int, end: int, node: FloatArray) -> int:
     """Write the ball about rows ``first`` to ``end`` into ``node`` (7,); return their longest side's axis."""
     axis, longest = 0, -1.0
@@ -79,7 +79,7 @@ def _enclose(points: FloatArray, first: int, end: int, node: FloatArray) -> int:
     return axis
 
 
-@kernel
+@leaf
 def _select(points: FloatArray, low: int, high: int, middle: int, axis: int) -> None:
     """Reorder rows ``low`` to ``high`` so that ``middle`` is where sorting by ``axis`` puts it (Hoare)."""
     while low < high:
@@ -103,7 +103,7 @@ def _select(points: FloatArray, low: int, high: int, middle: int, axis: int) -> 
             return
 
 
-@kernel
+@leaf
 def nearest_point(
     points: FloatArray,
     nodes: FloatArray,
@@ -137,7 +137,7 @@ def nearest_point(
     return best, limit
 
 
-@kernel
+@leaf
 def segment_distance(o: FloatArray, t: tuple[float, float, float], h: tuple[float, float, float]) -> float:
     """Return the distance of o (3,) or longer from the segment from t to h."""
     lx, ly, lz = h[0] - t[0], h[1] - t[1], h[2] - t[2]

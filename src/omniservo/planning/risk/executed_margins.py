@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.planning.certificate.margin_kinds import CLEARANCE
 from omniservo.planning.certificate.seen_margins import centre_margin, smallest_at
 from omniservo.planning.constraints.demands import Demands
@@ -95,7 +95,7 @@ def _servo(
     phi[3, 0] = w - x * a - y * b - z * d
 
 
-@kernel
+@leaf
 def _bend(response: ServoResponse, i: int, camera: FloatArray, c: FloatArray) -> None:
     """Turn camera points c (n, 4) to where the stated camera would see them."""
     if camera.shape[0] == 0:
@@ -107,7 +107,7 @@ def _bend(response: ServoResponse, i: int, camera: FloatArray, c: FloatArray) ->
                 c[j, a] += distance * response.lens[i, j, a, p] * camera[p]
 
 
-@kernel
+@leaf
 def _see_frame(frame: FloatArray, c: FloatArray, row: FloatArray) -> None:
     """Lower row (2,) to what the border and the dead zone of a distorted image leave to c (n, 4) [px]."""
     tail = frame[frame.shape[0] - 6 :]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import BINOMIALS
 
 
@@ -30,7 +30,7 @@ def bending_form(n: int, first: int) -> FloatArray:
     return form
 
 
-@kernel
+@leaf
 def least_bent(end: FloatArray, slope: FloatArray, controls: FloatArray) -> float:
     """Bend control points (m, n+1), whose first column is the start, least; return ∫‖p″‖² dw.
 

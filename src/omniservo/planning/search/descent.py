@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.planning.constraints.cloud import push_off_clouds
 from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
@@ -188,14 +188,14 @@ def _block(family: Family, index: int, i: int, inner: int) -> tuple[int, int, fl
     return 4, 3, basis[index, basis.shape[1] - 1 - free + k], 4 * inner + 3 * k
 
 
-@kernel
+@leaf
 def fill(values: FloatArray, value: float) -> None:
     """Set every item of (n,) to ``value``."""
     for i in range(values.shape[0]):
         values[i] = value
 
 
-@kernel
+@leaf
 def clear(values: FloatArray) -> None:
     """Set every item of (m, n) to 0."""
     for i in range(values.shape[0]):
@@ -261,7 +261,7 @@ def add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray) 
     return cost
 
 
-@kernel
+@leaf
 def solve_damped(normal: FloatArray, damping: float, factor: FloatArray, step: FloatArray) -> bool:
     """Solve (H + damping · (diag H + mean diag H)) step = b by Cholesky; False where H is not positive.
 
@@ -345,7 +345,7 @@ def descend(
     return cost
 
 
-@kernel
+@leaf
 def reached(least: FloatArray, targets: FloatArray, enough: float) -> bool:
     """Tell whether every group's smallest g is at least ``enough`` times its target."""
     holds = True

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.quadratic_program import quadratic_step
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.push import ASLEEP
@@ -68,7 +68,7 @@ def rows_for(size: int) -> Rows:
     )
 
 
-@kernel
+@leaf
 def keep_active(rows: Rows, count: int) -> int:
     """Move the rows with a multiplier to the front; return how many."""
     active = 0
@@ -82,7 +82,7 @@ def keep_active(rows: Rows, count: int) -> int:
     return active
 
 
-@kernel
+@leaf
 def choose_rows(levels: FloatArray, samples: int, kept: FloatArray, rows: Rows, active: int) -> int:
     """Append every (sample, group) with less left than BAND to the ``active`` first ones; return how many."""
     count = active
@@ -99,7 +99,7 @@ def choose_rows(levels: FloatArray, samples: int, kept: FloatArray, rows: Rows, 
     return count
 
 
-@kernel
+@leaf
 def shortfall(levels: FloatArray, samples: int, kept: FloatArray) -> float:
     """Return Σ max(0, kept − g) over samples and groups."""
     total = 0.0
@@ -136,7 +136,7 @@ def update_hessian(hessian: FloatArray, step: FloatArray, change: FloatArray, le
             hessian[i, k] += change[i] * change[k] / mixed - product[i] * product[k] / curved
 
 
-@kernel
+@leaf
 def add_constraint_slopes(rows: Rows, active: int, factor: float, change: FloatArray) -> None:
     """Add factor · Σ λ ∂g/∂x of the ``active`` first rows to ``change`` (nx,)."""
     for r in range(active):
@@ -144,7 +144,7 @@ def add_constraint_slopes(rows: Rows, active: int, factor: float, change: FloatA
             change[i] += factor * rows.multiplier[r] * rows.slope[r, i]
 
 
-@kernel
+@leaf
 def dot(a: FloatArray, b: FloatArray) -> float:
     """Return Σ aᵢbᵢ."""
     total = 0.0
@@ -163,7 +163,7 @@ def bend(family: Family, x: FloatArray, gradient: FloatArray, normal: FloatArray
     return energy
 
 
-@kernel
+@leaf
 def price_of(multipliers: FloatArray, gradient: FloatArray) -> float:
     """Return what one unit of shortfall costs in the merit function: more than any multiplier."""
     price = math.sqrt(dot(gradient, gradient))

@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import PROVEN, REFUTED, bernstein_from_power
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.path_family import Ends, offsets, path_family, unknowns
@@ -35,7 +35,7 @@ def rest_controls(coefficients: FloatArray, w: float, degree: int) -> FloatArray
     return raised
 
 
-@kernel
+@leaf
 def turn_back(quaternion: FloatArray, phi: FloatArray) -> None:
     """Replace every φ in the columns (4, k) by ±q* ⊗ φ / ‖φ₀‖; φ₀, the first, gets a scalar part ≥ 0."""
     x, y, z, w = -quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]
@@ -52,7 +52,7 @@ def turn_back(quaternion: FloatArray, phi: FloatArray) -> None:
         phi[3, k] = w * d - x * a - y * b - z * c
 
 
-@kernel
+@leaf
 def carry_over(t: FloatArray, quaternion: FloatArray, centre: FloatArray) -> None:
     """Replace every t in the columns (3, k) by Λ(q)ᵀ (t − centre) [m], q a unit quaternion."""
     x, y, z, w = -quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]

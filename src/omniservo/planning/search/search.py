@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.economise import economise, leads_back
@@ -63,13 +63,13 @@ def start_offsets(family: Family, ell: float, index: int, phase: float) -> Float
     return x
 
 
-@kernel
+@leaf
 def detour_size(index: int) -> float:
     """Return the size of detour ``index`` over ℓ: small ones first, soon from 0.2 to 6.4, evenly in scale."""
     return float(0.2 * 2.0 ** (min(5.0, 1.0 + 0.8 * math.sqrt(index)) * ((SPREAD[2] * index) % 1.0)))
 
 
-@kernel
+@leaf
 def smallest(values: FloatArray) -> float:
     """Return the smallest of ``values``."""
     least = math.inf
@@ -78,13 +78,13 @@ def smallest(values: FloatArray) -> float:
     return least
 
 
-@kernel
+@leaf
 def stiff_degree(ends: Ends) -> int:
     """Return the degree up to which the ends leave no freedom: 1, or 2 where a departure is given."""
     return 1 if ends.departure.shape[0] == 0 else 2
 
 
-@kernel
+@leaf
 def starts_in_all(ends: Ends, degrees: IntArray, most: int) -> int:
     """Return how many starts there are: one without freedom, `FEW` a degree, ``most`` at the highest one."""
     degree = max(degrees[0], degrees[1]) - stiff_degree(ends)
