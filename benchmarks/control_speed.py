@@ -1,8 +1,9 @@
-"""Time of one control step: pixels in, camera twist out, nine points.
+"""Time of one control step: pixels in, camera twist out, nine points; and twist in, joints commanded.
 
 Run: ``python -m benchmarks.control_speed``. Timed is the public `PathTracker.step` with compiled kernels,
 every call on the image of a new instant along the path, as in a closed loop: checks, unprojection, pose
-refinement, reference, control law and report.
+refinement, reference, control law and report. Then `Arm.joint_velocities` with `Supervisor.command`, all
+limits and a workspace watched, on a robot that does what it is told and takes no time for it.
 """
 
 from __future__ import annotations
@@ -10,9 +11,13 @@ from __future__ import annotations
 from time import perf_counter
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
 from omniservo.planning import PlanningProblem, plan_path
+from omniservo.robots import Arm, CameraImage, RobotState
+from omniservo.safety import SafetyOptions, Supervisor
 from omniservo.tracking import PathTracker, TrackerOptions
 
 TARGET = np.array(
@@ -60,5 +65,53 @@ def control_step_microseconds(steps: int = 1000, noise: float = 0.05) -> float:
     return 1e6 * float(np.median(taken))
 
 
+class ObedientRobot:
+    """Joints that turn as they were told last, on a clock that `wait` alone moves on."""
+
+    def __init__(self, joints: npt.ArrayLike) -> None:
+        self._time, self._joints = 0.0, np.array(joints, dtype=np.float64)
+        self._speeds = np.zeros(len(self._joints))
+
+    def read(self) -> RobotState:
+        """Return the joints as they are."""
+        return RobotState(self._time, self._joints.copy(), self._speeds.copy())
+
+    def image(self) -> CameraImage:
+        """Return a picture taken now."""
+        return CameraImage(self._time, np.zeros((1, 1), dtype=np.uint8))
+
+    def command(self, joint_velocities: npt.ArrayLike) -> None:
+        """Turn with these speeds from now on."""
+        self._speeds = np.array(joint_velocities, dtype=np.float64)
+
+    def stop(self) -> None:
+        """Stand still."""
+        self._speeds[:] = 0.0
+
+    def wait(self, duration: float) -> None:
+        """Let time pass."""
+        self._time += duration
+        self._joints += duration * self._speeds
+
+
+def command_microseconds(steps: int = 1000) -> float:
+    """Return the median time from a camera twist to the joints' command, RX60 [µs]."""
+    arm, robot = Arm.rx60(), ObedientRobot([0.2, 0.6, -1.6, 0.1, 1.2, 0.0])
+    mount = RigidTransform.from_components([0.0, 0.0, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1]))
+    options = SafetyOptions(workspace=np.array([[-1.0] * 3, [1.0] * 3]))
+    supervisor = Supervisor(robot, arm, mount, wait=robot.wait, options=options)
+    taken = []
+    for i in range(steps):
+        supervisor.image()
+        joints = supervisor.read().joint_positions
+        twist = 0.02 * np.array([np.cos(0.1 * i), np.sin(0.1 * i), 0.0, 0.1, np.cos(0.1 * i), 0.0])
+        before = perf_counter()
+        supervisor.command(arm.joint_velocities(joints, twist, mount))
+        taken.append(perf_counter() - before)
+        supervisor.wait(1.0 / 30.0)
+    return 1e6 * float(np.median(taken))
+
+
 if __name__ == "__main__":
     print(f"control step, 9 points: {control_step_microseconds():.1f} us (median)")
+    print(f"command, six joints: {command_microseconds():.1f} us (median)")

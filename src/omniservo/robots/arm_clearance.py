@@ -107,9 +107,9 @@ def arm_clearance(
     work = _work_for(pieces, len(bodies.pairs))
     status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
     if status == "too_close":
-        for w in np.linspace(knots[0], knots[-1], _SCANNED):
-            still = np.tile(path(float(w)), (1, pieces.shape[1], 1))
-            _proven(bodies, asked, work, np.full((1, 2), w), still)
+        places = np.linspace(knots[0], knots[-1], _SCANNED)
+        for w, q in zip(places, path(places), strict=True):
+            _proven(bodies, asked, work, np.full((1, 2), w), q[None, None])  # a piece that stands still
     proven = float(work.found[PROVEN]) if status == "clear" else -math.inf
     closest = _closest(bodies, asked, work.found)
     return ArmClearance(status, clearance, self_clearance, closest, proven, int(work.counts[POSTURES]))
