@@ -15,6 +15,7 @@ import argparse
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,8 @@ def moved(random: np.random.Generator, plan: Plan, w: float) -> tuple[Sphere, ..
     balls = list(plan.problem.obstacles)
     i = int(random.integers(len(balls)))
     step = random.normal(size=3)
-    place = plan.path(random.uniform(w, 1.0)).translation + random.uniform(0, 0.05) * step / np.linalg.norm(
-        step
-    )
+    step *= random.uniform(0, 0.05) / np.linalg.norm(step)
+    place = plan.path(random.uniform(w, 1.0)).translation + step
     balls[i] = replace(balls[i], center=place)
     return tuple(balls)  # type: ignore[arg-type]
 
@@ -83,14 +83,12 @@ def answered(
         return None
     twist, joint = 0.0, 0.0
     if event.leg is not None:
-        ends = []
-        for leg in tracker.legs:
-            s, speed = leg.law(event.leg.time)
-            ends.append(speed * leg.path(s, 1))
-        twist = float(np.abs(ends[1] - ends[0]).max())
-        if carried is not None:
-            before, after = (replanner.posture(event.leg.time + d)[1] for d in (-1e-9, 0.0))
-            joint = float(np.abs(after - before).max())
+        for before, after in pairwise(tracker.legs):
+            ends = [speed * leg.path(s, 1) for leg in (before, after) for s, speed in [leg.law(after.time)]]
+            twist = max(twist, float(np.abs(ends[1] - ends[0]).max()))
+            if carried is not None:
+                slow, fast = (replanner.posture(after.time + d)[1] for d in (-1e-9, 0.0))
+                joint = max(joint, float(np.abs(fast - slow).max()))
     solvable = event.outcome != "blocked" or _solvable(plan, carried, law(time + AHEAD)[0], event.problem)
     return Answer(event.outcome, event.seconds, twist, joint, solvable)
 

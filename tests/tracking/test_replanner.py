@@ -1,6 +1,7 @@
 """Planning again on the way: nothing jumps, nothing unproven is followed, nothing is done without cause."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -90,7 +91,9 @@ def test_pose_and_twist_of_the_reference_have_no_jump_at_any_time_of_any_change(
         (before, slow), (after, fast) = (reference(tracker, event.leg.time + d) for d in (-1e-9, 0.0))
         assert (before.inv() * after).as_matrix() == pytest.approx(np.eye(4), abs=1e-8)
         assert fast == pytest.approx(slow, abs=1e-7)
-        assert tracker.legs[-1].w(1e3)[0] == pytest.approx(1.0)
+        first, new = tracker.legs
+        assert new.w(new.time) == pytest.approx(first.w(new.time), abs=1e-9)
+        assert new.w(1e3)[0] == pytest.approx(1.0)
         end = tracker.legs[-1].path(1.0)
         assert (end.inv() * GOAL).as_matrix() == pytest.approx(np.eye(4), abs=1e-8)
     assert taken >= 15
@@ -144,6 +147,43 @@ def test_nothing_is_planned_where_nothing_changed():
     assert all(replanner.look(time) is None for time in (0.0, 0.5, 3.9))
     assert replanner.events == []
     assert len(tracker.legs) == 1
+
+
+def test_the_same_obstacles_said_again_are_no_change():
+    _, replanner = following()
+    replanner.set_obstacles(list(replanner.obstacles))
+    assert replanner.look(1.0) is None
+
+
+def test_a_way_entered_too_fast_for_its_bend_is_taken_up_after_the_old_one_was_slowed_down(arm):
+    """Speeds are no matter here, accelerations are: the bend costs q″ṡ², which slower is affordable."""
+    plan, carried = arm
+    rx60, random, slowed = carried.setting.arm, np.random.default_rng(3), 0
+
+    def limits(path, joints):
+        return PathLimits(joints, rx60.joint_speed, 0.05 * rx60.joint_acceleration)
+
+    for _ in range(12):
+        tracker, replanner = following(arm=replace(carried, limits=limits), plan=plan)
+        time = random.uniform(0.8, 1.6)
+        replanner.set_obstacles([in_the_way(random, LAW(time)[0])])
+        try:
+            event = replanner.look(time)
+        except Blocked:
+            continue
+        assert tracker.legs[1:] == event.legs
+        slowed += len(event.legs) == 2
+        for before, after in pairwise(tracker.legs):
+            (there, slow), (here, fast) = (
+                (leg.path(s), speed * leg.path(s, 1))
+                for leg in (before, after)
+                for s, speed in [leg.law(after.time)]
+            )
+            assert (there.inv() * here).as_matrix() == pytest.approx(np.eye(4), abs=1e-8)
+            assert fast == pytest.approx(slow, abs=1e-7)
+        for leg, joints in zip(event.legs, event.joints, strict=True):
+            assert leg.law.keeps(limits(leg.path, joints))
+    assert slowed >= 1
 
 
 def test_a_way_that_is_still_proven_is_kept():

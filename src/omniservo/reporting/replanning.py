@@ -72,9 +72,11 @@ def replanning_section(result: RunResult) -> Markup | None:
     for event in result.replannings:
         taken, jump = NOTHING, NOTHING
         if event.leg is not None and result.way is not None:
-            number = result.way.legs.index(event.leg)
-            twist, joints = result.way.jumps(number)
-            taken, jump = f"{event.leg.time:.3f} s", f"{twist:.1e} m/s or rad/s, {joints:.1e} rad/s"
+            jumps = [result.way.jumps(result.way.legs.index(leg)) for leg in event.legs]
+            twist, joints = np.max(jumps, axis=0)
+            jump = f"{twist:.1e} m/s or rad/s, {joints:.1e} rad/s"
+            slower = f", slowed down from {event.legs[0].time:.3f} s on" if len(event.legs) > 1 else ""
+            taken = f"{event.leg.time:.3f} s{slower}"
         rows.append(
             [
                 f"{event.time:.3f} s",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,9 @@ _PLACES = 401
 _DIFFERENCE = 1e-4  # [s] over which ẅ is a difference of ẇ
 _SLOWER = 0.85  # at least by this factor in every round
 _MET = 1.002  # what a law that just met its limits may exceed them by here, where places lie otherwise
+
+
+_Motion: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -89,20 +92,26 @@ class RestOfLaw:
         found = cls(law, begin)
         if limits is None:
             return found
-        clock, s, speed, change = found._motion()
-        excess = limits.excess(s, speed, change)
+        motion = found._motion()
+        excess = found._excess(limits, motion)
         while excess > _MET:
             pace = found.pace * min(0.99 / excess, _SLOWER)
             if pace < LEAST_PACE:
                 return None
-            tried = []
-            for ramp in RAMPS:
-                rate, growth = _slowed(clock - begin, pace, ramp)
-                needed = limits.excess(s, speed * rate, change * rate**2 + speed * growth)
-                tried.append((needed, ramp))
-            excess, ramp = min(tried)
-            found = cls(law, begin, pace, ramp)
+            tried = [cls(law, begin, pace, ramp) for ramp in RAMPS]
+            needed = [rest._excess(limits, motion) for rest in tried]
+            excess, found = min(needed), tried[int(np.argmin(needed))]
         return found
+
+    def keeps(self, limits: PathLimits) -> bool:
+        """Return whether the law keeps limits along its path; looked at as by `within`."""
+        return self._excess(limits, self._motion()) <= _MET
+
+    def _excess(self, limits: PathLimits, motion: _Motion) -> float:
+        """Return by how much time had to be stretched to keep limits; ``motion`` is that of an even clock."""
+        clock, s, speed, change = motion
+        rate, growth = _slowed(clock - self.begin, self.pace, self.ramp)
+        return limits.excess(s, speed * rate, change * rate**2 + speed * growth)
 
     def _clock(self, time: float) -> tuple[float, float]:
         """Return τ [s] and τ' at ``time`` ≥ begin [s]."""
@@ -111,7 +120,7 @@ class RestOfLaw:
         late = lost * (self.ramp * u**3 * (1.0 - 0.5 * u) + max(time - self.begin - self.ramp, 0.0))
         return time - late, 1.0 - lost * u * u * (3.0 - 2.0 * u)
 
-    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _motion(self) -> _Motion:
         """Return clock times [s], s, ds/dτ and d²s/dτ² (m,) until the law is finished."""
         span = 1.0
         while not self.law.finished(self.begin + span):

@@ -25,6 +25,12 @@ from omniservo.tracking.path_tracker import PathTracker
 LEAST_REST = 1e-3
 """Where less than this part of a leg is left nothing is planned any more."""
 
+SLOWED = 0.4
+"""The clock's pace on the old way where the new one is entered too fast for its bend,"""
+
+SLOWING = 0.3
+"""[s] after which the new way is planned from there"""
+
 _SHORTEST = 1e-9
 """part of a leg that is worth a look"""
 
@@ -80,12 +86,34 @@ class Replanning:
     """that it took [s]"""
     reason: str = ""
     """why no way on is proven; else empty"""
-    leg: Leg | None = None
-    """what was taken up; None unless replanned"""
-    joints: JointPath | None = None
-    """that follow it"""
+    legs: tuple[Leg, ...] = ()
+    """what was taken up: the new way, and before it the old one slowed down if need be; none unless
+    replanned"""
+    joints: tuple[JointPath | None, ...] = ()
+    """that follow each"""
     plan: Plan | None = None
     """certified, in the camera frame where the old way is left; None unless replanned"""
+
+    @property
+    def leg(self) -> Leg | None:
+        """The new way; None unless replanned."""
+        return self.legs[-1] if self.legs else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Fork:
+    """Where a way is left."""
+
+    leg: Leg
+    joints: JointPath | None
+    time: float
+    before: tuple[Leg, ...] = ()
+    """legs to be taken up before"""
+    joints_before: tuple[JointPath | None, ...] = ()
+
+    @property
+    def s(self) -> float:
+        return self.leg.law(self.time)[0]
 
 
 class Replanner:
@@ -96,7 +124,8 @@ class Replanner:
     with its pose and velocity, near the old one if that can be (`replan`), and taken up there: the reference
     has no jump in pose or twist, and the joints that follow it have none in position or, six of them, in
     speed. Its law is what is left of the old one, its clock slowed down where the joints ask for it
-    (`RestOfLaw`). If no way on is proven, `look` raises `Blocked`, and the robot is braked.
+    (`RestOfLaw`); a way that would be entered too fast for its bend is planned anew from the old one slowed
+    down. If no way on is proven, `look` raises `Blocked`, and the robot is braked.
 
     Args:
         tracker: follows the plan.
@@ -205,8 +234,9 @@ class Replanner:
         """
         cause: Literal["obstacles", "estimate"] | None = None
         problem = self._problem
-        if self._asked.obstacles is not problem.obstacles:
-            cause, problem = "obstacles", replace(problem, obstacles=self._asked.obstacles)
+        asked, known = self._asked.obstacles, problem.obstacles
+        if len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
+            cause, problem = "obstacles", replace(problem, obstacles=asked)
         if self.change > self.options.tube:
             cause, pose = cause or "estimate", self._tracker.goal.pose
             goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
@@ -219,70 +249,90 @@ class Replanner:
         self._problem = problem
         if event.outcome == "blocked":
             raise Blocked(f"{cause} changed at {time:.3f} s and no way on is proven: {event.reason}")
-        if event.leg is not None:
-            self._tracker.take_up(event.leg)
-            self._joints.append(event.joints)
+        for leg, joints in zip(event.legs, event.joints, strict=True):
+            self._tracker.take_up(leg)
+            self._joints.append(joints)
         return event
 
     def _answer(
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
     ) -> Replanning:
-        bodies = self._bodies(problem)
-        later = time + self.options.ahead
-        leg = self._at(later)[0]
-        s = leg.law(later)[0]
+        bodies, later = self._bodies(problem), time + self.options.ahead
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 
         def told(outcome: Literal["kept", "replanned", "blocked"], **more: object) -> Replanning:
-            w, seconds = leg.w(later)[0], perf_counter() - begin
+            w, seconds = self._at(later)[0].w(later)[0], perf_counter() - begin
             return Replanning(time, cause, outcome, w, problem, seconds, **more)  # type: ignore[arg-type]
 
         if same_goal and self._is_clear(problem, bodies, time, np.inf):
             return told("kept")
-        if 1.0 - s < LEAST_REST:
-            return told("blocked", reason="it is too near to the goal to plan again")
         if not self._is_clear(problem, bodies, time, later):
             return told("blocked", reason="what is gone before another way could be taken up is not clear")
-        plan, joints = self._planned(problem, bodies, later)
-        if plan.status != "certified" or plan.path is None:
-            return told("blocked", reason=plan.reason)
-        path = plan.path.seen_in(leg.path(s))
-        law = self._law(path, joints, later)
-        if law is None:
-            return told("blocked", reason="the joints cannot turn into the way found as fast as they move")
-        budget = self.options.time_budget
-        if budget is not None and perf_counter() - begin > budget:
-            return told("blocked", reason=f"planning took longer than {budget:g} s")
-        return told("replanned", leg=Leg(path, law, later, leg.w(later)[0]), joints=joints, plan=plan)
+        fork: _Fork | None = _Fork(*self._at(later), later)
+        reason = ""
+        while fork is not None and not reason:
+            plan, joints = self._planned(problem, bodies, fork)
+            reason = "" if plan.status == "certified" else plan.reason
+            budget = self.options.time_budget
+            if budget is not None and perf_counter() - begin > budget:
+                reason = f"planning took longer than {budget:g} s"
+            elif plan.path is not None and not reason:
+                path = plan.path.seen_in(fork.leg.path(fork.s))
+                law = self._law(fork, path, joints)
+                if law is not None:
+                    legs = (*fork.before, Leg(path, law, fork.time, fork.leg.w(fork.time)[0]))
+                    return told("replanned", legs=legs, joints=(*fork.joints_before, joints), plan=plan)
+                fork = None if fork.before else self._slowed(problem, bodies, fork)
+        words = "the joints cannot turn into the way found as fast as they move"
+        return told("blocked", reason=reason or words)
+
+    def _slowed(self, problem: PlanningProblem, bodies: ArmBodies | None, fork: _Fork) -> _Fork | None:
+        """Return a later place to leave the old way from, more slowly; None if the way there is not clear."""
+        arm, leg, s = self._arm, fork.leg, fork.s
+        if arm is None or arm.limits is None or fork.joints is None:
+            return None
+        path, joints = leg.path.part(s, 1.0), part_of_joints(arm.setting, fork.joints, s, 1.0)
+        law = RestOfLaw(leg.law, fork.time, SLOWED, SLOWING)
+        slow = Leg(path, law, fork.time, leg.w(fork.time)[0])
+        end = law(fork.time + SLOWING)[0]
+        if 1.0 - end < LEAST_REST or not law.keeps(arm.limits(path, joints)):
+            return None
+        if not self._keeps(problem, bodies, path, joints, 0.0, max(end, _SHORTEST)):
+            return None
+        return _Fork(slow, joints, fork.time + SLOWING, (slow,), (joints,))
 
     def _rehearse(self) -> None:
         """Go through all of it once, so that compiling does not delay a twist."""
         bodies, later = self._bodies(self._problem), self.options.ahead
         self._is_clear(self._problem, bodies, 0.0, later)
-        plan, joints = self._planned(self._problem, bodies, later)
+        fork = _Fork(*self._at(later), later)
+        plan, joints = self._planned(self._problem, bodies, fork)
         if plan.path is not None:
-            self._law(plan.path.seen_in(self._at(later)[0].path(0.0)), joints, later)
+            self._law(fork, plan.path, joints)
 
     def _bodies(self, problem: PlanningProblem) -> ArmBodies | None:
         return None if self._arm is None else self._arm.setting.bodies(problem.obstacles)
 
-    def _law(self, path: CameraPath, joints: JointPath | None, later: float) -> RestOfLaw | None:
-        """Return how a way taken up at ``later`` [s] is gone; None: the joints are too fast for it then."""
+    def _law(self, fork: _Fork, path: CameraPath, joints: JointPath | None) -> RestOfLaw | None:
+        """Return how another way is gone from there; None: the joints are too fast for it."""
         limits = None
         if self._arm is not None and self._arm.limits is not None and joints is not None:
             limits = self._arm.limits(path, joints)
-        return RestOfLaw.within(self._at(later)[0].law, later, limits)
+        return RestOfLaw.within(fork.leg.law, fork.time, limits)
 
     def _planned(
-        self, problem: PlanningProblem, bodies: ArmBodies | None, later: float
+        self, problem: PlanningProblem, bodies: ArmBodies | None, fork: _Fork
     ) -> tuple[Plan, JointPath | None]:
-        leg, joints = self._at(later)
-        s, seed, budget = leg.law(later)[0], self.options.seed, self.options.time_budget
-        followed = replace(self._plan, path=leg.path)
-        if self._arm is None or joints is None:
-            return replan(followed, s, problem, time_budget=budget, seed=seed), None
+        seed, budget = self.options.seed, self.options.time_budget
+        followed = replace(self._plan, path=fork.leg.path)
+        if 1.0 - fork.s < LEAST_REST:
+            reason = "it is too near to the goal to plan again"
+            return replace(followed, status="not_found", reason=reason), None
+        if self._arm is None or fork.joints is None:
+            return replan(followed, fork.s, problem, time_budget=budget, seed=seed), None
+        setting = self._arm.setting
         found = replan_with_arm(
-            followed, joints, s, problem, self._arm.setting, bodies=bodies, time_budget=budget, seed=seed
+            followed, fork.joints, fork.s, problem, setting, bodies=bodies, time_budget=budget, seed=seed
         )
         return found.plan, found.branch
 

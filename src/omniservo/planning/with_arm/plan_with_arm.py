@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -99,6 +99,16 @@ class ArmPlanner:
         self._joint_demands = JointDemands(setting, bodies, self._ell)
         self._budget: TimeBudget | None = None
 
+    def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
+        """Return the plan of the first camera path that the arm can follow unmoved; None: of none."""
+        for number, path in enumerate(paths, start=1):
+            for attempt in self._unmoved(path):
+                if not attempt.judged.reason:
+                    plan = judged_plan(self._problem, path, self._begin, "certified", "")
+                    if plan.status == "certified":
+                        return self._arm_plan(plan, attempt, number)
+        return None
+
     def plan(self, first: CameraPath | None = None, budget: TimeBudget | None = None) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
         attempts, best = 0, None
@@ -149,18 +159,25 @@ class ArmPlanner:
 
     def _attempts(self, path: CameraPath) -> list[_Attempt]:
         """Return what came of a camera path: the first attempt that will do is the last."""
-        followed = self._follow(path, self._setting.start)
-        tried: list[_Attempt] = []
-        for branch in followed.branches:
-            tried.append(_Attempt(path, judged_branch(self._setting, self._bodies, branch), followed))
-            if not tried[-1].judged.reason:
-                return tried
+        tried = self._unmoved(path)
+        if not tried[-1].judged.reason:
+            return tried
         for attempt in sorted(tried, key=lambda a: -a.judged.until)[:BRANCHES]:
             if self._late:
                 break
             better = self._moved(attempt)
             tried.append(better)
             if not better.judged.reason:
+                break
+        return tried
+
+    def _unmoved(self, path: CameraPath) -> list[_Attempt]:
+        """Return what each branch makes of a camera path: the first that will do is the last."""
+        followed = self._follow(path, self._setting.start)
+        tried: list[_Attempt] = []
+        for branch in followed.branches:
+            tried.append(_Attempt(path, judged_branch(self._setting, self._bodies, branch), followed))
+            if not tried[-1].judged.reason:
                 break
         return tried
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -9,17 +10,24 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.replan import path_near_rest, rest_of_plan
+from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
-from omniservo.planning.with_arm.arm_ends import violation_at_start
+from omniservo.planning.widened import widened
+from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
+
+ROOMS = (0.0, 0.02, 0.05)
+"""[m] more than is asked from camera centre to obstacles: so bent a path is found in a fraction of the time
+that moving it for the arm takes"""
 
 _ITERATIONS = 3
 """of Newton: between two samples of a joint path the camera may be 1e-6 off"""
@@ -64,9 +72,32 @@ def replan_with_arm(
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies
     reason = violation_at_end(rest) or violation_at_start(here, bodies)
     if reason:
-        return ArmPlan(infeasible_plan(rest, budget.begin, "certified", reason), None, None, None, 0.0, 0)
+        return _nothing(rest, budget, reason)
     planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin)
+    found = planner.as_they_are(_with_room(rest, old, w, pose))
+    if found is not None:
+        return found
+    reason = violation_at_goal(rest, here, bodies) if here.arm.has_closed_form else ""
+    if reason:
+        return _nothing(rest, budget, reason)
     return planner.plan(path_near_rest(planner.search, old, w, pose), budget)
+
+
+def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
+    plan = infeasible_plan(rest, budget.begin, "certified", reason)
+    return ArmPlan(plan, None, None, None, plan.seconds, 0)
+
+
+def _with_room(
+    rest: PlanningProblem, old: CameraPath, w: float, pose: RigidTransform
+) -> Iterator[CameraPath]:
+    """Yield camera paths near the old one that leave the bodies behind the camera more and more room."""
+    names = [f"clearance obstacle {i}" for i in range(len(rest.obstacles))]
+    for room in ROOMS:
+        wider = ProblemSearch.of(widened(rest, dict.fromkeys(names, room), 0.0))
+        path = path_near_rest(wider, old, w, pose)
+        if path is not None:
+            yield path
 
 
 def _on_pose(arm: Arm, q: FloatArray, base_T_flange: RigidTransform) -> FloatArray:
