@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
 LENGTH_SCALE = 0.3
@@ -115,7 +115,7 @@ def write_miss(flange: FloatArray, goal: FloatArray, twist: FloatArray) -> None:
     twist[3], twist[4], twist[5] = factor * x, factor * y, factor * z
 
 
-@kernel
+@leaf
 def _quaternion(r: FloatArray) -> tuple[float, float, float, float]:
     """Return (w, x, y, z) of a rotation matrix, w ≥ 0, by its largest component (Shepperd 1978)."""
     xx, yy, zz = r[0, 0], r[1, 1], r[2, 2]
@@ -179,7 +179,7 @@ def least_motion(J: FloatArray, damping: float, twist: FloatArray, motion: Float
     return True
 
 
-@kernel
+@leaf
 def write_gram(J: FloatArray, damping: float, gram: FloatArray) -> None:
     """Write JJᵀ + μI (6, 6)."""
     for i in range(6):
@@ -190,7 +190,7 @@ def write_gram(J: FloatArray, damping: float, gram: FloatArray) -> None:
             gram[i, k] = gram[k, i] = total
 
 
-@kernel
+@leaf
 def turned(to_camera: FloatArray, flange_J: FloatArray, J: FloatArray) -> None:
     """Write the camera's Jacobian (6, n) from the flange's, by a matrix (6, 6) as of `twist_matrix`."""
     for i in range(6):

@@ -123,7 +123,7 @@ def farthest_moves(
             moves[g, j] = moves[g, j + 1] + turns[j] * (across + radii[g])
 
 
-@kernel
+@leaf
 def write_gap_slope(
     anchors: FloatArray,
     directions: FloatArray,

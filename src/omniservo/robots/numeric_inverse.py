@@ -8,7 +8,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import copy_into
 from omniservo.robots.chain import Chain, least_motion, miss
 
@@ -57,7 +57,7 @@ def descend_all(chain: Chain, goal: FloatArray, starts: FloatArray) -> FloatArra
     return found[:count]
 
 
-@kernel
+@leaf
 def _is_new(found: FloatArray, count: int) -> bool:
     """Return whether row ``count`` is none of those before it."""
     for k in range(count):
@@ -125,7 +125,7 @@ def _step(
             return True
 
 
-@kernel
+@leaf
 def _norm(vector: FloatArray) -> float:
     total = 0.0
     for i in range(vector.shape[0]):

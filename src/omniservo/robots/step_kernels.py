@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.linear_systems import symmetric_eigen
 from omniservo.robots.chain import (
     LENGTH_SCALE,
@@ -266,7 +266,7 @@ def _follow_flow(
         _differentiate(chain, rule, J, motion, ahead, values)
 
 
-@kernel
+@leaf
 def _times_inverse(sigma: FloatArray, left: FloatArray, vector: FloatArray, out: FloatArray) -> None:
     """Write (JJᵀ)⁻¹ vector (6,)."""
     for i in range(6):
@@ -280,7 +280,7 @@ def _times_inverse(sigma: FloatArray, left: FloatArray, vector: FloatArray, out:
             out[i] += part * left[i, k]
 
 
-@kernel
+@leaf
 def _least_between(step: float, now: FloatArray, ahead: FloatArray) -> float:
     """Return the least singular value of a step, by both tangents where it falls and rises."""
     ends = min(now[VALUE], ahead[VALUE])
@@ -291,7 +291,7 @@ def _least_between(step: float, now: FloatArray, ahead: FloatArray) -> float:
     return float(min(ends, now[VALUE] + fall * share))
 
 
-@kernel
+@leaf
 def _is_near(to_camera: FloatArray, twist: FloatArray) -> bool:
     """Return whether the camera is within `_BETWEEN` of where the flange's twist (6,) leads it."""
     linear, angular = 0.0, 0.0
@@ -305,7 +305,7 @@ def _is_near(to_camera: FloatArray, twist: FloatArray) -> bool:
     return LENGTH_SCALE * math.sqrt(linear) <= _BETWEEN and math.sqrt(angular) <= _BETWEEN
 
 
-@kernel
+@leaf
 def _largest(vector: FloatArray) -> float:
     """Return the largest magnitude; infinity where a number is not finite."""
     most = 0.0
