@@ -14,11 +14,12 @@ FLANGE_T_CAMERA = RigidTransform.from_components(
 """The housing's back lies on the flange."""
 
 
-def random_task(arm, random, *, obstacles=(1, 4), degree=2, clearance=0.01):
+def random_task(arm, random, *, obstacles=(1, 4), degree=2, clearance=0.01, points=9, spread=0.09, depth=0.5):
     """A problem that `plan_path` can be given, and the arm standing at its start; the goal is within reach.
 
-    Nine points 0.35 to 0.6 m before the camera; the goal looks at them from up to 40 degrees aside, turned
-    about the view by up to 70, from 0.25 to 0.6 m; balls of 2 to 5 cm about the middle of the way.
+    Nine points (or so many) 0.35 to 0.6 m before the camera; the goal looks at them from up to 40 degrees
+    aside, turned about the view by up to 70, from 0.25 to 0.6 m; balls of 2 to 5 cm about the middle of the
+    way.
     """
     low, high = np.maximum(arm.joint_range[:, 0] + 0.1, -2.2), np.minimum(arm.joint_range[:, 1] - 0.1, 2.2)
     while True:
@@ -26,8 +27,9 @@ def random_task(arm, random, *, obstacles=(1, 4), degree=2, clearance=0.01):
         base_T_initial = arm.base_T_flange(q) * FLANGE_T_CAMERA
         if base_T_initial.translation[2] < 0.15:
             continue
-        points = [0, 0, random.uniform(0.35, 0.6)] + random.uniform(-0.09, 0.09, (9, 3)) * [1.0, 1.0, 0.5]
-        goal = _view(points.mean(axis=0), random)
+        middle = np.array([0.0, 0.0, random.uniform(0.35, 0.6)])
+        target = middle + random.uniform(-spread, spread, (points, 3)) * [1.0, 1.0, depth]
+        goal = _view(target.mean(axis=0), random)
         try:
             arm.inverse(base_T_initial * goal * FLANGE_T_CAMERA.inv())
         except InputError:
@@ -35,7 +37,7 @@ def random_task(arm, random, *, obstacles=(1, 4), degree=2, clearance=0.01):
         middle = goal.translation * random.uniform(0.3, 0.7)
         problem = PlanningProblem(
             camera=preset("fe185"),
-            points=points,
+            points=target,
             initial_T_goal=goal,
             obstacles=tuple(
                 Sphere(middle + random.normal(size=3) * 0.12, random.uniform(0.02, 0.05))

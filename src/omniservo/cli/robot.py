@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from omniservo.cli.hand_eye import calibrate_hand_eye
+from omniservo.cli.measure_tube import measure_tube
 from omniservo.cli.output import JsonOption, Output, QuietOption
 from omniservo.errors import InputError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
+app.command("measure-tube")(measure_tube)
 
 
 @app.command("show")

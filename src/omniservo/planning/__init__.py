@@ -14,11 +14,14 @@ from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import Degrees, PlanningProblem, Workspace
 from omniservo.planning.replan import replan
+from omniservo.planning.risk.executions import Executions
 from omniservo.planning.risk.plan_with_risk import plan_with_risk
-from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
+from omniservo.planning.risk.risk_plan import LinkMargin, RiskPlan, UncertainMargin
+from omniservo.planning.widened import widened_evenly
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.planning.with_arm.mount_margin import mount_margin, plan_with_mount
+from omniservo.planning.with_arm.link_margin import plan_links_at_risk
+from omniservo.planning.with_arm.plan_arm_with_risk import plan_arm_with_risk
 from omniservo.planning.with_arm.plan_with_arm import plan_with_arm
 from omniservo.planning.with_arm.replan_with_arm import replan_with_arm
 
@@ -32,7 +35,9 @@ __all__ = [
     "Cloud",
     "ConstraintMargin",
     "Degrees",
+    "Executions",
     "HalfSpace",
+    "LinkMargin",
     "Mesh",
     "Plan",
     "PlanningProblem",
@@ -43,11 +48,12 @@ __all__ = [
     "Workspace",
     "certify",
     "improving_plans",
-    "mount_margin",
+    "plan_arm_with_risk",
+    "plan_links_at_risk",
     "plan_path",
     "plan_with_arm",
-    "plan_with_mount",
     "plan_with_risk",
     "replan",
     "replan_with_arm",
+    "widened_evenly",
 ]

@@ -32,6 +32,24 @@ def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) ->
     return replace(problem, **changes)
 
 
+def widened_evenly(problem: PlanningProblem, metres: float, px: float) -> PlanningProblem:
+    """Return the problem for a camera that may be ``metres`` off its path and see points ``px`` off theirs.
+
+    A camera's centre that strays by d comes nearer to anything by no more, and neither does a line of sight.
+
+    Raises:
+        InputError: nothing is left of the workspace.
+    """
+    names = ["least_distance", *(f"workspace {axis} {end}" for axis in "xyz" for end in ("min", "max"))]
+    sides = () if problem.workspace is None else problem.workspace.half_spaces
+    names += [f"workspace half-space {i}" for i in range(len(sides))]
+    for i, obstacle in enumerate(problem.obstacles):
+        names += [] if obstacle.clearance is None else [f"clearance obstacle {i}"]
+        names += [f"occlusion obstacle {i}"] if problem.occlusion else []
+    farther = replace(problem, clearance=problem.clearance + metres)
+    return widened(farther, dict.fromkeys(names, metres), px)
+
+
 def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mapping[str, float]) -> Obstacle:
     """Return it with a larger clearance and, where it hides points, larger itself."""
     own = problem.clearance if obstacle.clearance is None else obstacle.clearance

@@ -14,6 +14,7 @@ from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, inlined, joined, page, part, tag
 from omniservo.reporting.joint_section import joint_section
+from omniservo.reporting.margin_parts import margin_parts
 from omniservo.reporting.replanning import replanning_section
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
@@ -131,11 +132,12 @@ def _replanning(result: RunResult, several: bool) -> list[Markup]:
 
 def _details(result: RunResult, several: bool) -> Markup:
     """Return the tables for those who want to know exactly."""
-    proof, risk = section.certificate(result), section.risk(result)
+    proof, risk, kept = section.certificate(result), section.risk(result), margin_parts(result)
     parts = [
         tag("details", tag("summary", "All metrics"), section.metrics(result)),
         *([tag("details", tag("summary", "Certificate"), proof)] if proof is not None else []),
         *([tag("details", tag("summary", "Uncertainty and risk"), risk)] if risk is not None else []),
+        *([tag("details", tag("summary", "What margins are made of"), kept)] if kept is not None else []),
         tag("details", tag("summary", "Motion and structure"), estimate_table(result.estimate)),
         tag("details", tag("summary", "Computing times"), section.timings(result)),
     ]

@@ -12,6 +12,8 @@ from omniservo.robots.link_gaps import FARTHEST, link_gaps
 from omniservo.robots.load_arm import load_arm, shipped_arms
 from omniservo.robots.robot import CameraImage, Robot, RobotState
 from omniservo.robots.solid import Solid
+from omniservo.robots.strayed import strayed
+from omniservo.robots.tracking_tube import TrackingTube, Tube, shipped_tube
 
 __all__ = [
     "CAMERA_HOUSING",
@@ -31,9 +33,13 @@ __all__ = [
     "RobotState",
     "Shape",
     "Solid",
+    "TrackingTube",
+    "Tube",
     "arm_clearance",
     "follow_path",
     "link_gaps",
     "load_arm",
     "shipped_arms",
+    "shipped_tube",
+    "strayed",
 ]

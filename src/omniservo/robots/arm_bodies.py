@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from typing import Any
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
+from omniservo.errors import InputError, spelled
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
 from omniservo.robots.clearance_kernels import Scene
 from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, write_gap_slope
@@ -27,6 +29,10 @@ _FAR = 100.0
 
 _ON_TOP = 1e-9
 """[m] bodies that are no farther apart leave no direction between them"""
+
+_PAIRED = "{} & {}"
+
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +58,12 @@ class ArmBodies:
     """
 
     def __init__(
-        self, arm: Arm, *, mounted: Sequence[Solid] = (), surroundings: Sequence[Solid] = ()
+        self,
+        arm: Arm,
+        *,
+        mounted: Sequence[Solid] = (),
+        surroundings: Sequence[Solid] = (),
+        strays: Mapping[str, float] | None = None,
     ) -> None:
         """Put everything together.
 
@@ -60,9 +71,12 @@ class ArmBodies:
             arm: with the shapes of its file that can be touched; a mesh counts as its convex hull.
             mounted: what the tool carries, in the flange frame; one body called `MOUNTED`.
             surroundings: what stands around, in the base frame; names are unique.
+            strays: by name of `tube_parts` [m]: how far any point of a link may be from where a path has it,
+                and by how much two of the arm's own links may be nearer. Pairs are asked to keep that much
+                more. None: nothing.
 
         Raises:
-            InputError: two surroundings of one name.
+            InputError: two surroundings of one name; strays of other parts than `tube_parts`.
         """
         names = [solid.name for solid in surroundings]
         if len(set(names)) < len(names):
@@ -96,6 +110,57 @@ class ArmBodies:
         )
         """Where they are: MuJoCo's own arrays, so that it measures what compiled code has placed."""
         self._fromto = np.zeros(6)
+        self._strays = self._stray_of_pairs(strays)
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links that move and have a shape, from the base outwards; `MOUNTED` among them."""
+        carried = [self._owners[i] for i in np.flatnonzero(self.shapes.carried > 0).tolist()]
+        return tuple(dict.fromkeys(carried))
+
+    @cached_property
+    def tube_parts(self) -> tuple[str, ...]:
+        """What strays: the links, and of the pairs of links that may meet, as "camera & forearm"."""
+        own = [self.names(i) for i in range(len(self.pairs)) if not self.is_around(i)]
+        return (*self.links, *(_PAIRED.format(*pair) for pair in dict.fromkeys(own)))
+
+    @cached_property
+    def _owners(self) -> list[str]:
+        """Whose every shape is."""
+        names = _body_names(self._model)
+        return [names[body] for body in self._model.geom_bodyid]
+
+    def _stray_of_pairs(self, strays: Mapping[str, float] | None) -> FloatArray:
+        """Return by how much each pair (p,) may come closer than on the path [m]."""
+        if strays is None:
+            return np.zeros(len(self.pairs))
+        if other := set(strays) ^ set(self.tube_parts):
+            known = "missing" if min(other) in self.tube_parts else "no part of this arm"
+            raise InputError(f"strays: {spelled(min(other))}: {known}; see `ArmBodies.tube_parts`")
+        for name, most in strays.items():
+            finite_number(f"strays: {name}", most, minimum=0.0)
+        return np.array([strays[self.part_of(pair)] for pair in range(len(self.pairs))])
+
+    def part_of(self, pair: int) -> str:
+        """Return which of `tube_parts` says what a pair may lose."""
+        names = self.names(pair)
+        return names[0] if self.is_around(pair) else _PAIRED.format(*names)
+
+    def shapes_of(self, link: str) -> IntArray:
+        """Return the indices of a link's shapes."""
+        return np.flatnonzero([name == link for name in self._owners])
+
+    def corners(self, q: npt.ArrayLike) -> FloatArray:
+        """Return the corners (g, 8, 3) of boxes that hold the shapes, in the base frame [m], at ``q`` (n,).
+
+        Raises:
+            InputError: wrong shape, NaN or infinity.
+        """
+        self.place(q)
+        boxes, axes = self._model.geom_aabb, self._data.geom_xmat.reshape(-1, 3, 3)
+        own = boxes[:, None, :3] + _SIGNS * boxes[:, None, 3:]
+        found: FloatArray = self._data.geom_xpos[:, None] + own @ axes.transpose(0, 2, 1)
+        return found
 
     def names(self, pair: int) -> tuple[str, str]:
         """Return what a pair is called: the link, and the surroundings or the other link."""
@@ -109,8 +174,12 @@ class ArmBodies:
         return bool(self._is_around[self.pairs[pair, 0]])
 
     def asked(self, clearance: float, self_clearance: float) -> FloatArray:
-        """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other."""
-        return np.where(self._is_around[self.pairs[:, 0]], clearance, self_clearance)
+        """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other.
+
+        What its links may stray comes on top.
+        """
+        own = np.where(self._is_around[self.pairs[:, 0]], clearance, self_clearance)
+        return np.asarray(own + self._strays)
 
     def place(self, q: npt.ArrayLike) -> None:
         """Bring the joints to ``q`` (n,) [rad]: what is asked next is asked there.

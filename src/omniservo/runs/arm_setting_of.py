@@ -6,10 +6,16 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.planning import ArmSetting
-from omniservo.robots import CAMERA_HOUSING, Solid
+from omniservo.robots import CAMERA_HOUSING, Solid, Tube
 from omniservo.runs.own_branch import base_T_initial
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
+
+TUBE_SHARE = 0.01
+"""of runs that may leave the tube, where a task states no risk"""
+
+TRACKING_PART = 0.5
+"""of a task's risk: that the run leaves the tube. The rest is the estimate's and the mount's."""
 
 _FLOOR = 0.5
 """[m] half of the thickness of the block that stands for the floor"""
@@ -26,7 +32,17 @@ def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
         mounted=CAMERA_HOUSING,
         surroundings=_floor(scene),
         clearance=None if asked is None else asked + planning.tracking_margin,
+        tube=tube_of(task),
     )
+
+
+def tube_of(task: Task) -> Tube | None:
+    """Return how far the task's arm strays: its part of the risk leaves that; None where no tube is named."""
+    measured, risk = task.planning.tracking_tube, task.planning.risk
+    if measured is None:
+        return None
+    tube: Tube = measured.at(TUBE_SHARE if risk is None else TRACKING_PART * risk)
+    return tube
 
 
 def _floor(scene: Scene) -> tuple[Solid, ...]:

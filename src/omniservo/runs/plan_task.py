@@ -16,12 +16,12 @@ from omniservo.planning import (
     PlanningProblem,
     RiskPlan,
     Workspace,
+    plan_arm_with_risk,
     plan_path,
     plan_with_arm,
-    plan_with_mount,
-    plan_with_risk,
+    widened_evenly,
 )
-from omniservo.runs.arm_setting_of import arm_setting_of
+from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
@@ -29,11 +29,12 @@ from omniservo.tasks import Task
 def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
     """Return the problem of goal and points (n, 3) [m] as estimated: clearance plus tracking margin.
 
-    An obstacle with a clearance of its own keeps it: the tracking margin widens the common one.
+    An obstacle with a clearance of its own keeps it: the tracking margin widens the common one. A tracking
+    tube widens all.
     """
     planning = task.planning
     workspace = planning.workspace
-    return PlanningProblem(
+    problem = PlanningProblem(
         camera=task.camera,
         points=points,
         initial_T_goal=initial_T_goal,
@@ -45,6 +46,8 @@ def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -
         workspace=None if workspace is None else Workspace(np.array(workspace.min), np.array(workspace.max)),
         degrees=Degrees(planning.degrees.rotation, planning.degrees.translation),
     )
+    tube = tube_of(task)
+    return problem if tube is None else widened_evenly(problem, tube.position, tube.image)
 
 
 def plan_task(
@@ -68,23 +71,17 @@ def plan_task(
         raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
     problem, risk = problem_of(task, pose, estimate.points[followed]), None
     setting = arm_setting_of(task, scene)
-
-    covariance, risk_asked = task.arm.mount_covariance, task.planning.risk
-
-    def with_arm(asked: PlanningProblem, seed: int) -> Plan:
-        if covariance is None or risk_asked is None or setting.clearance is None:
-            return plan_with_arm(asked, setting, seed=seed).plan
-        found, _ = plan_with_mount(asked, setting, np.array(covariance), risk_asked, seed=seed)
-        return found.plan
-
     if method == "paper":
         plan = plan_path(problem, method="paper", seed=seed)
     elif task.planning.risk is None:
-        plan = with_arm(problem, seed)
+        plan = plan_with_arm(problem, setting, seed=seed).plan
     else:
-        risk = plan_with_risk(
-            problem, estimate, risk=task.planning.risk, points=followed, seed=seed, planner=with_arm
-        )
+        left = task.planning.risk * (1.0 if task.planning.tracking_tube is None else 1.0 - TRACKING_PART)
+        mount = task.arm.mount_covariance
+        risk = plan_arm_with_risk(
+            problem, setting, estimate, risk=left, points=followed, seed=seed,
+            mount_covariance=None if mount is None else np.array(mount),
+        )  # fmt: skip
         plan = risk.plan
     if plan.path is None or (method == "certified" and plan.status != "certified"):
         raise AnswerIsNo(f"no path: {plan.status}: {plan.reason}")

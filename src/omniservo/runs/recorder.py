@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.safety import Controller, Step
@@ -48,6 +50,7 @@ class Recorder:
                 w=report.w,
                 leg=0 if self._replanner is None else self._replanner.leg_number(step.time),
                 joints=step.state.joint_positions,
+                planned_joints=self._planned(step),
                 joint_velocities=step.passed.target,
                 twist=step.filtered.twist,
                 filter_change=step.filtered.change,
@@ -67,6 +70,11 @@ class Recorder:
         )
         self.images.append(step.image.pixels)
         self.worlds.append(self._robot.world)
+
+    def _planned(self, step: Step) -> FloatArray:
+        if self._replanner is None:
+            return np.full_like(step.state.joint_positions, np.nan)
+        return self._replanner.posture(step.time)[0]
 
     def finish(self, stop: ServoStop | None) -> RunLog:
         """Return the log with how the run ended."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from omniservo.planning import CameraPath, Plan
+from omniservo.planning import CameraPath, Plan, RiskPlan
 from omniservo.robots import JointPath
-from omniservo.runs.arm_setting_of import arm_setting_of
+from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.pace import limits_of
-from omniservo.runs.whole_arm_of import mount_margin_of
 from omniservo.safety import Controller
 from omniservo.servoing import PathLimits
 from omniservo.simulation.followed_way import FollowedWay
@@ -22,6 +21,7 @@ def replanner_of(
     task: Task,
     scene: Scene,
     plan: Plan | None,
+    risk: RiskPlan | None,
     motion: PlannedMotion | None,
     controller: Controller,
     seed: int,
@@ -29,15 +29,14 @@ def replanner_of(
     """Return the replanner of a plan that is about to be followed; None where nothing was planned.
 
     Another way is taken up one period of the camera, and the delay until a twist acts, after the image with
-    which planning began; the simulator's time stands meanwhile. What the plan keeps because the camera's
-    mount is uncertain is kept later, too.
+    which planning began; the simulator's time stands meanwhile. What the plan keeps because mount and
+    estimate are uncertain is kept later, too.
     """
     if plan is None or motion is None or not isinstance(controller, PathTracker):
         return None
     setting = arm_setting_of(task, scene)
-    for_mount = mount_margin_of(task, setting, plan, motion.joints)
-    if setting.clearance is not None:
-        setting = replace(setting, clearance=setting.clearance + for_mount)
+    if setting.clearance is not None and risk is not None and risk.links is not None:
+        setting = replace(setting, clearance=setting.clearance + risk.links.added)
 
     def limits(path: CameraPath, joints: JointPath) -> PathLimits:
         return limits_of(task, scene.arm, path, joints, plan.problem.points)
@@ -59,8 +58,10 @@ def followed_way(replanner: Replanner) -> FollowedWay:
 
 
 def _tube(task: Task) -> float:
-    """The tracking margin: an estimate that changes by more leads the camera off the path by more."""
-    return max(task.planning.tracking_margin, _LEAST_TUBE)
+    """What tracking has room for: an estimate that changes by more leads the camera off the path by more."""
+    tube = tube_of(task)
+    room = task.planning.tracking_margin if tube is None else tube.position
+    return max(room, _LEAST_TUBE)
 
 
 _LEAST_TUBE = 0.003

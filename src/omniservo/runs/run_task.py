@@ -94,7 +94,7 @@ def run_task(
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
     outside = OutsideView(robot.world).render(scene.start_joints)
-    replanner = replanner_of(task, scene, plan, motion, controller, seed)
+    replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, robot, controller, replanner, truth.points)
     log = _drive(task, robot, controller, replanner, tracker, recorder)
@@ -107,8 +107,8 @@ def run_task(
     seconds["whole"] = perf_counter() - started
     result = RunResult(
         task, method, goal, seen, estimate, followed, plan, risk, motion,
-        whole_arm_of(task, scene, plan, motion, way, log), log, final, outside, outside_final, film, truth,
-        way, () if replanner is None else tuple(replanner.events), seconds,
+        whole_arm_of(task, scene, plan, risk, motion, way, log), log, final, outside, outside_final, film,
+        truth, way, () if replanner is None else tuple(replanner.events), seconds,
     )  # fmt: skip
     return replace(result, metrics=_metrics(result, seed))
 
@@ -213,10 +213,24 @@ def _arm_metrics(whole: WholeArm | None) -> dict[str, object]:
     return {
         "arm_clearance_proof": whole.proof.status,
         "link_clearance_asked_m": whole.asked,
-        "clearance_for_mount_m": whole.for_mount,
+        **_margin_parts(whole),
         "link_clearance_planned_m": whole.least(whole.planned),
         "link_clearance_executed_m": whole.least(whole.executed),
     }
+
+
+def _margin_parts(whole: WholeArm) -> dict[str, object]:
+    """What gaps are kept wider for, beside what is asked."""
+    parts: dict[str, object] = {}
+    if whole.margin is not None:
+        parts["link_margin_estimate_m"] = whole.margin.estimate
+        parts["link_margin_mount_m"] = whole.margin.mount
+        parts["link_margin_added_m"] = whole.margin.added
+    if whole.tube is not None:
+        parts["link_margin_tracking_m"] = max(whole.tube.links.values())
+        parts["camera_margin_tracking_m"] = whole.tube.position
+        parts["visibility_margin_tracking_px"] = whole.tube.image
+    return parts
 
 
 def _metrics(result: RunResult, seed: int) -> dict[str, object]:
@@ -229,7 +243,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **score(result.task, result.plan, result.way, result.log, result.truth),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
-        **_risk_metrics(result.risk),
+        **_risk_metrics(result),
         **motion_metrics(result),
         **_arm_metrics(result.whole_arm),
         **_replanning_metrics(result),
@@ -254,11 +268,15 @@ def _replanning_metrics(result: RunResult) -> dict[str, object]:
     }
 
 
-def _risk_metrics(risk: RiskPlan | None) -> dict[str, object]:
+def _risk_metrics(result: RunResult) -> dict[str, object]:
+    risk, whole = result.risk, result.whole_arm
     if risk is None:
         return {}
     return {
-        "risk_asked": risk.risk,
+        "risk_asked": result.task.planning.risk,
+        "risk_of_camera": risk.risk,
+        "risk_of_links": 0.0 if risk.links is None else risk.links.risk,
+        "risk_of_tracking": 0.0 if whole is None or whole.tube is None else whole.tube.share,
         "risk_predicted": risk.predicted,
         "risk_predicted_bound": risk.predicted_bound,
         "clearance_for_uncertainty_m": risk.extra_clearance,

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import ArmSetting, Plan, mount_margin
-from omniservo.robots import JointPath, arm_clearance, link_gaps
+from omniservo.planning import Plan, RiskPlan
+from omniservo.robots import arm_clearance, link_gaps
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.planned_motion import PlannedMotion
@@ -18,19 +18,11 @@ from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks import Task
 
 
-def mount_margin_of(task: Task, setting: ArmSetting, plan: Plan, joints: JointPath) -> float:
-    """Return what a plan keeps beyond the task's clearance because the camera's mount is uncertain [m]."""
-    covariance, risk = task.arm.mount_covariance, task.planning.risk
-    if covariance is None or risk is None or plan.path is None:
-        return 0.0
-    bodies = setting.bodies(plan.problem.obstacles)
-    return mount_margin(setting, bodies, plan.path, joints, np.array(covariance), risk)
-
-
 def whole_arm_of(
     task: Task,
     scene: Scene,
     plan: Plan | None,
+    risk: RiskPlan | None,
     motion: PlannedMotion | None,
     way: FollowedWay | None,
     log: RunLog,
@@ -43,8 +35,8 @@ def whole_arm_of(
         return None
     setting = arm_setting_of(task, scene)
     bodies = setting.bodies(plan.problem.obstacles)
-    for_mount = mount_margin_of(task, setting, plan, motion.joints)
-    kept = setting.clearance_around + for_mount
+    margin = None if risk is None else risk.links
+    kept = setting.clearance_around + (0.0 if margin is None else margin.added)
     proof = arm_clearance(bodies, motion.joints, clearance=kept, self_clearance=setting.self_clearance)
     times = log.column("time")
     none = np.zeros((0, scene.arm.dof))
@@ -58,4 +50,4 @@ def whole_arm_of(
             parts.append(link_gaps(there, joints[(times >= begin) & (times < end)]))
         return {link: np.concatenate([part[link] for part in parts]) for link in parts[0]}
 
-    return WholeArm(proof, task.planning.arm_clearance, for_mount, gaps(planned), gaps(executed))
+    return WholeArm(proof, task.planning.arm_clearance, margin, setting.tube, gaps(planned), gaps(executed))

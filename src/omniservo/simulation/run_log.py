@@ -23,6 +23,8 @@ class LogRow:
     """which way was followed: 0 the plan's, then what was taken up after it"""
     joints: FloatArray
     """(n,) [rad]"""
+    planned_joints: FloatArray
+    """(n,) where the plan has them at this time [rad]; NaN without a plan"""
     joint_velocities: FloatArray
     """(n,) commanded [rad/s]"""
     twist: FloatArray

@@ -38,16 +38,17 @@ class SimulatedRobot:
     its time, and can be read from latency later on. Its noise depends on seed and k alone.
     """
 
-    def __init__(self, scene: Scene, seed: int = 0) -> None:
+    def __init__(self, scene: Scene, seed: int = 0, *, rendered: bool = True) -> None:
         """Put the arm at rest in the scene's start joints, at time 0.
 
         Args:
             scene: the world.
             seed: of the sensor's noise.
+            rendered: False: frames come in time but empty, (0, 0), for who projects points by himself.
         """
         self.world = World(scene)
         self._scene = scene
-        self._seed = seed
+        self._seed, self._rendered = seed, rendered
         self._renderer: UnifiedRenderer | None = None
         gains, dampings = self.world.model.actuator_gainprm[:, 0], -self.world.model.actuator_biasprm[:, 2]
         self._lead = dampings / gains  # [s]: set point ahead by this share of the velocity, so that none lags
@@ -92,6 +93,8 @@ class SimulatedRobot:
         if self._delivered is None:
             return None
         tick, number = self._delivered
+        if not self._rendered:
+            return CameraImage(tick * TICK, np.zeros((0, 0), dtype=np.uint8))
         if self._picture is None or self._picture.time != tick * TICK:
             joints, world = self._exposed[tick * TICK]
             if self._renderer is None or self._renderer.world is not world:

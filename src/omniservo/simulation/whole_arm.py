@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.robots import ArmClearance
+from omniservo.planning import LinkMargin
+from omniservo.robots import ArmClearance, Tube
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,8 +17,10 @@ class WholeArm:
     """of the planned joints, between samples too"""
     asked: float | None
     """of the links as executed [m]; None: obstacles count for the camera alone"""
-    for_mount: float
-    """what the proof keeps beyond, because the camera's mount is uncertain [m]"""
+    margin: LinkMargin | None
+    """what mount and estimate take of the gaps, where the task states a risk"""
+    tube: Tube | None
+    """what the arm strays, where the task names a tube; the proof keeps it beyond"""
     planned: dict[str, FloatArray]
     """smallest gap by link where the plan is at each row of the log (m,) [m]"""
     executed: dict[str, FloatArray]

@@ -12,7 +12,7 @@ from omniservo.calibration import load_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, read_document, stated_units
-from omniservo.robots import shipped_arms
+from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.tasks.task import FORMAT, Pose, Task
 
 
@@ -61,6 +61,7 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
     if isinstance(fields.get("arm"), dict):
+        fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], path.parent, source)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
     try:
         return Task.model_validate(fields, context=context)
@@ -97,6 +98,18 @@ def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]
             f"{', '.join(shipped_arms())}"
         )
     return {**arm, "model": str(path)}
+
+
+def _found_tube(planning: Any, arm: dict[str, Any], folder: Path, source: str) -> Any:
+    """Return the section with the tracking tube in the place of its name."""
+    named = planning.get("tracking_tube") if isinstance(planning, dict) else None
+    if not isinstance(named, str):
+        return {} if planning is None else planning
+    if named == "shipped":
+        tube = shipped_tube(str(arm.get("model", "rx60")))
+    else:
+        tube = TrackingTube.load(file_inside(f"{source}: planning.tracking_tube", named, folder))
+    return {**planning, "tracking_tube": tube}
 
 
 def _found_mount(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:

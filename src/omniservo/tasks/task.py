@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.robots import TrackingTube
 from omniservo.tasks.move import Move
 from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.placed import Block
@@ -185,6 +186,9 @@ class Planning(Section):
     """camera centre to every obstacle's surface, as executed [m]"""
     tracking_margin: NonNegativeLength = 0.0
     """added to both clearances when planning, because the arm does not follow exactly [m]"""
+    tracking_tube: Any = None
+    """a `TrackingTube` once loaded; in the file "shipped", or the file of one that was measured on runs of
+    the own arm: what the arm strays is added to all margins, instead of a ``tracking_margin``"""
     arm_clearance: NonNegativeLength | None = 0.005
     """every link and the camera's housing to every obstacle and the floor, as executed [m]; 5 mm where the
     file says nothing; null: obstacles are there for the camera's centre alone, as points that stand for
@@ -199,6 +203,14 @@ class Planning(Section):
     risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
     """probability that the executed path leaves any of these unmet because the estimate is uncertain: margins
     are widened for it; where absent the estimate is planned with as if it were exact"""
+
+    @model_validator(mode="after")
+    def _one_tracking(self) -> Planning:
+        if self.tracking_tube is not None and not isinstance(self.tracking_tube, TrackingTube):
+            raise ValueError('tracking_tube: "shipped" or the name of a file is needed')
+        if self.tracking_tube is not None and self.tracking_margin > 0.0:
+            raise ValueError("give tracking_margin or tracking_tube, not both")
+        return self
 
     @property
     def common_obstacles(self) -> tuple[int, ...]:

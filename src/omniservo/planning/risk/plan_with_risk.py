@@ -77,7 +77,7 @@ def plan_with_risk(
     """
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
-    rows = _followed(estimate, points)
+    rows = followed_rows(estimate, points)
     asked = problem_of_estimate(problem, estimate, rows)
     count = max(SAMPLES, math.ceil(RARE / risk))
     draw = partial(_executions, asked, estimate, rows)
@@ -131,7 +131,7 @@ def _reason(report: dict[str, UncertainMargin], predicted: float, risk: float) -
     )
 
 
-def _followed(estimate: TwoViewEstimate, points: npt.ArrayLike | None) -> IntArray:
+def followed_rows(estimate: TwoViewEstimate, points: npt.ArrayLike | None) -> IntArray:
     """Return the rows of the points to plan for, checked."""
     if points is None:
         return np.flatnonzero(estimate.inliers)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from omniservo.planning.plan import Plan
@@ -30,6 +30,22 @@ class UncertainMargin:
         return self.executed / max(self.planned - self.executed, 1e-12)
 
 
+@dataclass(frozen=True)
+class LinkMargin:
+    """What gaps of the arm, and of what it carries, to what stands around are kept wider for [m]."""
+
+    risk: float
+    """that any gap is narrower than asked and strayed, because mount or estimate are uncertain"""
+    violated: float
+    """share of the samples in which one is"""
+    mount: float
+    """what the mount alone takes of a gap that is close, at most but for the risk"""
+    estimate: float
+    """what the estimate alone takes, likewise"""
+    added: float
+    """by how much more clearance was planned with, so that the samples keep what is asked"""
+
+
 @dataclass(frozen=True, eq=False)
 class RiskPlan:
     """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none."""
@@ -41,7 +57,7 @@ class RiskPlan:
     """its problem asks for the widened margins: certificate and verifier prove those. Of status "not_found"
     or "infeasible" where ``ok`` is False: then the best attempt"""
     risk: float
-    """as stated"""
+    """as stated for the camera's demands; see ``links`` for what the arm has besides"""
     predicted: float
     """share of the samples whose executed path violates a demand of the problem"""
     predicted_bound: float
@@ -58,6 +74,8 @@ class RiskPlan:
     """where ``ok`` is False: what would help, found by planning without each source; else what dominates"""
     seconds: float
     """wall time [s]"""
+    links: LinkMargin | None = None
+    """of the whole arm, where it was planned for; its risk comes on top"""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report without the plan, as plain numbers."""
@@ -81,4 +99,5 @@ class RiskPlan:
             },
             "advice": self.advice,
             "seconds": self.seconds,
+            "links": None if self.links is None else asdict(self.links),
         }

@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.with_arm.solids_of import solids_of
-from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid
+from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid, Tube
 
 LIMIT_RESERVE = math.radians(1.0)
 """What joints keep to the ends of their ranges [rad], where nothing else is asked for."""
@@ -43,11 +43,19 @@ class ArmSetting:
     self_clearance: float = SELF_CLEARANCE
     """of the arm's parts to each other [m]"""
     limit_reserve: float = LIMIT_RESERVE
-    """of every joint to the ends of its range [rad]"""
+    """of every joint to the ends of its range [rad]; at least what the joints stray by, if a tube says so"""
+    tube: Tube | None = None
+    """how far a run strays from its path: what links stray is added to every clearance. None: it does not"""
 
     def __post_init__(self) -> None:
         for name in ("clearance", "self_clearance", "limit_reserve"):
             finite_number(name, 0.0 if (value := getattr(self, name)) is None else value, minimum=0.0)
+        if self.tube is not None:
+            most = np.asarray(self.tube.joints)
+            if most.shape != (self.arm.dof,):
+                raise InputError(f"tube: of {len(most)} joints; {self.arm.name} has {self.arm.dof}")
+            if most.max() > self.limit_reserve:
+                object.__setattr__(self, "limit_reserve", float(most.max()))
         for name in ("base_T_initial", "flange_T_camera"):
             finite_array(name, getattr(self, name).as_matrix(), (4, 4))
         if self.start is not None:
@@ -87,4 +95,5 @@ class ArmSetting:
         far = self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0
         counted = () if self.clearance is None else obstacles
         around = (*solids_of(counted, self.base_T_initial, far), *self.surroundings)
-        return ArmBodies(self.arm, mounted=carried, surroundings=around)
+        strays = None if self.tube is None else self.tube.links
+        return ArmBodies(self.arm, mounted=carried, surroundings=around, strays=strays)

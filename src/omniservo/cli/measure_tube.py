@@ -1,0 +1,43 @@
+"""``omniservo robot measure-tube``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+
+
+def measure_tube(
+    task: Annotated[
+        str, typer.Argument(help="A task with the arm and its camera: a file, or a shipped name.")
+    ],
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or their log.csv.")],
+    out: Annotated[Path, typer.Option("--out", help="Write the tube here (JSON).")],
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure on an arm's own runs how far it strays from its plans."""
+    from omniservo.files import writable
+    from omniservo.runs.measure_tube import measure_tube as measured
+    from omniservo.tasks import load_task
+
+    writable(out, force=force)
+    logs = [path / "log.csv" if path.is_dir() else path for path in runs]
+    found = measured(load_task(task), logs)
+    found.save(out, force=force)
+    output = Output(as_json, quiet)
+    output.line(f"{'arm':<14} {found.arm}, {found.runs} runs; the next one leaves the tube of all of them")
+    share = 1.0 / (found.runs + 1)
+    output.line(f"{'':<14} with a probability of {100 * share:.2g}% at most")
+    tube = found.at(share)
+    output.line(
+        f"{'camera':<14} {1e3 * tube.position:.2f} mm, {1e3 * tube.rotation:.2f} mrad, {tube.image:.2f} px"
+    )
+    for name, most in tube.links.items():
+        output.line(f"{'link':<14} {name:<24} {1e3 * most:6.2f} mm")
+    output.line(f"{'written':<14} {out}")
+    output.result({"arm": found.arm, "runs": found.runs, "least_share": share, "written": str(out)})

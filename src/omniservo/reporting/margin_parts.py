@@ -1,0 +1,75 @@
+"""The report's table of what every margin is made of."""
+
+from __future__ import annotations
+
+from omniservo.reporting.html import Cell, Markup, joined, table, tag
+from omniservo.reporting.spelling import NOTHING, spell
+from omniservo.simulation.run_result import RunResult
+
+
+def margin_parts(result: RunResult) -> Markup | None:
+    """Return asked clearance, estimate, camera mount and tracking side by side; None where nothing is kept.
+
+    Of the arm's links and of the camera's centre [m], and of the points in the image [px].
+    """
+    whole, risk, planning = result.whole_arm, result.risk, result.task.planning
+    links = None if whole is None else whole.margin
+    tube = None if whole is None else whole.tube
+    if tube is None and risk is None:
+        return None
+    camera = (
+        None
+        if risk is None
+        else max((m.planned - m.executed for m in risk.margins.values() if m.unit == "m"), default=None)
+    )
+    image = None if risk is None else risk.margins.get("image")
+    tracking = None if tube is None else max(tube.links.values())
+    rows: list[list[Cell]] = [
+        [
+            "asked",
+            _length(planning.arm_clearance),
+            _length(planning.clearance),
+            _pixels(planning.visibility_margin),
+        ],
+        [
+            "taken by the estimate",
+            _length(None if links is None else links.estimate),
+            _length(camera),
+            _pixels(None if image is None else image.planned - image.executed),
+        ],
+        ["taken by the camera's mount", _length(None if links is None else links.mount), NOTHING, NOTHING],
+        [
+            "added for both",
+            _length(None if links is None else links.added),
+            _length(None if risk is None else risk.extra_clearance),
+            _pixels(None if risk is None else risk.extra_visibility),
+        ],
+        [
+            "added for tracking",
+            _length(planning.tracking_margin if tube is None else tracking),
+            _length(planning.tracking_margin if tube is None else tube.position),
+            _pixels(None if tube is None else tube.image),
+        ],
+    ]
+    lead = tag("p", _lead(result))
+    return joined([lead, table(["", "links", "camera's centre", "points in the image"], rows)])
+
+
+def _lead(result: RunResult) -> str:
+    whole, risk, asked = result.whole_arm, result.risk, result.task.planning.risk
+    if asked is None or risk is None:
+        return "No risk is stated: estimate and mount are taken as exact."
+    parts = [f"{100 * risk.risk:g}% to what estimate and camera do to the camera's demands"]
+    if risk.links is not None:
+        parts.append(f"{100 * risk.links.risk:g}% to what estimate and mount do to the arm's gaps")
+    if whole is not None and whole.tube is not None:
+        parts.append(f"{100 * whole.tube.share:g}% to runs that leave the tracking tube")
+    return f"The plan was made for a risk of {100 * asked:g}%: {', '.join(parts)}."
+
+
+def _length(value: float | None) -> str:
+    return NOTHING if value is None else spell(value, "m")
+
+
+def _pixels(value: float | None) -> str:
+    return NOTHING if value is None else spell(value, "px")

@@ -1,0 +1,179 @@
+"""How far an arm that follows a path by its camera strays from it: measured on runs, not assumed."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError, spelled
+from omniservo.files import read_document, write_whole
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+
+FORMAT = "omniservo.tracking-tube/1"
+
+_SHAPE = 0.9
+"""Quantile of the runs by which links, joints and camera are weighed against each other."""
+
+_THINNEST = 0.2
+"""of the largest joint or link: two links that seldom come near each other hardly ever stray"""
+
+_LEAST = 1e-9
+"""[rad], [m], [px] no part of a tube is thinner"""
+
+PARTS = ("position", "rotation", "image")
+"""of the camera: its centre [m], its turn [rad], the points in its image [px]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """What a run keeps within, but for a share of all runs: each against one place of the planned path."""
+
+    joints: FloatArray
+    """(n,) every joint [rad]"""
+    links: dict[str, float]
+    """by link, and "camera" for what the flange carries: any of its points; by pair of links, "camera &
+    forearm" and the like: how much nearer they are to each other [m]"""
+    position: float
+    """the camera's centre [m]"""
+    rotation: float
+    """the camera's turn [rad]"""
+    image: float
+    """any point in the image [px]"""
+    share: float
+    """of runs that may leave it, as asked"""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingTube:
+    """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
+
+    With d_i (k,) what run i strayed by in joints, links and camera, and s the 90% quantiles (of joints and
+    links at least a fifth of the largest), run i needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share
+    p is ρ s with ρ the (j + 1)-th largest of the N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run
+    like these is as likely to take any place among them, so it exceeds that ρ with that probability at most,
+    whatever the distribution is (conformal prediction).
+
+    Raises:
+        InputError: shapes, numbers that are not finite or negative.
+    """
+
+    arm: str
+    """its name"""
+    links: tuple[str, ...]
+    """`ArmBodies.tube_parts`: links and pairs of links"""
+    shape: FloatArray
+    """(n + links + 3,) s: joints [rad], links [m], `PARTS` of the camera, read-only"""
+    ratios: FloatArray
+    """(N,) ρ of every run, ascending, read-only"""
+    source: str
+    """what was run, in words"""
+
+    def __post_init__(self) -> None:
+        for name, given in (("shape", self.shape), ("ratios", self.ratios)):
+            values = finite_array(name, given, (None,))
+            if not len(values) or values.min() < 0.0:
+                raise InputError(f"{name}: legal: numbers ≥ 0, at least one")
+            object.__setattr__(self, name, frozen(np.sort(values) if name == "ratios" else values))
+        if len(self.shape) <= len(self.links) + len(PARTS):
+            raise InputError(f"shape: {len(self.shape)} numbers given; joints, links and camera need more")
+
+    @classmethod
+    def of(cls, arm: str, links: tuple[str, ...], strayed: npt.ArrayLike, source: str) -> Self:
+        """Return the tube of runs that strayed by (N, k), as `strayed` finds it of each.
+
+        Raises:
+            InputError: wrong shape, not finite, or negative.
+        """
+        most = finite_array("strayed", strayed, (None, None))
+        if not len(most) or most.min() < 0.0:
+            raise InputError("strayed: at least one run, and no negative number, is needed")
+        shape = np.quantile(most, _SHAPE, axis=0)
+        dof = len(shape) - len(links) - len(PARTS)
+        for part in (shape[:dof], shape[dof : -len(PARTS)]):
+            np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
+        shape = np.maximum(shape, _LEAST)
+        return cls(arm, links, shape, (most / shape).max(axis=1), source)
+
+    @property
+    def runs(self) -> int:
+        """How many were measured."""
+        return len(self.ratios)
+
+    def at(self, share: float) -> Tube:
+        """Return the tube that a run leaves with probability ``share`` at most, as far as the runs can tell.
+
+        Raises:
+            InputError: illegal, or too small for so few runs; the message says how many are needed.
+        """
+        finite_number("share", share, above=0.0, maximum=0.5)
+        beyond = math.floor(share * (self.runs + 1) + 1e-9) - 1
+        if beyond < 0:
+            raise InputError(
+                f"tracking_tube: {self.runs} runs of {spelled(self.arm)} tell nothing of the worst "
+                f"{100 * share:.3g}%; {math.ceil(1.0 / share) - 1} runs are needed"
+            )
+        size = float(self.ratios[self.runs - 1 - beyond]) * self.shape
+        links = size[len(size) - len(self.links) - len(PARTS) : -len(PARTS)]
+        camera = [float(part) for part in size[-len(PARTS) :]]
+        return Tube(
+            frozen(size[: len(size) - len(self.links) - len(PARTS)]),
+            dict(zip(self.links, links.tolist(), strict=True)),
+            position=camera[0],
+            rotation=camera[1],
+            image=camera[2],
+            share=share,
+        )
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write it as JSON.
+
+        Raises:
+            InputError: the file exists and ``force`` does not say to replace it.
+        """
+        document = {
+            "format": FORMAT,
+            "arm": self.arm,
+            "links": list(self.links),
+            "source": self.source,
+            "shape": [float(f"{x:.6g}") for x in self.shape],
+            "ratios": [float(f"{x:.6g}") for x in self.ratios],
+        }
+        write_whole(Path(path), json.dumps(document, allow_nan=False) + "\n", force=force)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: another file.
+        """
+        document: Any = read_document(Path(path))
+        known = {"format", "arm", "links", "source", "shape", "ratios"}
+        if not isinstance(document, dict) or document.get("format") != FORMAT or set(document) != known:
+            raise InputError(f"{path}: no tracking tube: format {FORMAT!r} with {', '.join(sorted(known))}")
+        arm, links, source = (document[name] for name in ("arm", "links", "source"))
+        if not isinstance(links, list) or not all(isinstance(x, str) for x in (arm, source, *links)):
+            raise InputError(f"{path}: arm, links, source: text is needed")
+        try:
+            return cls(arm, tuple(links), document["shape"], document["ratios"], source)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+
+def shipped_tube(arm: str) -> TrackingTube:
+    """Return the tube that was measured in the simulator for a shipped arm.
+
+    Raises:
+        InputError: there is none.
+    """
+    with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{arm}.tube.json") as path:
+        if not path.is_file():
+            raise InputError(f"tracking_tube: none is shipped for arm {spelled(arm)}; measure one")
+        return TrackingTube.load(path)

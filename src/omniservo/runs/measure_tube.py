@@ -1,0 +1,76 @@
+"""A tracking tube from the logs of an arm's own runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.files import read_text
+from omniservo.geometry.arrays import FloatArray
+from omniservo.robots import CAMERA_HOUSING, ArmBodies, TrackingTube, load_arm, strayed
+from omniservo.tasks import Task
+
+
+def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
+    """Return how far the arm of a task strayed from its plans in the runs logged.
+
+    Of ``log.csv`` the columns ``joints_i``, ``planned_joints_i``, and of points that were found
+    ``pixels_j_k`` and ``reference_pixels_j_k`` are read, so a log written by another program will do. What
+    points stray in the image includes the noise with which they were found.
+
+    Args:
+        task: names the arm and its camera's mount.
+        logs: one file a run.
+
+    Raises:
+        InputError: no log, or one without these columns, without a plan, or of another arm.
+    """
+    if not logs:
+        raise InputError("runs: none given; at least one log is needed")
+    arm, mount = load_arm(task.arm.model, tool=task.arm.tool), task.arm.flange_T_camera.transform
+    bodies = ArmBodies(arm, mounted=[solid.moved(mount) for solid in CAMERA_HOUSING])
+    most = []
+    for path in logs:
+        columns = _columns(path)
+        planned, executed = (_stacked(columns, name, arm.dof, path) for name in ("planned_joints", "joints"))
+        if not np.isfinite(planned).all():
+            raise InputError(f"{path}: planned_joints: not finite; runs that follow a plan are needed")
+        most.append(strayed(bodies, mount, planned, executed, _image(columns, path)))
+    return TrackingTube.of(arm.name, bodies.tube_parts, most, f"{len(logs)} logged runs")
+
+
+def _columns(path: Path) -> dict[str, FloatArray]:
+    rows = list(csv.reader(io.StringIO(read_text(path))))
+    if len(rows) < 3 or any(len(row) != len(rows[0]) for row in rows):
+        raise InputError(f"{path}: no log: a header and at least two rows of as many columns are needed")
+    try:
+        numbers = np.array(rows[1:], dtype=np.float64)
+    except ValueError:
+        raise InputError(f"{path}: no log: something is no number") from None
+    return dict(zip(rows[0], numbers.T, strict=True))
+
+
+def _stacked(columns: dict[str, FloatArray], name: str, count: int, path: Path) -> FloatArray:
+    found = [columns.get(f"{name}_{i}") for i in range(count)]
+    there = [column for column in found if column is not None]
+    if len(there) < count or f"{name}_{count}" in columns:
+        raise InputError(f"{path}: {name}_0 … {name}_{count - 1} are needed, of {count} joints")
+    return np.stack(there, axis=1)
+
+
+def _image(columns: dict[str, FloatArray], path: Path) -> float:
+    """Return the farthest that a point was found from its reference [px]."""
+    gaps = [
+        columns[name] - columns[f"reference_{name}"]
+        for name in columns
+        if name.startswith("pixels_") and f"reference_{name}" in columns
+    ]
+    if not gaps or len(gaps) % 2:
+        raise InputError(f"{path}: pixels_j_k and reference_pixels_j_k are needed")
+    squares = np.array(gaps) ** 2
+    return float(np.sqrt(np.nanmax(squares[::2] + squares[1::2])))

@@ -1,0 +1,57 @@
+"""``omniservo robot measure-tube``: from logs of runs to what an arm strays."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from tests.cli.calling import call
+
+from omniservo.robots import TrackingTube
+
+
+def log(path, beside, **without):
+    """A run along a line of joints, ``beside`` it in j4 [rad]; its point is 2 px beside the reference."""
+    with path.open("w", newline="") as file:
+        names = [f"{name}_{i}" for name in ("joints", "planned_joints") for i in range(6)]
+        points = [f"{name}_0_{k}" for name in ("pixels", "reference_pixels") for k in range(2)]
+        writer = csv.writer(file)
+        writer.writerow([without.get(name, name) for name in ("time", *names, *points)])
+        for w in np.linspace(0.0, 1.0, 20):
+            planned = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2]) + w * np.array([0.3, 0.1, 0, 0, 0.2, 0])
+            executed = planned + beside * np.eye(6)[3]
+            writer.writerow([4 * w, *executed, *planned, 100.0, 50.0, 100.0, 52.0])
+    return path
+
+
+def test_runs_become_a_tube_that_a_task_can_name(capsys, tmp_path):
+    runs = [log(tmp_path / f"{i}.csv", 1e-3 * i) for i in (1, 2, 3)]
+    (tmp_path / "folder").mkdir()
+    runs.append((log(tmp_path / "folder" / "log.csv", 4e-3)).parent)
+    out = tmp_path / "tube.json"
+    code, said, err = call(capsys, "robot", "measure-tube", "paper-example-1", *runs, "--out", out, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(said)["runs"] == 4
+    tube = TrackingTube.load(out).at(0.2)
+    assert tube.joints[3] == pytest.approx(4e-3, rel=1e-4)
+    assert tube.image == pytest.approx(2.0, rel=0.2)  # all runs had the same; scaled with the rest
+    assert tube.links["camera"] < 4e-3 * 0.2
+    assert tube.links["shoulder"] < 0.25 * tube.links["camera"]
+
+
+@pytest.mark.parametrize(
+    ("renamed", "said"),
+    [
+        ("planned_joints_5", "planned_joints_0 … planned_joints_5"),
+        ("joints_2", "joints_0 … joints_5"),
+        ("reference_pixels_0_1", "reference_pixels"),
+    ],
+)
+def test_a_log_without_what_is_needed_is_refused_by_name(capsys, tmp_path, renamed, said):
+    path = log(tmp_path / "log.csv", 0.0, **{renamed: "other"})
+    code, out, err = call(
+        capsys, "robot", "measure-tube", "paper-example-1", path, "--out", tmp_path / "tube.json"
+    )
+    assert (code, out) == (2, "")
+    assert said in err
+    assert not (tmp_path / "tube.json").exists()

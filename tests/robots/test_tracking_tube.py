@@ -1,0 +1,100 @@
+"""What an arm strays from its path: measured, and what a quantile of it promises."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.robots import ArmBodies, Solid, TrackingTube, load_arm, strayed
+
+MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return ArmBodies(load_arm("rx60"), mounted=[Solid.sphere("ball", [0.0, 0.0, 0.05], 0.02)])
+
+
+def path_of(bodies, turn):
+    return np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2]) + np.linspace(0.0, 1.0, 41)[:, None] * np.asarray(turn)
+
+
+def test_being_late_on_the_path_is_no_deviation_and_leaving_it_is(bodies):
+    path = path_of(bodies, [0.4, 0.1, -0.2, 0.0, 0.3, 0.0])
+    late = path_of(bodies, [0.4, 0.1, -0.2, 0.0, 0.3, 0.0])[[0, 0, 3, 17, 29]]
+    most = strayed(bodies, MOUNT, path, late, 0.5)
+    np.testing.assert_allclose(most[:-1], 0.0, atol=1e-12)
+    assert most[-1] == 0.5
+    beside = late + 0.01 * np.eye(6)[3]
+    assert strayed(bodies, MOUNT, path, beside, 0.5)[3] == pytest.approx(0.01, abs=1e-4)
+
+
+def test_no_point_of_a_link_goes_farther_than_the_link_strays(bodies):
+    path, random = path_of(bodies, [0.4, 0.1, -0.2, 0.0, 0.3, 0.0]), np.random.default_rng(3)
+    at = path[20]
+    q = at + 0.02 * random.standard_normal(6)
+    most = strayed(bodies, MOUNT, path[20:22], [q], 0.0)
+    own = random.uniform(-0.02, 0.02, (500, 3)) + np.array([0.0, 0.0, 0.05])
+    own = own[np.linalg.norm(own - np.array([0.0, 0.0, 0.05]), axis=1) <= 0.02]
+    arm = bodies.arm
+    grid = [path[20] + s * (path[21] - path[20]) for s in np.linspace(0.0, 1.0, 101)]
+    near = min(grid, key=lambda p: np.sum((p - q) ** 2))
+    moved = np.linalg.norm(arm.base_T_flange(q).apply(own) - arm.base_T_flange(near).apply(own), axis=1)
+    allowed = dict(zip(bodies.links, most[6 : 6 + len(bodies.links)], strict=True))["camera"]
+    assert moved.max() <= allowed + 1e-4
+    assert allowed < 1.5 * moved.max()
+
+
+def test_two_links_of_the_arm_stray_by_what_is_taken_of_the_gap_between_them(bodies):
+    path = path_of(bodies, [0.0, 0.0, -0.1, 0.0, 0.2, 0.0])
+    q = path[10] + np.array([0.0, 0.0, -0.03, 0.0, 0.05, 0.0])
+    most = strayed(bodies, MOUNT, path[10:12], [q], 0.0)
+    parts = dict(zip(bodies.tube_parts, most[6:-3], strict=True))
+    for pair in range(len(bodies.pairs)):
+        bodies.place(path[10])
+        before = bodies.measure(pair)
+        bodies.place(q)
+        lost = before - bodies.measure(pair)
+        if before < 0.1:
+            assert lost <= parts[bodies.part_of(pair)] + 2e-3
+
+
+def test_the_next_run_leaves_the_tube_as_seldom_as_it_says():
+    random, left, count = np.random.default_rng(7), 0, 3000
+    for _ in range(count):
+        runs = np.exp(random.standard_normal((60, 5)))  # any distribution will do
+        tube = TrackingTube.of("an arm", ("link",), runs[:-1], "drawn").at(0.05)
+        needed = runs[-1] / [*tube.joints, *tube.links.values(), tube.position, tube.rotation, tube.image]
+        left += needed.max() > 1.0
+    assert left / count == pytest.approx(0.05, abs=0.015)
+
+
+def test_two_links_that_hardly_ever_come_near_do_not_blow_up_the_tube():
+    runs = np.tile([1.0, 4e-3, 0.0, 3e-3, 1e-2, 1.0], (100, 1))
+    runs[7, 2] = 1e-3  # of the gap between two links
+    tube = TrackingTube.of("an arm", ("a", "a & b"), runs, "made up").at(0.05)
+    assert tube.links["a"] == pytest.approx(4e-3)
+    assert tube.position == pytest.approx(3e-3)
+
+
+def test_too_few_runs_promise_nothing_and_say_how_many_are_needed():
+    tube = TrackingTube.of("an arm", (), np.ones((50, 4)), "made up")
+    with pytest.raises(InputError, match="99 runs are needed"):
+        tube.at(0.01)
+    assert TrackingTube.of("an arm", (), np.ones((99, 4)), "made up").at(0.01).joints == pytest.approx([1.0])
+
+
+def test_a_tube_is_read_as_it_was_written_and_other_files_are_refused(tmp_path):
+    tube = TrackingTube.of("an arm", ("a", "b"), np.arange(1.0, 61.0).reshape(10, 6), "made up")
+    tube.save(tmp_path / "tube.json")
+    again = TrackingTube.load(tmp_path / "tube.json")
+    assert (again.arm, again.links, again.source) == (tube.arm, tube.links, tube.source)
+    np.testing.assert_allclose(again.ratios, tube.ratios, rtol=1e-5)
+    (tmp_path / "other.json").write_text('{"format": "omniservo.tracking-tube/1"}')
+    with pytest.raises(InputError, match="no tracking tube"):
+        TrackingTube.load(tmp_path / "other.json")
+    written = (tmp_path / "tube.json").read_text()
+    for wrong in ('"ratios": [-1.0, ', '"ratios": [NaN, ', '"ratios": ["a", ', '"ratios": [[1], '):
+        (tmp_path / "wrong.json").write_text(written.replace('"ratios": [', wrong))
+        with pytest.raises(InputError):
+            TrackingTube.load(tmp_path / "wrong.json")
