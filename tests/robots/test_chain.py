@@ -145,7 +145,12 @@ def test_a_step_tells_how_the_smallest_singular_value_changes_on_its_way(load):
     begin = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.1])
     pose = arm.base_T_flange(begin)
     motion = np.array([[0.3, -0.2, 0.4, 0.2, 0.1, -0.3], np.zeros(6)])  # in the flange's frame
-    rule = Rule(twist_matrix(RigidTransform.identity(), LENGTH_SCALE), np.zeros(1))
+    rule = Rule(
+        twist_matrix(RigidTransform.identity(), LENGTH_SCALE),
+        np.zeros(1),
+        np.zeros((2, arm.dof)),
+        np.zeros(1),
+    )
 
     def state(w):
         turn = RigidTransform.from_exp_coords(
@@ -154,7 +159,9 @@ def test_a_step_tells_how_the_smallest_singular_value_changes_on_its_way(load):
         goal, joints, values = (pose * turn).as_matrix(), np.empty((3, 6)), np.empty(3)
         now = np.array([begin, np.zeros(6), np.zeros(6)])
         values_now = np.array([np.inf, 0.0, 0.0])
-        assert advance(arm.chain, rule, 0.0, now, values_now, goal, motion, goal, joints, values) == TAKEN
+        assert (
+            advance(arm.chain, rule, 0.0, 0.0, now, values_now, goal, motion, goal, joints, values) == TAKEN
+        )
         return joints, values
 
     (_, behind), (here, values), (_, ahead) = (state(w) for w in (-1e-5, 0.0, 1e-5))

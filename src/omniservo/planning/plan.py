@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import Certificate
 from omniservo.planning.planning_problem import PlanningProblem
@@ -40,6 +40,9 @@ class Plan:
     """"certified" or "paper\""""
     reason: str = ""
     """why the plan is not certified, or what to know of it, in one sentence; else empty"""
+    aim: FloatArray | None = None
+    """(7,) what an arm of seven joints is led to beside the camera's path, see `follow_path` [rad]; None:
+    nothing. Not in files: a plan file knows no arm"""
 
     def least_clearance(self, obstacles: Iterable[int]) -> float | None:
         """Return the path's smallest distance to the surfaces of these obstacles [m], by its certificate.

@@ -49,6 +49,7 @@ def follow_path(
     flange_T_camera: RigidTransform,
     *,
     start: npt.ArrayLike | None = None,
+    aim: npt.ArrayLike | None = None,
 ) -> FollowedPath:
     """Return the joints that carry the camera along a path, on every branch in which the arm can start.
 
@@ -67,15 +68,22 @@ def follow_path(
         flange_T_camera: how the camera sits in the hand.
         start: (n,) [rad], where the arm stands: only the branch that goes on from there is followed, with
             these full turns; None: every branch, each with the full turns that leave most room.
+        aim: (n,) [rad], a posture of seven joints at the path's end: what the camera leaves free goes the
+            straight way from ``start`` to it, as far as the camera's path lets it.
 
     Raises:
-        InputError: no posture reaches the path's start, or ``start`` is not one; or something is not finite.
+        InputError: no posture reaches the path's start, or ``start`` is not one; an aim without start, or of
+            six joints; or something is not finite.
     """
     _check_pose("base_T_initial", base_T_initial)
     _check_pose("flange_T_camera", flange_T_camera)
     steps = PathSteps(arm, path, base_T_initial, flange_T_camera)
+    if aim is not None and (start is None or arm.dof == 6):
+        raise InputError("aim: needs a start, and an arm of seven joints: six leave nothing free")
     if start is not None:
         stand = _checked_start(arm, steps.goal(0.0), start)
+        if aim is not None:
+            steps.lead(stand, finite_array("aim", aim, (arm.dof,)))
         return FollowedPath((_joint_path(arm, *steps.follow(stand), turns=False),), all_tried=False)
     try:
         starts = arm.branches(RigidTransform.from_matrix(steps.goal(0.0)))

@@ -28,6 +28,9 @@ _AHEAD = 64
 _PUSH = 1.0
 """Speed away from a limit that is reached, in half ranges per unit of the camera's way (7 joints)."""
 
+_PULL = 10.0
+"""Parts of the way back to the line of an aim, per unit w: most of it within a quarter of the path"""
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -65,11 +68,16 @@ class PathSteps:
         self._look_up(grid)
         way = float(np.mean([np.linalg.norm(self._known[w][1][0]) for w in grid[::2].tolist()]))
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
-        self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push)
+        none = np.zeros((2, arm.dof))
+        self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push, none, np.zeros(1))
 
     def goal(self, w: float) -> FloatArray:
         """Return base_T_flange (4, 4) at a w that a step has led to, or has tried to, or at 0."""
         return self._known[w][0]
+
+    def lead(self, start: FloatArray, aim: FloatArray) -> None:
+        """Let what the camera leaves free of seven joints go the straight way from ``start`` to ``aim``."""
+        self._rule = self._rule._replace(line=np.array([start, aim]), pull=np.array([_PULL]))
 
     def follow(self, q: FloatArray) -> tuple[list[State], Stop | None]:
         """Return the states from w = 0 on, from joints at or near the path's start, and what ends them."""
@@ -97,7 +105,17 @@ class PathSteps:
             self._look_up(_ahead(now.w, step))
         (middle, _), (goal, motion) = self._known[half], self._known[w]
         result = advance(
-            self._arm.chain, self._rule, step, now.joints, now.values, goal, motion, middle, joints, values
+            self._arm.chain,
+            self._rule,
+            now.w,
+            step,
+            now.joints,
+            now.values,
+            goal,
+            motion,
+            middle,
+            joints,
+            values,
         )
         return result, State(w, joints, values)
 

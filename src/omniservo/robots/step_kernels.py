@@ -54,12 +54,17 @@ class Rule(NamedTuple):
     """(6, 6) camera twist from flange twist, metres over `LENGTH_SCALE`"""
     push: FloatArray
     """(1,) speed away from a limit that is reached, in half ranges per unit w; 0: six joints"""
+    line: FloatArray
+    """(2, n) joints at w = 0 and 1 that what the camera leaves free goes along, and"""
+    pull: FloatArray
+    """(1,) what part of the way back to that line it goes per unit w; 0: there is none"""
 
 
 @kernel
 def advance(
     chain: Chain,
     rule: Rule,
+    w: float,
     step: float,
     now: FloatArray,
     now_values: FloatArray,
@@ -74,6 +79,7 @@ def advance(
     Args:
         chain: of n joints.
         rule: of the slope.
+        w: where the first of them is.
         step: of w; 0: from joints near the path onto it, if they can be led there.
         now: (3, n) q [rad], dq/dw, d²q/dw².
         now_values: (3,) VALUE and SLOPE there.
@@ -98,14 +104,14 @@ def advance(
     for j in range(n):
         if not abs(ahead[0, j] - foretold[j]) <= _LEAP:
             return LEAP
-    _differentiate(chain, rule, J, motion, ahead, values)
+    _differentiate(chain, rule, w + step, J, motion, ahead, values)
     values[LEAST] = _least_between(step, now_values, values)
     if values[LEAST] < SINGULAR_VALUE:
         return SINGULAR
     if step == 0.0:
         return TAKEN
     if rule.push[0] > 0.0:
-        _follow_flow(chain, rule, step, now, goal, motion, ahead, values)
+        _follow_flow(chain, rule, w, step, now, goal, motion, ahead, values)
     for j in range(n):
         middle[j] = 0.5 * (now[0, j] + ahead[0, j]) + step * (
             (5.0 / 32.0) * (now[1, j] - ahead[1, j]) + (step / 64.0) * (now[2, j] + ahead[2, j])
@@ -147,11 +153,17 @@ def settle_all(chain: Chain, goals: FloatArray, postures: FloatArray) -> bool:
 
 @kernel
 def _differentiate(
-    chain: Chain, rule: Rule, flange_J: FloatArray, motion: FloatArray, state: FloatArray, values: FloatArray
+    chain: Chain,
+    rule: Rule,
+    w: float,
+    flange_J: FloatArray,
+    motion: FloatArray,
+    state: FloatArray,
+    values: FloatArray,
 ) -> None:
-    """Write slope and bend at q: J q′ = ξ with the least motion beside the push z off the limits.
+    """Write slope and bend at q: J q′ = ξ with the least motion beside the wish z of the joints.
 
-    q′ = z + Jᵀλ, JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
+    z is the push off the limits and, where there is a line l(w), l′ + k(l − q). q′ = z + Jᵀλ, JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
     value's derivative is uᵀJ̇v.
     """
     n = state.shape[1]
@@ -164,8 +176,10 @@ def _differentiate(
     for j in range(n):
         half = 0.5 * (chain.ranges[j, 1] - chain.ranges[j, 0])
         off = (q[j] - 0.5 * (chain.ranges[j, 0] + chain.ranges[j, 1])) / half
-        wish[j] = -rule.push[0] * half * off**5
-        wish_growth[j] = -5.0 * rule.push[0] * off**4
+        along = rule.line[1, j] - rule.line[0, j]
+        aside = rule.line[0, j] + w * along - q[j]
+        wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5
+        wish_growth[j] = -rule.pull[0] - 5.0 * rule.push[0] * off**4
     for i in range(6):
         right[i] = motion[0, i]
         for j in range(n):
@@ -177,7 +191,7 @@ def _differentiate(
             slope[j] += J[i, j] * weights[i]
     grow_twists(J, slope, grown)
     for j in range(n):
-        bend[j] = wish_growth[j] * slope[j]
+        bend[j] = wish_growth[j] * slope[j] + rule.pull[0] * (rule.line[1, j] - rule.line[0, j])
         for i in range(6):
             bend[j] += grown[i, j] * weights[i]
     for i in range(6):
@@ -234,6 +248,7 @@ def grow_twists(J: FloatArray, slope: FloatArray, grown: FloatArray) -> None:
 def _follow_flow(
     chain: Chain,
     rule: Rule,
+    w: float,
     step: float,
     now: FloatArray,
     goal: FloatArray,
@@ -263,7 +278,7 @@ def _follow_flow(
             return
         for j in range(n):
             ahead[0, j] = moved[j]
-        _differentiate(chain, rule, J, motion, ahead, values)
+        _differentiate(chain, rule, w + step, J, motion, ahead, values)
 
 
 @leaf

@@ -6,22 +6,22 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import AnswerIsNo
+from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath
 from omniservo.robots import FollowedPath, JointPath, follow_path
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
 
-def own_branch(task: Task, scene: Scene, path: CameraPath) -> JointPath:
-    """Return the branch that goes on from the scene's start joints, with their full turns.
+def own_branch(task: Task, scene: Scene, path: CameraPath, aim: FloatArray | None = None) -> JointPath:
+    """Return the branch that goes on from the scene's start joints, with their full turns, led to an aim.
 
     Raises:
         AnswerIsNo: the arm cannot follow on it; the message says which joint, at which w, by how much, and
             whether the arm could from another posture.
     """
-    branch = follow_path(
-        scene.arm, path, base_T_initial(task, scene), scene.flange_T_camera, start=scene.start_joints
-    ).best
+    frames = base_T_initial(task, scene), scene.flange_T_camera
+    branch = follow_path(scene.arm, path, *frames, start=scene.start_joints, aim=aim).best
     if branch.feasible:
         return branch
     others = every_branch(task, scene, path)

@@ -43,7 +43,7 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
     """
     if plan.path is None:
         return None
-    joints = own_branch(task, scene, plan.path)
+    joints = own_branch(task, scene, plan.path, plan.aim)
     points = plan.problem.points
     limits = limits_of(task, scene.arm, plan.path, joints, points)
     return PlannedMotion(

@@ -33,6 +33,12 @@ def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: Arm
     return _violation_at("goal", problem.initial_T_goal, setting, bodies)
 
 
+def free_postures(initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
+    """Return the postures (k, n) [rad] that reach a pose of the camera and in which the arm can stand."""
+    postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
+    return postures[[not _violation(q, setting, bodies)[1] for q in postures]]
+
+
 def _violation_at(pose: str, initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> str:
     try:
         postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -22,7 +23,7 @@ from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import power_path
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.with_arm.arm_descent import ArmDescent
-from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
+from omniservo.planning.with_arm.arm_ends import free_postures, violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
@@ -37,6 +38,9 @@ ROUNDS = 5
 
 BRANCHES = 3
 """that are tried for one of them, where the arm may start in any"""
+
+AIMS = 8
+"""postures at the goal that seven joints are led to, where they do not find there by themselves"""
 
 _SAMPLES = 15
 _HIGHER = 1.5
@@ -82,6 +86,8 @@ class _Attempt:
     path: CameraPath
     judged: JudgedBranch
     followed: FollowedPath
+    aim: FloatArray | None
+    """what seven joints were led to"""
 
 
 class ArmPlanner:
@@ -149,7 +155,7 @@ class ArmPlanner:
         seconds = time.perf_counter() - self._begin
         judged = attempt.judged
         return ArmPlan(
-            replace(plan, seconds=seconds),
+            replace(plan, seconds=seconds, aim=attempt.aim),
             judged.branch,
             attempt.followed,
             judged.clearance,
@@ -172,18 +178,38 @@ class ArmPlanner:
         return tried
 
     def _unmoved(self, path: CameraPath) -> list[_Attempt]:
-        """Return what each branch makes of a camera path: the first that will do is the last."""
-        followed = self._follow(path, self._setting.start)
+        """Return what each branch makes of a camera path, and each aim: the first that will do is the last."""
         tried: list[_Attempt] = []
-        for branch in followed.branches:
-            tried.append(_Attempt(path, judged_branch(self._setting, self._bodies, branch), followed))
-            if not tried[-1].judged.reason:
+        for aim in self._aims():
+            if tried and self._late:
                 break
+            followed = self._follow(path, self._setting.start, aim)
+            for branch in followed.branches:
+                judged = judged_branch(self._setting, self._bodies, branch)
+                tried.append(_Attempt(path, judged, followed, aim))
+                if not judged.reason:
+                    return tried
         return tried
 
-    def _follow(self, path: CameraPath, start: FloatArray | None) -> FollowedPath:
+    def _follow(self, path: CameraPath, start: FloatArray | None, aim: FloatArray | None) -> FollowedPath:
         setting = self._setting
-        return follow_path(setting.arm, path, setting.base_T_initial, setting.flange_T_camera, start=start)
+        frames = setting.base_T_initial, setting.flange_T_camera
+        return follow_path(setting.arm, path, *frames, start=start, aim=aim)
+
+    def _aims(self) -> Iterator[FloatArray | None]:
+        """Yield what the arm's self-motion is led to: first nothing."""
+        yield None
+        yield from self._free_at_goal
+
+    @cached_property
+    def _free_at_goal(self) -> list[FloatArray]:
+        """Postures of seven joints that are free at the goal, those first that are near the start."""
+        setting, start = self._setting, self._setting.start
+        if setting.arm.dof == 6 or start is None:
+            return []
+        postures = free_postures(self._problem.initial_T_goal, setting, self._bodies)
+        seconds = (np.abs(postures - start) / setting.arm.joint_speed).max(axis=1)
+        return list(postures[np.argsort(seconds)][:AIMS])
 
     def _moved(self, attempt: _Attempt) -> _Attempt:
         """Return the attempt with its camera path moved until the arm can follow it, or as far as it came."""
@@ -214,8 +240,9 @@ class ArmPlanner:
             x, reached = descent.lower(x, places, joints, end_least, higher)
             rotation, translation = power_path(family, self._ell, x)
             path = CameraPath(rotation, translation)
-            followed, before = self._follow(path, branch.positions[0]), now.judged.until
-            now = _Attempt(path, judged_branch(self._setting, self._bodies, followed.best), followed)
+            followed, before = self._follow(path, branch.positions[0], attempt.aim), now.judged.until
+            judged = judged_branch(self._setting, self._bodies, followed.best)
+            now = _Attempt(path, judged, followed, attempt.aim)
             status, w = prove_path(self._demands, rotation, translation)
             if status == PROVEN and not now.judged.reason:
                 return now
