@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Mesh, Sphere, plan_path, plan_with_arm
 from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.planning.with_arm.solids_of import solids_of
-from omniservo.robots import ArmBodies, Solid, load_arm, shipped_arms
+from omniservo.robots import ArmBodies, Solid, follow_path, load_arm, shipped_arms
 from omniservo.robots.arm import SINGULAR_VALUE
 
 
@@ -49,6 +49,23 @@ def test_what_is_certified_holds_for_the_whole_arm(name):
             assert found.plan.status in ("not_found", "infeasible")
             assert found.plan.reason
     assert certified >= 2
+
+
+def test_seven_joints_are_led_to_a_posture_that_is_free_at_the_goal():
+    """By themselves they end where joint 4 is stretched or the arm in the way; led, they get there."""
+    arm, led = load_arm("panda"), 0
+    for seed in (1, 70, 98, 101):
+        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
+        found = plan_with_arm(problem, setting)
+        if found.plan.aim is None:
+            continue
+        led += 1
+        assert_kept(problem, setting, found)
+        np.testing.assert_allclose(found.branch(0.0), setting.start, atol=1e-6)
+        frames = setting.base_T_initial, setting.flange_T_camera
+        again = follow_path(arm, found.plan.path, *frames, start=setting.start, aim=found.plan.aim).best
+        np.testing.assert_array_equal(again.positions, found.branch.positions)
+    assert led >= 2
 
 
 def test_a_path_that_the_arm_cannot_follow_is_moved_until_it_can():

@@ -28,7 +28,7 @@ _AHEAD = 64
 _PUSH = 1.0
 """Speed away from a limit that is reached, in half ranges per unit of the camera's way (7 joints)."""
 
-_PULL = 10.0
+PULL = 10.0
 """Parts of the way back to the line of an aim, per unit w: most of it within a quarter of the path"""
 
 
@@ -77,7 +77,7 @@ class PathSteps:
 
     def lead(self, start: FloatArray, aim: FloatArray) -> None:
         """Let what the camera leaves free of seven joints go the straight way from ``start`` to ``aim``."""
-        self._rule = self._rule._replace(line=np.array([start, aim]), pull=np.array([_PULL]))
+        self._rule = self._rule._replace(line=np.array([start, aim]), pull=np.array([PULL]))
 
     def follow(self, q: FloatArray) -> tuple[list[State], Stop | None]:
         """Return the states from w = 0 on, from joints at or near the path's start, and what ends them."""

@@ -163,7 +163,8 @@ def _differentiate(
 ) -> None:
     """Write slope and bend at q: J q′ = ξ with the least motion beside the wish z of the joints.
 
-    z is the push off the limits and, where there is a line l(w), l′ + k(l − q). q′ = z + Jᵀλ, JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
+    z is the push off the limits and, where there is a line l(w), l′ + k(l − q). q′ = z + Jᵀλ,
+    JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
     value's derivative is uᵀJ̇v.
     """
     n = state.shape[1]

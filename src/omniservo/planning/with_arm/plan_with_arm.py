@@ -178,7 +178,7 @@ class ArmPlanner:
         return tried
 
     def _unmoved(self, path: CameraPath) -> list[_Attempt]:
-        """Return what each branch makes of a camera path, and each aim: the first that will do is the last."""
+        """Return what every branch and aim makes of a camera path: the first that will do is the last."""
         tried: list[_Attempt] = []
         for aim in self._aims():
             if tried and self._late:
