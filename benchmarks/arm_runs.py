@@ -139,7 +139,8 @@ def execute(
         ),
     )  # fmt: skip
     robot = SimulatedRobot(scene, rendered=False)
-    known, mount = camera or truth.camera, flange_T_camera or truth.flange_T_camera
+    known = truth.camera if camera is None else camera
+    mount = truth.flange_T_camera if flange_T_camera is None else flange_T_camera
     limits = PathLimits(branch, JOINT_SHARE * arm.joint_speed, JOINT_SHARE * arm.joint_acceleration)
     law = RestToRestLaw.for_limits(limits, least_duration=LEAST_DURATION)
     initial, goal = pictures or (None, None)

@@ -10,6 +10,7 @@ from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.link_gaps import FARTHEST, link_gaps
 from omniservo.robots.load_arm import load_arm, shipped_arms
+from omniservo.robots.own_sight import OwnSight, own_sight
 from omniservo.robots.robot import CameraImage, Robot, RobotState
 from omniservo.robots.solid import Solid
 from omniservo.robots.strayed import strayed
@@ -28,6 +29,7 @@ __all__ = [
     "FollowedPath",
     "JointPath",
     "Link",
+    "OwnSight",
     "PathFailure",
     "Robot",
     "RobotState",
@@ -39,6 +41,7 @@ __all__ = [
     "follow_path",
     "link_gaps",
     "load_arm",
+    "own_sight",
     "shipped_arms",
     "shipped_tube",
     "strayed",

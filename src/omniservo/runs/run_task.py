@@ -25,6 +25,7 @@ from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
+from omniservo.runs.refuse_hidden import refuse_hidden
 from omniservo.runs.replanner_of import followed_way, replanner_of
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
@@ -128,7 +129,10 @@ def _planned(
     (plan, risk), seconds["planning"] = _timed(
         lambda: plan_task(task, scene, estimate, followed, method, seed)
     )
-    return plan, risk, pace(task, scene, plan)
+    motion = pace(task, scene, plan)
+    if method == "certified" and motion is not None:
+        refuse_hidden(task, scene, plan, motion)
+    return plan, risk, motion
 
 
 def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:

@@ -1,0 +1,56 @@
+"""Links between camera and target: named where they are, none where there are none."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+from tests.robots.joint_paths import straight_joint_path
+
+from omniservo.robots import load_arm, own_sight
+
+MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
+START = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_arm("rx60")
+
+
+def hit(arm, q, point):
+    """What a ray from the camera's centre to a point meets on its way: MuJoCo's ray casting."""
+    model = arm.spec().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    centre = (arm.base_T_flange(q) * MOUNT).translation
+    way, met = point - centre, np.zeros(1, dtype=np.int32)
+    groups = np.ones(6, dtype=np.uint8)
+    part = mujoco.mj_ray(model, data, centre, way, groups, 1, -1, met)
+    if met[0] < 0 or part > 1.0 or model.geom_contype[met[0]] == 0:
+        return ""
+    return model.body(model.geom_bodyid[met[0]]).name
+
+
+def test_points_before_the_camera_are_free_on_the_whole_path(arm):
+    path = straight_joint_path(START, START + np.array([0.3, 0.2, -0.1, 0.4, 0.1, 0.2]))
+    ahead = arm.base_T_flange(START) * MOUNT
+    points = ahead.apply(np.array([[0.0, 0.0, 0.5], [0.1, 0.0, 0.4], [0.0, -0.1, 0.4]]))
+    assert own_sight(arm, path, MOUNT, points).status == "free"
+
+
+def test_what_is_called_free_or_hidden_is_what_rays_meet(arm):
+    random, seen = np.random.default_rng(2), {"free": 0, "hidden": 0}
+    for _ in range(25):
+        begin = random.uniform(-1.5, 1.5, 6)
+        path = straight_joint_path(begin, begin + random.uniform(-0.2, 0.2, 6))
+        point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
+        found = own_sight(arm, path, MOUNT, [point])
+        seen[found.status] += 1
+        if found.status == "free":
+            assert all(hit(arm, q, point) in ("", "base") for q in path(np.linspace(0.0, 1.0, 40)))
+        elif found.gap < -1e-3:
+            assert hit(arm, path(found.w), point)
+            assert f"{found.link} stands" in found.reason
+            assert f"w = {found.w:.4f}" in found.reason
+    assert min(seen.values()) >= 5
