@@ -42,11 +42,11 @@ def show(
     output.line(f"{'reach':<14} {arm.reach:.3f} m from the axis of {arm.joint_names[0]}")
     known = "closed form, all branches" if arm.has_closed_form else "seeded numeric search"
     output.line(f"{'inverse':<14} {known}")
-    joints = _joints(arm)
+    joints, wide = _joints(arm), max(map(len, [*arm.joint_names, *(link.name for link in arm.links)]))
     for joint in joints:
-        output.line(_spelled_joint(joint))
+        output.line(_spelled_joint(joint, wide))
     for link in arm.links:
-        output.line(f"{'link':<14} {_spelled_link(link)}")
+        output.line(f"{'link':<14} {_spelled_link(link, wide)}")
     for notice in arm.notices:
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
@@ -83,13 +83,13 @@ def _joints(arm: Arm) -> list[dict[str, Any]]:
     ]
 
 
-def _spelled_joint(joint: dict[str, Any]) -> str:
+def _spelled_joint(joint: dict[str, Any], wide: int) -> str:
     lower, upper, speed, acceleration = np.rad2deg(
         [joint[name] for name in ("lower", "upper", "speed", "acceleration")]
     )
     effort = "" if joint["effort"] is None else f"  {joint['effort']:6g} N m"
     return (
-        f"{'joint':<14} {joint['name']:<16} {lower:7.1f} … {upper:6.1f} deg  {speed:6.1f} deg/s"
+        f"{'joint':<14} {joint['name']:<{wide}} {lower:7.1f} … {upper:6.1f} deg  {speed:6.1f} deg/s"
         f"  {acceleration:7.1f} deg/s²{effort}"
     )
 
@@ -99,10 +99,10 @@ def _link(link: Link) -> dict[str, Any]:
     return {"name": link.name, "joint": link.joint or None, "shapes": shapes}
 
 
-def _spelled_link(link: Link) -> str:
+def _spelled_link(link: Link, wide: int) -> str:
     counts = Counter(shape.kind for shape in link.shapes)
     made_of = ", ".join(f"{kind} × {count}" for kind, count in counts.items()) or "a frame"
-    return f"{link.name:<16} {'on ' + link.joint if link.joint else 'fixed':<18} {made_of}"
+    return f"{link.name:<{wide}} {'on ' + link.joint if link.joint else 'fixed':<{wide + 3}} {made_of}"
 
 
 def _draw(arm: Arm, folder: Path, output: Output) -> None:
