@@ -118,6 +118,7 @@ def test_examples_lists_the_shipped_tasks(capsys):
     assert code == 0
     assert [t["name"] for t in json.loads(out)["tasks"]] == [
         "catadioptric-ring",
+        "moving-panel",
         "panda-table",
         "paper-example-1",
         "paper-example-2",
