@@ -8,9 +8,10 @@ from scipy.spatial.transform import RigidTransform
 from tests.planning.arm_scenes import random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Executions, plan_links_at_risk, plan_with_arm
+from omniservo.estimation import estimate_two_view
+from omniservo.planning import Executions, plan_arm_with_risk, plan_links_at_risk, plan_with_arm
 from omniservo.planning.with_arm.gap_slopes import gap_slopes
-from omniservo.planning.with_arm.link_margin import taken_by
+from omniservo.planning.with_arm.link_margin import resting_moves, taken_by
 from omniservo.robots import Tube, load_arm
 
 COVARIANCE = np.diag([1e-6, 4e-6, 2e-6, 1e-6, 3e-6, 2e-6])
@@ -90,19 +91,24 @@ def test_what_samples_take_is_what_the_gaps_of_those_mounts_lose(planned):
 
 def test_points_that_are_farther_than_estimated_take_from_gaps_what_the_longer_way_does(planned):
     problem, setting, found = planned
-    farther = np.stack([problem.points, 1.05 * problem.points])
-    executions = Executions(problem, farther, np.zeros((2, 0)))
-    bodies = setting.bodies(problem.obstacles)
-    taken = taken_by(setting, bodies, found.plan.path, found.branch, np.zeros((2, 6)), executions)
+    shares = (1.0, 1.05, 0.95)
+    farther = np.stack([share * problem.points for share in shares])
+    executions = Executions(problem, farther, np.zeros((3, 0)))
+    bodies, w = setting.bodies(problem.obstacles), 0.5
+    taken = taken_by(setting, bodies, found.plan.path, found.branch, np.zeros((3, 6)), executions)
     assert taken.estimate[0] < 1e-9
-    w = 0.5
-    pose = found.plan.path(w)
-    longer = pose.inv() * RigidTransform.from_components(1.05 * pose.translation, pose.rotation)
-    move = np.concatenate([longer.translation, np.zeros(3)])
+    pose, most = found.plan.path(w), []
     bodies.place(found.branch(w))
     near = [n for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
-    lost = max(n.gap - gap_with(problem, setting, found, w, np.zeros(6), n.pair, move) for n in near)
-    assert taken.estimate[1] >= lost - 5e-4
+    for share, estimated in zip(shares[1:], taken.estimate[1:], strict=True):
+        other = pose.inv() * RigidTransform.from_components(share * pose.translation, pose.rotation)
+        move = np.concatenate([other.translation, np.zeros(3)])
+        rest = resting_moves(executions, found.plan.path, w)[shares.index(share)]
+        np.testing.assert_allclose(rest, move, atol=0.1 * np.linalg.norm(move))
+        lost = [n.gap - gap_with(problem, setting, found, w, np.zeros(6), n.pair, move) for n in near]
+        assert estimated >= max(lost) - 5e-4
+        most.append(max(lost))
+    assert max(most) > 1e-3
 
 
 def test_clearance_is_added_until_the_samples_keep_what_is_asked(planned):
@@ -149,3 +155,17 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
     tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 0.01, 1.0, 0.01)
     with pytest.raises(InputError, match="strays"):
         replace(setting, tube=tube).bodies(problem.obstacles)
+
+
+def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planned):
+    problem, setting, _ = planned
+    random, views = np.random.default_rng(4), []
+    for pose in (RigidTransform.identity(), problem.initial_T_goal):
+        pixels, _ = problem.camera.project(pose.inv().apply(problem.points))
+        views.append(pixels + 0.02 * random.standard_normal(pixels.shape))
+    length = float(np.linalg.norm(problem.initial_T_goal.translation))
+    estimate = estimate_two_view(problem.camera, *views, scale=length, noise=0.02)
+    answer = plan_arm_with_risk(problem, setting, estimate, risk=0.2, mount_covariance=COVARIANCE)
+    assert answer.plan.status == "certified", answer.plan.reason
+    assert answer.links is not None
+    assert answer.risk + answer.links.risk == pytest.approx(0.2)

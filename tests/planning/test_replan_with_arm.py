@@ -87,3 +87,21 @@ def test_a_part_of_the_joints_is_the_same_motion(planned):
         assert part(s, order) == pytest.approx(whole, abs=1e-9)
     assert part.limit_margins == pytest.approx(setting.arm.limit_margins(part.positions))
     assert 0.0 < part.travel < found.branch.travel
+
+
+def test_seven_joints_that_were_led_go_on_to_where_they_were_led():
+    """Nothing changed: the rest is found, it ends in the same posture, and self-motion hardly jumps."""
+    arm, led = load_arm("panda"), 0
+    for seed in (1, 70, 98, 101):
+        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
+        found = plan_with_arm(problem, setting)
+        if found.plan.aim is None:
+            continue
+        led += 1
+        w = 0.4
+        again = replan_with_arm(found.plan, found.branch, w, problem, setting)
+        assert again.certified, again.plan.reason
+        np.testing.assert_allclose(again.branch(1.0), found.branch(1.0), atol=0.02)
+        before, after = (1.0 - w) * found.branch(w, 1), again.branch(0.0, 1)
+        np.testing.assert_allclose(after, before, atol=0.3 * np.abs(before).max())
+    assert led >= 2

@@ -307,7 +307,7 @@ class Replanner:
         self._is_clear(self._problem, bodies, 0.0, later)
         fork = _Fork(*self._at(later), later)
         plan, joints = self._planned(self._problem, bodies, fork)
-        if plan.path is not None:
+        if plan.path is not None and plan.status == "certified":
             self._law(fork, plan.path, joints)
 
     def _bodies(self, problem: PlanningProblem) -> ArmBodies | None:

@@ -123,14 +123,14 @@ def taken_by(
         by_mount = mounts @ slopes.by_mount.T
         by_estimate = np.zeros_like(by_mount)
         if executions is not None:
-            by_estimate = _moves(executions, path, float(w)) @ slopes.by_move.T
+            by_estimate = resting_moves(executions, path, float(w)) @ slopes.by_move.T
         np.minimum(found.left, (slopes.left + by_mount + by_estimate).min(axis=1), out=found.left)
         np.maximum(found.mount, -by_mount.min(axis=1), out=found.mount)
         np.maximum(found.estimate, -by_estimate.min(axis=1), out=found.estimate)
     return found
 
 
-def _moves(executions: Executions, path: CameraPath, w: float) -> FloatArray:
+def resting_moves(executions: Executions, path: CameraPath, w: float) -> FloatArray:
     """Return the twists (K, 6), in the camera's frame, by which the servo rests beside the path."""
     problem, camera = executions.problem, executions.camera
     response: ServoResponse = servo_response(

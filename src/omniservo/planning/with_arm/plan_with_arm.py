@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -94,9 +94,21 @@ class ArmPlanner:
     """The search for one problem and one arm, where both end poses are free."""
 
     def __init__(
-        self, problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies, seed: int, begin: float
+        self,
+        problem: PlanningProblem,
+        setting: ArmSetting,
+        bodies: ArmBodies,
+        seed: int,
+        begin: float,
+        *,
+        aims: Sequence[FloatArray | None] | None = None,
     ) -> None:
-        """Join them; ``bodies`` are the setting's among the problem's obstacles, ``begin`` when it began."""
+        """Join them.
+
+        ``bodies`` are the setting's among the problem's obstacles, ``begin`` is when all began; ``aims`` are
+        what self-motion is led to, one after the other: by default nothing, then what is free at the goal.
+        """
+        self._aims_given = aims
         self._problem, self._setting, self._bodies, self._begin = problem, setting, bodies, begin
         self.search = ProblemSearch.of(problem, int(seed))
         """the camera's own"""
@@ -197,7 +209,10 @@ class ArmPlanner:
         return follow_path(setting.arm, path, *frames, start=start, aim=aim)
 
     def _aims(self) -> Iterator[FloatArray | None]:
-        """Yield what the arm's self-motion is led to: first nothing."""
+        """Yield what the arm's self-motion is led to; None: nothing."""
+        if self._aims_given is not None:
+            yield from self._aims_given
+            return
         yield None
         yield from self._free_at_goal
 

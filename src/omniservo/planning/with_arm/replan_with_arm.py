@@ -73,7 +73,9 @@ def replan_with_arm(
     reason = violation_at_end(rest) or violation_at_start(here, bodies)
     if reason:
         return _nothing(rest, budget, reason)
-    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin)
+    # Self-motion goes on towards where it was led: anything else would make it jump.
+    aims = [None if plan.aim is None else joints.positions[-1]]
+    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims)
     found = planner.as_they_are(_with_room(rest, old, w, pose))
     if found is not None:
         return found
