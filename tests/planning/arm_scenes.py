@@ -5,8 +5,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError
-from omniservo.planning import ArmSetting, Degrees, PlanningProblem, Sphere
-from omniservo.robots import CAMERA_HOUSING
+from omniservo.planning import ArmSetting, Degrees, PlanningProblem, Sphere, plan_with_arm
+from omniservo.robots import CAMERA_HOUSING, load_arm
 
 FLANGE_T_CAMERA = RigidTransform.from_components(
     [0.0, 0.0, 0.0905], Rotation.from_euler("z", 90, degrees=True)
@@ -50,6 +50,15 @@ def random_task(arm, random, *, obstacles=(1, 4), degree=2, clearance=0.01, poin
             arm, base_T_initial, FLANGE_T_CAMERA, start=q, mounted=CAMERA_HOUSING, clearance=clearance
         )
         return problem, setting
+
+
+def led_tasks():
+    """Tasks of a Panda that ends where it is stretched or in the way unless it is led; with what is found."""
+    for seed in (1, 70, 98, 101):
+        problem, setting = random_task(load_arm("panda"), np.random.default_rng([2026, seed]))
+        found = plan_with_arm(problem, setting)
+        if found.plan.aim is not None:
+            yield problem, setting, found
 
 
 def _view(center, random):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
-from tests.planning.arm_scenes import random_task
+from tests.planning.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
 from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Mesh, Sphere, plan_path, plan_with_arm
@@ -53,19 +53,25 @@ def test_what_is_certified_holds_for_the_whole_arm(name):
 
 def test_seven_joints_are_led_to_a_posture_that_is_free_at_the_goal():
     """By themselves they end where joint 4 is stretched or the arm in the way; led, they get there."""
-    arm, led = load_arm("panda"), 0
-    for seed in (1, 70, 98, 101):
-        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
-        found = plan_with_arm(problem, setting)
-        if found.plan.aim is None:
-            continue
+    led = 0
+    for problem, setting, found in led_tasks():
         led += 1
         assert_kept(problem, setting, found)
         np.testing.assert_allclose(found.branch(0.0), setting.start, atol=1e-6)
         frames = setting.base_T_initial, setting.flange_T_camera
-        again = follow_path(arm, found.plan.path, *frames, start=setting.start, aim=found.plan.aim).best
+        again = follow_path(
+            setting.arm, found.plan.path, *frames, start=setting.start, aim=found.plan.aim
+        ).best
         np.testing.assert_array_equal(again.positions, found.branch.positions)
     assert led >= 2
+
+
+def test_a_goal_out_of_reach_of_seven_joints_is_infeasible_and_named():
+    problem, setting = random_task(load_arm("panda"), np.random.default_rng([2026, 1]))
+    away = RigidTransform.from_translation([0.0, 0.0, -3.0])
+    found = plan_with_arm(replace(problem, initial_T_goal=away, obstacles=()), setting)
+    assert found.plan.status == "infeasible"
+    assert "goal" in found.plan.reason
 
 
 def test_a_path_that_the_arm_cannot_follow_is_moved_until_it_can():

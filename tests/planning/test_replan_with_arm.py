@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.planning.arm_scenes import random_task
+from tests.planning.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
 from omniservo.planning import Sphere, plan_with_arm, replan_with_arm
@@ -91,12 +91,8 @@ def test_a_part_of_the_joints_is_the_same_motion(planned):
 
 def test_seven_joints_that_were_led_go_on_to_where_they_were_led():
     """Nothing changed: the rest is found, it ends in the same posture, and self-motion hardly jumps."""
-    arm, led = load_arm("panda"), 0
-    for seed in (1, 70, 98, 101):
-        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
-        found = plan_with_arm(problem, setting)
-        if found.plan.aim is None:
-            continue
+    led = 0
+    for problem, setting, found in led_tasks():
         led += 1
         w = 0.4
         again = replan_with_arm(found.plan, found.branch, w, problem, setting)

@@ -17,7 +17,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
 from omniservo.robots.clearance_kernels import Scene
-from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, write_gap_slope
+from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
 from omniservo.robots.read_shapes import read_shapes
 from omniservo.robots.solid import Solid
 
@@ -220,26 +220,6 @@ class ArmBodies:
         if length > _ON_TOP:
             self.scene.normals[pair] = way / math.copysign(length, gap)
         return gap
-
-    def moves(self, turns: FloatArray) -> FloatArray:
-        """Return how far the shapes of every pair can come closer [m] (p,) while joints turn by ``turns``.
-
-        Args:
-            turns: (n,) at most, from here [rad].
-        """
-        scene, shapes = self.scene, self.shapes
-        farthest_moves(
-            scene.anchors,
-            scene.directions,
-            scene.places,
-            shapes.radii,
-            shapes.carried,
-            shapes.spins,
-            turns,
-            scene.moves,
-        )
-        moves: FloatArray = scene.moves[self.pairs[:, 1], shapes.first_between]
-        return moves
 
     def near(self, within: float) -> list[Nearness]:
         """Return the pairs that are closer than ``within`` [m], and how the joints change that."""

@@ -245,6 +245,7 @@ class Replanner:
             return None
         begin = perf_counter()
         event = self._answer(time, cause, problem, begin)
+        event = replace(event, seconds=perf_counter() - begin)
         self.events.append(event)
         self._problem = problem
         if event.outcome == "blocked":
@@ -257,17 +258,16 @@ class Replanner:
     def _answer(
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
     ) -> Replanning:
+        """Return what is to be done; how long that took is told by `look`."""
         bodies, later = self._bodies(problem), time + self.options.ahead
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 
-        def told(outcome: Literal["kept", "replanned", "blocked"], **more: object) -> Replanning:
-            w, seconds = self._at(later)[0].w(later)[0], perf_counter() - begin
-            return Replanning(time, cause, outcome, w, problem, seconds, **more)  # type: ignore[arg-type]
-
+        kept = Replanning(time, cause, "kept", self._at(later)[0].w(later)[0], problem, 0.0)
         if same_goal and self._is_clear(problem, bodies, time, np.inf):
-            return told("kept")
+            return kept
         if not self._is_clear(problem, bodies, time, later):
-            return told("blocked", reason="what is gone before another way could be taken up is not clear")
+            reason = "what is gone before another way could be taken up is not clear"
+            return replace(kept, outcome="blocked", reason=reason)
         fork: _Fork | None = _Fork(*self._at(later), later)
         reason = ""
         while fork is not None and not reason:
@@ -281,10 +281,11 @@ class Replanner:
                 law = self._law(fork, path, joints)
                 if law is not None:
                     legs = (*fork.before, Leg(path, law, fork.time, fork.leg.w(fork.time)[0]))
-                    return told("replanned", legs=legs, joints=(*fork.joints_before, joints), plan=plan)
+                    after = (*fork.joints_before, joints)
+                    return replace(kept, outcome="replanned", legs=legs, joints=after, plan=plan)
                 fork = None if fork.before else self._slowed(problem, bodies, fork)
         words = "the joints cannot turn into the way found as fast as they move"
-        return told("blocked", reason=reason or words)
+        return replace(kept, outcome="blocked", reason=reason or words)
 
     def _slowed(self, problem: PlanningProblem, bodies: ArmBodies | None, fork: _Fork) -> _Fork | None:
         """Return a later place to leave the old way from, more slowly; None if the way there is not clear."""

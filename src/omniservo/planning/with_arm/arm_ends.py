@@ -35,7 +35,10 @@ def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: Arm
 
 def free_postures(initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
     """Return the postures (k, n) [rad] that reach a pose of the camera and in which the arm can stand."""
-    postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
+    try:
+        postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
+    except InputError:  # out of reach
+        return np.empty((0, setting.arm.dof))
     return postures[[not _violation(q, setting, bodies)[1] for q in postures]]
 
 
