@@ -18,14 +18,15 @@ import argparse
 from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from benchmarks.tables import print_table
+from benchmarks.whole_arm import camera_tasks
 from ompl import base, geometric, util
-from tests.planning.arm_scenes import random_task
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import ArmSetting, PlanningProblem, plan_path, plan_with_arm
+from omniservo.planning import ArmSetting, PlanningProblem, plan_with_arm
 from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.problem_arrays import asked_of
 from omniservo.robots import load_arm, shipped_arms
@@ -118,11 +119,11 @@ def _keeps(postures: Postures, begin: FloatArray, end: FloatArray) -> bool:
     return all(postures.legal(q) for q in np.linspace(begin, end, count + 1))
 
 
-def _joints(state: object, n: int) -> FloatArray:
-    return np.array([state[j] for j in range(n)])  # type: ignore[index]
+def _joints(state: Any, n: int) -> FloatArray:
+    return np.array([state[j] for j in range(n)])
 
 
-def _state(space: base.RealVectorStateSpace, q: FloatArray | None) -> object:
+def _state(space: base.RealVectorStateSpace, q: FloatArray | None) -> Any:
     assert q is not None
     state = space.allocState()
     for j, angle in enumerate(q):
@@ -132,16 +133,11 @@ def _state(space: base.RealVectorStateSpace, q: FloatArray | None) -> object:
 
 def row(name: str, tasks: int, hard: int, seconds: float) -> str:
     """Return an arm's row."""
-    arm, seed, done, solved, infeasible, missed = load_arm(name), 0, 0, 0, 0, 0
+    arm, solved, infeasible, missed = load_arm(name), 0, 0, 0
     both: list[tuple[float, Sampled]] = []
     regular: list[bool] = []
     singular: list[bool] = []
-    while done < tasks:
-        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
-        seed += 1
-        if plan_path(problem).status != "certified":
-            continue
-        done += 1
+    for problem, setting in camera_tasks(arm, tasks):
         ours = plan_with_arm(problem, setting)
         solved += ours.certified
         infeasible += ours.plan.status == "infeasible"

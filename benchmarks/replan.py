@@ -22,8 +22,9 @@ import numpy as np
 from tests.planning.arm_scenes import random_task
 
 from omniservo.errors import Blocked
-from omniservo.planning import ArmSetting, Plan, PlanningProblem, Sphere, plan_path, plan_with_arm
+from omniservo.planning import ArmSetting, Plan, PlanningProblem, plan_path, plan_with_arm
 from omniservo.planning.frame_change import problem_from
+from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.robots import Arm, load_arm
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
@@ -57,7 +58,7 @@ def planned(arm: Arm, random: np.random.Generator) -> Iterator[tuple[Any, ArmSet
             yield found, setting
 
 
-def moved(random: np.random.Generator, plan: Plan, w: float) -> tuple[Sphere, ...]:
+def moved(random: np.random.Generator, plan: Plan, w: float) -> tuple[Obstacle, ...]:
     """Return the plan's balls with one of them put near the rest of the way."""
     assert plan.path is not None
     balls = list(plan.problem.obstacles)
@@ -66,11 +67,11 @@ def moved(random: np.random.Generator, plan: Plan, w: float) -> tuple[Sphere, ..
     step *= random.uniform(0, 0.05) / np.linalg.norm(step)
     place = plan.path(random.uniform(w, 1.0)).translation + step
     balls[i] = replace(balls[i], center=place)
-    return tuple(balls)  # type: ignore[arg-type]
+    return tuple(balls)
 
 
 def answered(
-    plan: Plan, carried: FollowingArm | None, law: RestToRestLaw, time: float, balls: tuple[Sphere, ...]
+    plan: Plan, carried: FollowingArm | None, law: RestToRestLaw, time: float, balls: tuple[Obstacle, ...]
 ) -> Answer | None:
     """Return what came of a change; None where the next 80 ms or an end pose are taken."""
     tracker = PathTracker(plan, plan.problem.camera, time_law=law)

@@ -117,16 +117,22 @@ def _surroundings(random: np.random.Generator) -> list[Solid]:
     return [table, *balls]
 
 
+def camera_tasks(arm: Arm, count: int) -> Iterator[tuple[PlanningProblem, ArmSetting]]:
+    """Yield so many random tasks that a camera alone can do."""
+    done = seed = 0
+    while done < count:
+        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
+        seed += 1
+        if plan_path(problem).status == "certified":
+            done += 1
+            yield problem, setting
+
+
 def task_row(name: str, tasks: int) -> str:
     """Return an arm's row: what became of its tasks, and whether the arm kept what was promised."""
     arm, count = load_arm(name), {"certified": 0, "infeasible": 0, "not_found": 0}
-    wrong, times, checks, done, seed = 0, [], [], 0, 0
-    while done < tasks:
-        problem, setting = random_task(arm, np.random.default_rng([2026, seed]))
-        seed += 1
-        if plan_path(problem).status != "certified":
-            continue
-        done += 1
+    wrong, times, checks = 0, [], []
+    for problem, setting in camera_tasks(arm, tasks):
         found = plan_with_arm(problem, setting)
         count[found.plan.status] += 1
         if found.branch is None or not found.certified:
