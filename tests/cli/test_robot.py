@@ -42,7 +42,7 @@ def test_the_tool_can_be_chosen(capsys):
     assert math.isclose(json.loads(out)["flange"]["link_T_flange"][2][3], 0.065)
     code, out, err = call(capsys, "robot", "show", "rx60", "--tool", "shoulder")
     assert (code, out) == (2, "")
-    assert "tool 'shoulder': not carried by the last joint; legal: flange" in err
+    assert "tool 'shoulder': carried by 1 joint (j1); legal: 6 or 7 in a row, which carry flange" in err
 
 
 def test_a_bad_file_is_one_message_and_exit_code_2(capsys, tmp_path):

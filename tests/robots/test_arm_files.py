@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from urdf_arms import CYLINDER, SEVEN, SIX, urdf, urdf_forward
+from urdf_arms import CYLINDER, SEVEN, SIX, fingers, urdf, urdf_forward
 
 from omniservo.errors import InputError
 from omniservo.robots import Arm, load_arm, shipped_arms
@@ -67,7 +67,7 @@ def test_fixed_frames_are_kept_and_can_be_the_tool(tmp_path):
     q = 0.1 * np.arange(6)
     apart = other.base_T_flange(q).inv() * arm.base_T_flange(q)
     np.testing.assert_allclose(apart.translation, [0, 0, 0.05], atol=1e-12)
-    with pytest.raises(InputError, match="tool 'lift_link': not carried by the last joint; legal: .*tool0"):
+    with pytest.raises(InputError, match=r"tool 'lift_link': carried by 2 joints \(pan, lift\); .*tool0"):
         read(tmp_path, urdf(), tool="lift_link")
 
 
@@ -176,23 +176,53 @@ BAD_URDF = {
     "huge number": (lambda text: text.replace('"0.05 0 0.15"', '"1e9 0 0"'), "at most 1e\\+06 is legal"),
     "mimic": (
         lambda text: text.replace(LIMIT, LIMIT + '<mimic joint="lift"/>'),
-        "joint 'pan': a <mimic> joint follows another",
+        r"joint 'pan': a <mimic> joint follows another, behind no joint; legal: 6 or 7",
     ),
-    "continuous": (
-        lambda text: text.replace('"pan" type="revolute"', '"pan" type="continuous"'),
-        'joint \'pan\': type "continuous" has no limits; legal: "revolute"',
+    "follows the arm": (
+        lambda text: text.replace(
+            "</robot>", SECOND.format("revolute", LIMIT + '<mimic joint="lift"/>') + "</robot>"
+        ),
+        r"joint 'lift': other joints follow it \(<mimic>\), behind 1 joint \(pan\); legal: 6 or 7",
+    ),
+    "follow each other": (
+        lambda text: text.replace(
+            "</robot>", fingers(mimic='<mimic joint="slide_b"/>').replace("tool0", "turn_link") + "</robot>"
+        ),
+        "joint 'slide_b': <mimic> joints follow each other in a ring",
+    ),
+    "follows nothing": (
+        lambda text: text.replace("</robot>", fingers(mimic='<mimic joint="gone"/>') + "</robot>"),
+        "joint 'slide_b': mimic: joint 'gone': no such joint that moves",
+    ),
+    "continuous without speed": (
+        lambda text: text.replace('"pan" type="revolute"', '"pan" type="continuous"').replace(LIMIT, ""),
+        "joint 'pan': no <limit>; legal: <limit lower=",
     ),
     "prismatic": (
         lambda text: text.replace('"pan" type="revolute"', '"pan" type="prismatic"'),
-        "joint 'pan': type 'prismatic' given; legal: \"revolute\", \"fixed\"",
+        r"joint 'pan': type 'prismatic' does not turn, behind no joint; legal: 6 or 7",
+    ),
+    "planar": (
+        lambda text: text.replace('"pan" type="revolute"', '"pan" type="planar"'),
+        "joint 'pan': type 'planar' given; legal: fixed, revolute, continuous, prismatic",
     ),
     "five": (
         lambda text: text.replace('"pan" type="revolute"', '"pan" type="fixed"'),
-        "5 revolute joints .*legal: 6 or 7 in a row",
+        r"5 joints \(lift, elbow, .*\); legal: 6 or 7 in a row",
+    ),
+    "five and a gripper": (
+        lambda text: text.replace('"turn"', '"gripper"'),
+        r"joint 'gripper': taken for a gripper's by its name, behind 5 joints \(pan, .*, pitch\)",
+    ),
+    "eight": (
+        lambda text: urdf((*SEVEN, ("last", *SIX[-1][1:]))),
+        r"8 joints \(pan, .*, last\); legal: 6 or 7 in a row. A tool says where .*: pitch_link",
     ),
     "branch": (
-        lambda text: text.replace("</robot>", SECOND.format("revolute", LIMIT) + "</robot>"),
-        "joint 'side': moves beside joint 'lift'; legal: one joint after the other",
+        lambda text: text.replace("tool0", "palm").replace(
+            "</robot>", SECOND.format("revolute", LIMIT) + "</robot>"
+        ),
+        "joint 'side': moves beside joint 'lift'; legal: one joint after the other, or a tool .*: turn_link",
     ),
     "two bases": (lambda text: text.replace("</robot>", '<link name="odd"/></robot>'), "'base_link', 'odd'"),
     "loop": (
@@ -259,7 +289,10 @@ BAD_MJCF = {
         "6 joint speeds; the arm has 7 joints",
     ),
     "no range": (mjcf().replace('range="-120 120"', "", 1), "joint 'joint 1': no limits; legal: range="),
-    "slide": (mjcf().replace("<joint ", '<joint type="slide" ', 1), "type 'slide' given; legal: 'hinge'"),
+    "slide": (
+        mjcf().replace("<joint ", '<joint type="slide" ', 1),
+        "type 'slide' does not turn",
+    ),
     "branch": (
         mjcf(joints=5)
         .replace("90 " * 5, "90 " * 6)
@@ -267,7 +300,7 @@ BAD_MJCF = {
             "</worldbody>",
             '<body><joint range="0 1"/><geom size="0.1"/></body></worldbody>',
         ),
-        "joint 'joint 6' does not hang on 'joint 5'; legal: one joint after the other",
+        "joint 'joint 6': moves beside joint 'joint 1'; legal: one joint after the other, or a tool",
     ),
     "include outside": (
         mjcf(extra='<include file="../other.xml"/>'),
@@ -290,7 +323,12 @@ BAD_MJCF = {
         "<replicate> in the tree",
     ),
     "plugin": (mjcf(extra='<extension><plugin plugin="x"/></extension>'), "<extension> in <mujoco>; legal"),
-    "coupled": (mjcf(extra='<equality><joint joint1="a"/></equality>'), "<equality> in <mujoco>; legal"),
+    "coupled": (
+        mjcf('<body name="post"/>', extra='<equality><weld body1="post" body2="palm"/></equality>').replace(
+            '<site name="flange"', '<body name="palm"/><site name="flange"'
+        ),
+        "<equality> given; legal: joints of the arm that move by themselves",
+    ),
     "NaN": (
         mjcf().replace('pos="0 0 0.1"', 'pos="0 nan 0"', 1),
         "body: pos: 'nan' given; legal: numbers up to",

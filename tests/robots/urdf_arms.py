@@ -30,6 +30,11 @@ _JOINT = """<joint name="{name}" type="revolute">
   <limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>
 </joint>"""
 
+_FINGER = """<link name="{side}">
+  <collision><geometry><box size="0.01 0.02 0.08"/></geometry></collision></link>
+<joint name="{joint}" type="{kind}"><origin xyz="{x} 0 0.1"/><parent link="tool0"/><child link="{side}"/>
+  <axis xyz="{x} 0 0"/><limit lower="{lower}" upper="0.04" velocity="0.1" effort="20"/>{mimic}</joint>"""
+
 CYLINDER = '<cylinder radius="0.04" length="0.1"/>'
 
 
@@ -56,6 +61,12 @@ def urdf(joints=SIX, *, visual=CYLINDER, collision=CYLINDER, extra=""):
         f'<parent link="{links[-1]}"/><child link="tool0"/></joint>'
     )
     return "\n".join(['<?xml version="1.0"?>', '<robot name="oblique">', *parts, extra, "</robot>"])
+
+
+def fingers(*, kind="prismatic", names=("slide_a", "slide_b"), mimic='<mimic joint="slide_a"/>', lower=0.0):
+    """Two fingers on tool0, ``extra`` of an arm's text."""
+    first = _FINGER.format(side="left", joint=names[0], kind=kind, x=0.02, lower=lower, mimic="")
+    return first + _FINGER.format(side="right", joint=names[1], kind=kind, x=-0.02, lower=lower, mimic=mimic)
 
 
 def urdf_forward(joints, q):

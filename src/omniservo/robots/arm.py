@@ -36,10 +36,11 @@ class Arm:
         """Read the arm from an MJCF or URDF file, which need not be trusted.
 
         Args:
-            file: its path. A URDF states limits and speeds of its revolute joints; an MJCF states ranges and,
+            file: its path. A URDF states limits and speeds of the arm's joints; an MJCF states ranges and,
                 as custom numerics, ``joint_speed_deg_s`` and, if known, ``joint_acceleration_deg_s2``.
             tool: the site or link that is the flange; None: the one called ``tool0``, ``flange`` or
-                ``attachment_site``, else the last link.
+                ``attachment_site``, else the last link before a gripper's joints. Joints that do not carry it
+                are held still, and listed in `notices`.
 
         Raises:
             InputError: the file cannot be read, or is no such arm; the message names file, element and what

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 LEGAL_COUNTS = (6, 7)
@@ -22,3 +23,10 @@ class Description:
     """[rad/s²] from the base outwards; None: not stated"""
     notices: tuple[str, ...]
     """what of the file was left out or put in"""
+    hand: frozenset[str] = frozenset()
+    """links behind joints that are held still"""
+
+
+def held_notice(joints: Sequence[str]) -> str:
+    """Say which joints are not the arm's."""
+    return f"joints that are not the arm's, held still with what they carry: {', '.join(joints)}"

@@ -29,8 +29,8 @@ MOST_BYTES = 4 * 2**20
 """Of a robot's file, and of each file that it includes."""
 
 _MOST_INCLUDES = 16
-_DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sensor"})
-_KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator"})
+_DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sensor", "tendon"})
+_KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator", "equality"})
 _OF_BODIES = frozenset({"body", "joint", "geom", "site", "frame", "inertial"})
 _UNSEEN = frozenset({"light", "camera"})
 _OF_MESHES = frozenset(
@@ -110,6 +110,8 @@ class _Mjcf:
                     self._rates[child.get("name", "")] = self._rate(child)
         elif section.tag == "contact":
             kept.extend(child for child in children if child.tag == "exclude")
+        elif section.tag == "equality":
+            kept.extend(children)
         elif section.tag == "default":
             kept.extend(children)
             for material in kept.iter("material"):

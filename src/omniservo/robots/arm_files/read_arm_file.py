@@ -13,10 +13,11 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
 from omniservo.robots.arm_files.arm_model import ArmModel
 from omniservo.robots.arm_files.contacts import leave_out_housings
-from omniservo.robots.arm_files.description import Description
+from omniservo.robots.arm_files.description import Description, held_notice
 from omniservo.robots.arm_files.drives import add_drives, has_drives
+from omniservo.robots.arm_files.hold_rest import hold_rest
 from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
-from omniservo.robots.arm_files.serial_chain import check_serial, find_tool, name_parts
+from omniservo.robots.arm_files.serial_chain import check_joints, find_tool, name_parts
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
 from omniservo.xml_files import parse_elements
@@ -28,7 +29,9 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # [kg], [kg m²] of a link whose file 
 
 
 def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
-    """Read a serial arm of 6 or 7 revolute joints from an MJCF or URDF file, which nobody need trust.
+    """Read a serial arm of 6 or 7 joints that turn from an MJCF or URDF file, which nobody need trust.
+
+    Joints that do not carry the tool, as a gripper's, are held still, and said: see `arm_row`.
 
     The file is bounded in size, holds no document type, and reads no file but meshes and includes inside its
     folder, or meshes in a package that lies among or beside the folders above it.
@@ -36,7 +39,7 @@ def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
     Args:
         path: of the file.
         tool: the site or link that carries the camera; None: the one called ``tool0``, ``flange`` or
-            ``attachment_site``, else the last link.
+            ``attachment_site``, else the last link before a gripper's joints.
 
     Raises:
         InputError: anything else; the message names file, element and what is legal.
@@ -44,7 +47,7 @@ def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
     file = Path(path)
     root = parse_elements(read_text(file, max_bytes=MOST_BYTES), str(file))
     if root.tag == "robot":
-        description = read_urdf(root, file)
+        description = read_urdf(root, file, tool)
     elif root.tag == "mujoco":
         description = read_mjcf(root, file)
     else:
@@ -82,11 +85,15 @@ def _unreadable(file: Path, error: ValueError) -> InputError:
 
 def _made_ready(spec: Any, description: Description, file: Path, tool: str | None) -> ArmModel:
     notices = list(description.notices)
-    name_parts(spec)
+    renamed = name_parts(spec)
+    tool = None if tool is None else renamed.get(tool, tool)
+    held, hand = hold_rest(spec, tool, str(file))
+    hand |= {renamed.get(name, name) for name in description.hand}
+    notices += [held_notice(held)] if held else []
     paint(spec)
     notices += share_groups(spec)
     model = _compiled(spec, file)
-    check_serial(model, str(file))
+    check_joints(model, str(file))
     if len(description.speed) != model.njnt:
         raise InputError(f"{file}: {len(description.speed)} joint speeds; the arm has {model.njnt} joints")
     speed = np.array(description.speed)
@@ -103,6 +110,7 @@ def _made_ready(spec: Any, description: Description, file: Path, tool: str | Non
     if not has_drives(model):
         add_drives(spec, model)
         notices.append("no position servo for every joint; stiff ones are put in for the simulation")
-    return ArmModel(
-        spec, _compiled(spec, file), *find_tool(model, tool, str(file)), speed, acceleration, tuple(notices)
-    )
+    found = find_tool(model, tool, hand)
+    if hand and tool is None:
+        notices.append(f"the camera is taken to sit on {found[0]!r}; another link can be named as the tool")
+    return ArmModel(spec, _compiled(spec, file), *found, speed, acceleration, tuple(notices))

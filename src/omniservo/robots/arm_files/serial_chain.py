@@ -1,4 +1,4 @@
-"""Whether MuJoCo's model is a serial arm, and which of its frames carries the camera."""
+"""What MuJoCo's model of an arm calls its parts, whether its joints have limits, and its tool."""
 
 from __future__ import annotations
 
@@ -9,73 +9,63 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
-from omniservo.robots.arm_files.description import LEGAL_COUNTS
-
-TOOL_NAMES = ("tool0", "flange", "attachment_site")
-"""What the place for a tool is called: in ROS-Industrial (z outwards), here, in MuJoCo's collection."""
+from omniservo.robots.arm_files.arm_row import TOOL_NAMES
 
 _TAKEN = frozenset({"camera", "floor"})
-_KINDS = ("free", "ball", "slide", "hinge")
 _WIDEST = 100.0
 """[rad] largest joint position"""
 
 
-def name_parts(spec: Any) -> None:
-    """Give links and joints without a name one; links do not take the names of the simulator's bodies."""
+def name_parts(spec: Any) -> dict[str, str]:
+    """Give links and joints without a name one; links do not take the names of the simulator's bodies.
+
+    Returns:
+        The new names of links that had one, by the old.
+    """
+    renamed: dict[str, str] = {}
     for number, body in enumerate(spec.bodies[1:], 1):
         old = body.name
         if old in _TAKEN or not old:
             body.name = f"{old or 'link'} {number}"
+            renamed |= {old: body.name} if old else {}
             for exclude in spec.excludes if old else ():
                 exclude.bodyname1 = body.name if exclude.bodyname1 == old else exclude.bodyname1
                 exclude.bodyname2 = body.name if exclude.bodyname2 == old else exclude.bodyname2
     for number, joint in enumerate(spec.joints, 1):
         joint.name = joint.name or f"joint {number}"
+    return renamed
 
 
-def check_serial(model: Any, source: str) -> None:
-    """Refuse what is not 6 or 7 hinges with limits, each carried by the one before.
+def check_joints(model: Any, source: str) -> None:
+    """Refuse joints that are coupled, or without sensible limits.
 
     Raises:
         InputError: with the joint's name and what is legal.
     """
-    for joint in range(model.njnt):
-        kind = _KINDS[model.jnt_type[joint]]
-        if kind != "hinge":
-            raise InputError(f"{source}: joint {_name(model, joint)}: type {kind!r} given; legal: 'hinge'")
-    if model.njnt not in LEGAL_COUNTS:
-        names = ", ".join(_name(model, joint) for joint in range(min(model.njnt, 12)))
-        raise InputError(f"{source}: {model.njnt} joints ({names or 'none'}); legal: 6 or 7 in a row")
     if model.neq:
-        raise InputError(f"{source}: <equality> given; legal: joints that move by themselves")
+        raise InputError(f"{source}: <equality> given; legal: joints of the arm that move by themselves")
     for joint in range(model.njnt):
         _check_range(model, joint, source)
-        if joint and not _carries(model, model.jnt_bodyid[joint - 1], model.jnt_bodyid[joint]):
-            raise InputError(
-                f"{source}: joint {_name(model, joint)} does not hang on {_name(model, joint - 1)}; legal: "
-                "one joint after the other"
-            )
 
 
-def find_tool(model: Any, tool: str | None, source: str) -> tuple[str, str, RigidTransform]:
+def find_tool(model: Any, tool: str | None, hand: frozenset[str]) -> tuple[str, str, RigidTransform]:
     """Return the tool's name, the name of the link that it is fixed to, and its pose there.
 
-    Raises:
-        InputError: there is no such site or link, or the last joint does not carry it.
+    Args:
+        model: of the arm alone; its last joint carries the tool.
+        tool: link or site; None: the first of `TOOL_NAMES` that the last joint carries, else the last link
+            before others stand beside each other or on a joint that is held still.
+        hand: links on joints that are held still.
     """
     last = int(model.jnt_bodyid[-1])
     for name in TOOL_NAMES if tool is None else (tool,):
         place = _site_or_body(model, name)
         if place is not None and _carries(model, last, place[0]):
             return name, str(model.body(place[0]).name), place[1]
-    if tool is not None:
-        sites = [model.site(i) for i in range(model.nsite)]
-        names = [site.name for site in sites if _carries(model, last, int(site.bodyid[0]))]
-        names += [model.body(i).name for i in range(last, model.nbody) if _carries(model, last, i)]
-        legal = ", ".join(name for name in names if name)[:300]
-        raise InputError(f"{source}: tool {spelled(tool)}: not carried by the last joint; legal: {legal}")
     body = last
     while len(children := np.flatnonzero(model.body_parentid == body)) == 1:
+        if str(model.body(children[0]).name) in hand:
+            break
         body = int(children[0])
     name = str(model.body(body).name)
     return name, name, RigidTransform.identity()

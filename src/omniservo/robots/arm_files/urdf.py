@@ -1,24 +1,30 @@
 """URDF files: checked, and what an arm needs of them rewritten so that MuJoCo reads it as it is meant.
 
-Links with inertia, colour, boxes, cylinders, spheres and meshes; revolute and fixed joints. Everything else
-in the file (transmissions, plugins, textures, MuJoCo's own settings) is not looked at.
+Links with inertia, colour, boxes, cylinders, spheres and meshes; the arm's joints, the others held still.
+Everything else in the file (transmissions, plugins, textures, MuJoCo's own settings) is not looked at.
 """
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray
-from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
+from omniservo.robots.arm_files.arm_row import arm_row
+from omniservo.robots.arm_files.description import Description, held_notice
+from omniservo.robots.arm_files.held_joints import axis_of, held_positions, moved_origin, spelled_positions
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
-from omniservo.robots.arm_files.urdf_tree import in_order
+from omniservo.robots.arm_files.urdf_tree import read_tree
 from omniservo.robots.arm_files.xml_fields import XmlFields
 from omniservo.xml_files import XmlElement
 
 MOST_LINKS = 500
 """Links of one file, fixed ones too."""
+
+_ENDLESS = 2.0 * math.pi
+"""[rad] range to both sides of a continuous joint: a camera's cable does not turn endlessly"""
 
 _SETTINGS = {
     "fusestatic": "false",  # fixed frames stay: the tool is one of them
@@ -30,24 +36,26 @@ _SETTINGS = {
 _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
 
 
-def read_urdf(root: XmlElement, file: Path) -> Description:
+def read_urdf(root: XmlElement, file: Path, tool: str | None) -> Description:
     """Return the arm that a URDF file describes.
 
     Args:
         root: the file's element <robot>.
         file: where it lies; meshes are looked for from there.
+        tool: the link that carries the camera; None: not said.
 
     Raises:
-        InputError: not a serial arm of 6 or 7 revolute joints with limits, or a mesh that cannot be had.
+        InputError: not a serial arm of 6 or 7 joints with limits, or a mesh that cannot be had.
     """
-    return _Urdf(root, file).description()
+    return _Urdf(root, file, tool).description()
 
 
 class _Urdf:
     """One pass over one file."""
 
-    def __init__(self, root: XmlElement, file: Path) -> None:
+    def __init__(self, root: XmlElement, file: Path, tool: str | None) -> None:
         self._root = root
+        self._tool = tool
         self._file = file
         self._fields = XmlFields(file)
         self._meshes = MeshAssets(file)
@@ -63,15 +71,11 @@ class _Urdf:
             raise InputError(
                 f"{self._file}: {len(links)} links, {len(joints)} joints; legal: at most {MOST_LINKS}"
             )
-        for joint in joints:
-            self._check_type(joint)
-        moving = in_order(links, joints, fields)
-        if len(moving) not in LEGAL_COUNTS:
-            names = ", ".join(spelled(joint.get("name")) for joint in moving[:12])
-            raise InputError(
-                f"{self._file}: {len(moving)} revolute joints ({names}); legal: 6 or 7 in a row. Joints of a "
-                'gripper can be made type="fixed"'
-            )
+        tree = read_tree(links, joints, fields)
+        row = arm_row(tree.joints, tree.carriers, self._tool, str(self._file))
+        moving = [tree.moving[number] for number in row]
+        rest = [joint for joint in tree.moving if joint not in moving]
+        held = held_positions(rest, fields)
         clean = ET.Element("robot", name=root.get("name", "arm"))
         ET.SubElement(ET.SubElement(clean, "mujoco"), "compiler", _SETTINGS)
         for material in fields.children(root, "material"):
@@ -79,44 +83,38 @@ class _Urdf:
         for link in links:
             clean.append(self._link(link))
         for joint in joints:
-            clean.append(self._joint(joint))
+            clean.append(self._joint(joint, held))
         return Description(
             ET.tostring(clean, encoding="unicode"),
             self._meshes.assets,
             tuple(self._speed(joint) for joint in moving),
             None,
-            self._notices(),
+            self._notices(moving, rest, held),
+            frozenset(fields.text(fields.needed(joint, "child", "<child link=…>"), "link") for joint in rest),
         )
 
-    def _notices(self) -> tuple[str, ...]:
-        if not self._undrawn:
-            return ()
-        legal = " and ".join(READABLE)
-        return (f"pictures of links left out, not {legal}: {', '.join(dict.fromkeys(self._undrawn))}",)
-
-    def _check_type(self, joint: XmlElement) -> None:
-        place, kind = self._fields.place(joint), joint.get("type", "")
-        if kind == "fixed":
-            return
-        if joint.find("mimic") is not None:
-            raise InputError(
-                f"{place}: a <mimic> joint follows another; legal: joints that move by themselves, or "
-                'type="fixed"'
-            )
-        if kind == "continuous":
-            raise InputError(
-                f'{place}: type "continuous" has no limits; legal: "revolute" with <limit lower=… upper=… '
-                "velocity=…>"
-            )
-        if kind != "revolute":
-            raise InputError(f'{place}: type {spelled(kind)} given; legal: "revolute", "fixed"')
+    def _notices(
+        self, moving: list[XmlElement], rest: list[XmlElement], held: dict[str, float]
+    ) -> tuple[str, ...]:
+        notices = []
+        if rest:
+            notices.append(held_notice(spelled_positions(rest, held)))
+        endless = [joint.get("name", "") for joint in moving if joint.get("type") == "continuous"]
+        if endless:
+            turns = f"{math.degrees(_ENDLESS):.0f}"
+            notices.append(f"continuous joints, taken as -{turns} … {turns} deg: {', '.join(endless)}")
+        if self._undrawn:
+            legal, names = " and ".join(READABLE), ", ".join(dict.fromkeys(self._undrawn))
+            notices.append(f"pictures of links left out, not {legal}: {names}")
+        return tuple(notices)
 
     def _speed(self, joint: XmlElement) -> float:
         return float(self._fields.positive(self._limit(joint), "velocity", 1)[0])
 
     def _limit(self, joint: XmlElement) -> XmlElement:
         limit = self._fields.needed(joint, "limit", "<limit lower=… upper=… velocity=…> [rad, rad/s]")
-        for attribute in ("lower", "upper", "velocity"):
+        endless = joint.get("type") == "continuous"
+        for attribute in ("velocity",) if endless else ("lower", "upper", "velocity"):
             if not limit.get(attribute, "").strip():
                 raise InputError(
                     f"{self._fields.place(joint)}: limit: {attribute}: missing; legal: lower and upper "
@@ -124,32 +122,36 @@ class _Urdf:
                 )
         return limit
 
-    def _joint(self, joint: XmlElement) -> ET.Element:
-        fields, kind = self._fields, joint.get("type", "")
-        clean = ET.Element("joint", name=fields.text(joint, "name"), type=kind)
+    def _joint(self, joint: XmlElement, held: dict[str, float]) -> ET.Element:
+        fields, name = self._fields, self._fields.text(joint, "name")
+        still = joint.get("type") == "fixed" or name in held
+        clean = ET.Element("joint", name=name, type="fixed" if still else "revolute")
         for end in ("parent", "child"):
-            held = fields.needed(joint, end, f"<{end} link=…>")
-            ET.SubElement(clean, end, link=fields.text(held, "link"))
-        self._origin(joint, clean)
-        if kind == "fixed":
+            ends = fields.needed(joint, end, f"<{end} link=…>")
+            ET.SubElement(clean, end, link=fields.text(ends, "link"))
+        if name in held:
+            xyz, rpy = moved_origin(joint, held[name], fields)
+            ET.SubElement(clean, "origin", xyz=_words(xyz), rpy=_words(rpy))
             return clean
-        axis = fields.only(joint, "axis")
-        if axis is not None:
-            direction = fields.numbers(axis, "xyz", 3)
-            if not direction.any():
-                raise InputError(f"{fields.place(joint)}: axis: 0 0 0 given; legal: a direction")
-            ET.SubElement(clean, "axis", xyz=_words(direction))
-        limit = self._limit(joint)
-        lower, upper = fields.numbers(limit, "lower", 1)[0], fields.numbers(limit, "upper", 1)[0]
+        self._origin(joint, clean)
+        if not still:
+            ET.SubElement(clean, "axis", xyz=_words(axis_of(joint, fields)))
+            ET.SubElement(clean, "limit", self._range(joint))
+        return clean
+
+    def _range(self, joint: XmlElement) -> dict[str, str]:
+        fields, limit = self._fields, self._limit(joint)
+        lower, upper = -_ENDLESS, _ENDLESS
+        if joint.get("type") != "continuous":
+            lower, upper = (float(fields.numbers(limit, name, 1)[0]) for name in ("lower", "upper"))
         if lower >= upper:
             raise InputError(
                 f"{fields.place(joint)}: limit: lower {lower:g}, upper {upper:g}; legal: lower < upper"
             )
-        stated = {"lower": repr(float(lower)), "upper": repr(float(upper))}
+        stated = {"lower": repr(lower), "upper": repr(upper)}
         if limit.get("effort") is not None and (effort := float(fields.numbers(limit, "effort", 1)[0])) > 0.0:
             stated["effort"] = repr(effort)
-        ET.SubElement(clean, "limit", stated)
-        return clean
+        return stated
 
     def _link(self, link: XmlElement) -> ET.Element:
         clean = ET.Element("link", name=self._fields.text(link, "name"))
