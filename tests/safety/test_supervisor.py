@@ -243,3 +243,71 @@ def test_an_error_of_the_robot_itself_brakes_it_and_goes_on(guard, written):
     assert written.stops >= 1
     written.robot.advance(0.3)
     assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
+NEAR_SINGULAR = np.radians([-40.0, 40.0, -65.0, 30.0, 8.0, 10.0])
+"""the wrist's outer axes are 8 degrees from each other, and turn fast against each other"""
+
+PITCH = np.array([0.0, 0.0, 0.0, 0.0, 0.3, 0.0])
+
+
+def turned_astray(written, supervisor, lead):
+    """Return how far the camera's turn in 0.3 s is from what the twist `PITCH` makes of it [rad]."""
+
+    def pose():
+        return supervisor.arm.base_T_flange(written.robot.read().joint_positions) * supervisor.flange_T_camera
+
+    lead(PITCH)
+    supervisor.wait(0.1)  # until it is as fast
+    before = pose()
+    lead(PITCH)
+    supervisor.wait(0.3)
+    after = pose()
+    supervisor.stop()
+    return np.linalg.norm((before.inv() * after).rotation.as_rotvec() - 0.3 * PITCH[3:])
+
+
+def test_a_camera_is_carried_along_its_twist_where_joints_held_alike_lead_it_astray(
+    guard, written, arm, scene
+):
+    def held(twist):
+        joints = supervisor.read().joint_positions
+        supervisor.command(arm.joint_velocities(joints, twist, scene.flange_T_camera))
+
+    astray = []
+    for carried in (False, True):
+        written.robot.place(NEAR_SINGULAR)
+        supervisor = guard()
+        astray.append(turned_astray(written, supervisor, supervisor.carry if carried else held))
+    assert astray[1] < 2e-3
+    assert astray[0] > 10 * astray[1]
+
+
+def test_a_camera_that_is_carried_into_a_singularity_is_stopped(guard, written, arm, scene):
+    bent = NEAR_SINGULAR * [1, 1, 1, 0, 1, 1]
+    written.robot.place(bent)
+    supervisor = guard()
+    supervisor.carry(-0.3 * arm.camera_jacobian(bent, scene.flange_T_camera)[:, 4])  # straightens the wrist
+    with pytest.raises(JointLimit, match="singular"):
+        supervisor.wait(1.0)
+    assert stands_still(written)
+    assert 0.0 < written.robot.read().joint_positions[4] < bent[4]
+
+
+@pytest.mark.parametrize("bad", [[0.0] * 5, [np.nan] + [0.0] * 5, "north"])
+def test_a_twist_that_is_none_stops_the_arm(guard, written, bad):
+    supervisor = guard()
+    supervisor.carry(0.1 * PITCH)
+    supervisor.wait(0.1)
+    with pytest.raises(InputError, match="twist"):
+        supervisor.carry(bad)
+    assert stands_still(written)
+
+
+def test_a_command_of_joints_ends_the_carrying(guard, written):
+    supervisor = guard()
+    supervisor.carry(0.1 * PITCH)
+    supervisor.wait(0.1)
+    supervisor.command(SLOW)
+    supervisor.wait(0.2)
+    np.testing.assert_array_equal(written.commands[-1][1], SLOW)

@@ -18,7 +18,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.perception import FeatureTracker
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety.feature_watch import FeatureWatch
-from omniservo.safety.supervisor import Passed, Supervisor
+from omniservo.safety.supervisor import Passed, Supervisor, Wish
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
 _TICK = 1e-3
@@ -186,14 +186,19 @@ def _step(
     points = report.initial_T_camera.inv().apply(controller.points)
     watch.check(time, points, valid, report.error_px)
     filtered = visibility.step(points, pixels, valid, twist)
-    arm, mount = supervisor.arm, supervisor.flange_T_camera
-    q, wish = state.joint_positions, None
-    if posture is not None:
-        wanted, speeds = posture(state.time - start)
-        wish = speeds + POSTURE_GAIN * (wanted - q)
-    passed = supervisor.command(arm.joint_velocities(q, filtered.twist, mount, wish))
+    passed = supervisor.carry(filtered.twist, None if posture is None else _towards(posture, start))
     seconds = perf_counter() - before
     return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+
+
+def _towards(posture: Posture, start: float) -> Wish:
+    """Return the velocities that lead to the posture, and on with it."""
+
+    def wish(state: RobotState) -> FloatArray:
+        wanted, speeds = posture(state.time - start)
+        return speeds + POSTURE_GAIN * (wanted - state.joint_positions)
+
+    return wish
 
 
 def _next_image(supervisor: Supervisor, last: CameraImage | None) -> CameraImage:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, JointLimit, NotFinite, SlowLoop, StaleImage, WorkspaceLimit
-from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots import Arm, CameraImage, Robot, RobotState
 from omniservo.robots.twist_matrix import twist_matrix
 from omniservo.safety.motion_limits import approached, braked, slowed, stopping_distance
@@ -22,6 +23,11 @@ TICK = 5e-3
 
 RUNAWAY = 1.25
 """A joint measured to turn faster than this times its speed limit does not do what it is told."""
+
+
+Wish: TypeAlias = Callable[[RobotState], FloatArray]
+"""From the joints as they are to the velocities (n,) that they should have where the camera leaves them free
+[rad/s]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +83,7 @@ class Supervisor:
         """as given"""
         self._robot, self._wait = robot, wait
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
+        self._carried: Callable[[RobotState], FloatArray] | None = None
         state = _checked(robot.read(), arm.dof)
         self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
         base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
@@ -90,7 +97,7 @@ class Supervisor:
             NotFinite: they are no finite numbers; the robot has been braked.
         """
         with self._braking():
-            return _checked(self._robot.read(), self.arm.dof)
+            return self._seen_state()
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives."""
@@ -110,15 +117,38 @@ class Supervisor:
             InputError: wrong shape; the robot stands still by then.
         """
         with self._braking():
-            wanted = self._checked_command(joint_velocities)
-            state = _checked(self._robot.read(), self.arm.dof)
-            self._target, limits = self._slowed(state, wanted)
-            period = state.time - self._command_time
-            if (np.abs(self._target - self._sent) > self.arm.joint_acceleration * period).any():
-                limits = (*limits, "acceleration")
-            self._command_time = state.time
-            self._pass(state, self._led_on(state))
-            return Passed(frozen(wanted), frozen(self._target), limits)
+            self._carried = None
+            return self._commanded(self._checked_command(joint_velocities), self._seen_state())
+
+    def carry(self, twist: npt.ArrayLike, wish: Wish | None = None) -> Passed:
+        """Move the camera with this twist (6,) (linear [m/s], angular [rad/s]; camera frame) until told more.
+
+        The joint velocities of it are found anew whenever the robot is looked at, by `Arm.joint_velocities`:
+        those of one posture, held for the time between two images, lead the camera astray where the
+        Jacobian changes fast, as it does near singular postures.
+
+        Args:
+            twist: of the camera.
+            wish: where an arm of seven joints is to go besides; None: nowhere.
+
+        Returns:
+            What became of the first velocities.
+
+        Raises:
+            ServoStop: no velocities for it can be sent; the robot stands still by then.
+            InputError: wrong shape, NaN or infinity; the robot stands still by then.
+        """
+        with self._braking():
+            wanted = finite_array("twist", twist, (6,))
+
+            def carried(state: RobotState) -> FloatArray:
+                own = None if wish is None else wish(state)
+                return self.arm.joint_velocities(state.joint_positions, wanted, self.flange_T_camera, own)
+
+            state = self._seen_state()
+            passed = self._commanded(self._checked_command(carried(state)), state)
+            self._carried = carried
+            return passed
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass; the moving robot is watched meanwhile.
@@ -133,12 +163,14 @@ class Supervisor:
             left -= part
             if self._sent.any() or self._target.any():
                 with self._braking():
-                    state = _checked(self._robot.read(), self.arm.dof)
+                    state = self._seen_state()
+                    if self._carried is not None:
+                        self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
                     self._pass(state, self._led_on(state))
 
     def stop(self) -> None:
         """Brake every joint as fast as its acceleration limit allows; the robot stands still on return."""
-        self._target = np.zeros(self.arm.dof)
+        self._target, self._carried = np.zeros(self.arm.dof), None
         try:
             while self._sent.any():
                 self._wait(TICK)
@@ -160,6 +192,19 @@ class Supervisor:
         except BaseException:
             self.stop()
             raise
+
+    def _seen_state(self) -> RobotState:
+        return _checked(self._robot.read(), self.arm.dof)
+
+    def _commanded(self, wanted: FloatArray, state: RobotState) -> Passed:
+        """Begin to lead the robot to these velocities."""
+        self._target, limits = self._slowed(state, wanted)
+        period = state.time - self._command_time
+        if (np.abs(self._target - self._sent) > self.arm.joint_acceleration * period).any():
+            limits = (*limits, "acceleration")
+        self._command_time = state.time
+        self._pass(state, self._led_on(state))
+        return Passed(frozen(wanted), frozen(self._target), limits)
 
     def _checked_command(self, joint_velocities: npt.ArrayLike) -> FloatArray:
         try:
