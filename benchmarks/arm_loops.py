@@ -172,7 +172,7 @@ def _judged(
     run: ArmRun,
 ) -> Outcome:
     asked = float(stated.clearance_around), stated.self_clearance
-    left = Gaps(truth, *asked).least(run.joints[::2])
+    left = Gaps(truth, *asked).least(run.joints[::10])
     believed = replace(truth, flange_T_camera=stated.flange_T_camera)
     before = Gaps(believed, *asked).least(branch(np.linspace(0.0, 1.0, 101)))
     low, high = truth.arm.joint_range.T

@@ -34,8 +34,8 @@ TOLERANCE_PX = 2.0
 SETTLING = 1.5
 """[s] that a run may take longer than its time law"""
 
-SPARSE = 12
-"""Views and poses are looked at every 60 ms."""
+SPARSE = 24
+"""Views and poses are looked at every 24 ms."""
 
 PLACES = 401
 """of the planned path"""
@@ -74,7 +74,7 @@ class ArmRun:
     """One executed plan."""
 
     joints: FloatArray
-    """(m, n) every 5 ms [rad]"""
+    """(m, n) every millisecond [rad]"""
     path: FloatArray
     """(k, n) planned [rad]"""
     stop: str
@@ -84,7 +84,7 @@ class ArmRun:
     goal_error_px: float
     """rms of the true points to where the goal image has them, at the end"""
     centres: FloatArray
-    """(m/12, 3) of the camera, in the initial camera frame [m]"""
+    """(m/24, 3) of the camera, in the initial camera frame [m]"""
     image_px: float
     """the most that a true point strayed in the image from where the plan has it at the nearest place [px]"""
 

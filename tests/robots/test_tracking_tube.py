@@ -38,7 +38,7 @@ def test_no_point_of_a_link_goes_farther_than_the_link_strays(bodies):
     own = own[np.linalg.norm(own - np.array([0.0, 0.0, 0.05]), axis=1) <= 0.02]
     arm = bodies.arm
     grid = [path[20] + s * (path[21] - path[20]) for s in np.linspace(0.0, 1.0, 101)]
-    near = min(grid, key=lambda p: np.sum((p - q) ** 2))
+    near = min(grid, key=lambda p: np.sum((bodies.corners(p) - bodies.corners(q)) ** 2))
     moved = np.linalg.norm(arm.base_T_flange(q).apply(own) - arm.base_T_flange(near).apply(own), axis=1)
     allowed = dict(zip(bodies.links, most[6 : 6 + len(bodies.links)], strict=True))["camera"]
     assert moved.max() <= allowed + 1e-4

@@ -23,11 +23,12 @@ def strayed(
 ) -> FloatArray:
     """Return the most that a run strayed from its path: (k,), in the order of `TrackingTube.shape`.
 
-    Each executed posture is compared with the place of the path where the joints are nearest to it (least
-    Σ Δq²), not with where the time law would have it: being late is no deviation from a path that is clear
-    for all w. Between rows the path is taken to be straight. A link strays by the farthest corner of boxes
-    about its shapes; no point of a shape goes farther, ‖A x + b‖ being convex in x. Two links of the arm
-    stray by what the run takes of the gap between them, where that is planned to be below 0.15 m.
+    Each executed posture is compared with the place of the path where the bodies are nearest to it (least
+    Σ ‖Δx‖² of the corners of boxes about their shapes), not with where the time law would have it: being
+    late is no deviation from a path that is clear for all w. Between rows the path is taken to be straight. A
+    link strays by the farthest of its corners; no point of a shape goes farther, ‖A x + b‖ being convex in x.
+    Two links of the arm stray by what the run takes of the gap between them, where that is planned to be
+    below 0.15 m.
 
     Args:
         bodies: the arm, with what it carries.
@@ -46,7 +47,7 @@ def strayed(
         raise InputError(f"planned, executed: {len(path)} and {len(run)} rows; at least 2 and 1 are needed")
     most = np.zeros(arm.dof + len(bodies.tube_parts) + 3)
     most[-1] = finite_number("image_px", image_px, minimum=0.0)
-    nearest = _nearest(path, run)
+    nearest = _nearest(bodies, path, run)
     most[: arm.dof] = np.abs(run - nearest).max(axis=0)
     shapes = [bodies.shapes_of(link) for link in bodies.links]
     parts = most[arm.dof : -3]
@@ -72,13 +73,15 @@ def _own_gaps(bodies: ArmBodies, within: float) -> dict[int, float]:
     return {pair: gap for pair in close if (gap := bodies.measure(pair)) < within}
 
 
-def _nearest(path: FloatArray, run: FloatArray) -> FloatArray:
-    """Return the nearest points (m, n) of the polyline (k, n)."""
-    begin, way = path[:-1], np.diff(path, axis=0)
+def _nearest(bodies: ArmBodies, path: FloatArray, run: FloatArray) -> FloatArray:
+    """Return the postures (m, n) on the polyline (k, n) where the bodies are nearest to those of the run."""
+    places, at_run = (np.array([bodies.corners(q).ravel() for q in rows]) for rows in (path, run))
+    begin, way = places[:-1], np.diff(places, axis=0)
     length = np.maximum((way**2).sum(axis=1), 1e-300)
     found = np.empty_like(run)
-    for i, q in enumerate(run):
-        along = np.clip(((q - begin) * way).sum(axis=1) / length, 0.0, 1.0)
-        candidates = begin + along[:, None] * way
-        found[i] = candidates[np.argmin(((candidates - q) ** 2).sum(axis=1))]
+    for i, corners in enumerate(at_run):
+        beyond = corners - begin
+        along = np.clip((beyond * way).sum(axis=1) / length, 0.0, 1.0)
+        k = int(np.argmin(((beyond - along[:, None] * way) ** 2).sum(axis=1)))
+        found[i] = path[k] + along[k] * (path[k + 1] - path[k])
     return found
