@@ -143,15 +143,15 @@ def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
         bodies = setting.bodies(problem.obstacles)
         demands = JointDemands(setting, bodies, ell=0.4)
         q = setting.start
-        least = demands.pull(q, np.array([0.0, 9.0, 0.3])).least
+        least = demands.pulls(q[None], np.array([0.0, 9.0, 0.3])).least[0]
         camera = setting.arm.base_T_flange(q) * setting.flange_T_camera
         for group in range(3):
             targets = np.full(3, -np.inf)
             targets[group] = least[group] + 1e-7
-            pull = demands.pull(q, targets)
-            if pull.cost == 0.0 or (group == 2 and least[2] > 0.25):
+            pull = demands.pulls(q[None], targets)
+            if pull.costs[0] == 0.0 or (group == 2 and least[2] > 0.25):
                 continue
-            row = pull.system[:, 6] / 1e-7  # one row a with residual 1e-7
+            row = pull.systems[0, :, 6] / 1e-7  # one row a with residual 1e-7
             numeric = np.empty(6)
             for k in range(6):
                 values = []
@@ -159,7 +159,7 @@ def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
                     step = sign * 1e-6 * np.eye(6)[k]
                     moved = camera * RigidTransform.from_components(step[:3], Rotation.from_rotvec(step[3:]))
                     there = arm.inverse_near(moved * setting.camera_T_flange, q)
-                    values.append(demands.pull(there, np.array([0.0, 9.0, 0.3])).least[group])
+                    values.append(demands.pulls(there[None], np.array([0.0, 9.0, 0.3])).least[0, group])
                 numeric[k] = (values[0] - values[1]) / 2e-6
             scale = max(1.0, np.abs(numeric).max())
             checked[group] += np.abs(row - numeric).max() < 5e-3 * scale
@@ -175,7 +175,7 @@ def test_what_pulls_a_posture_is_the_sum_over_the_rows_below_their_targets():
         problem, setting = random_task(arm, np.random.default_rng([5, seed]), clearance=0.01)
         bodies, q = setting.bodies(problem.obstacles), setting.start
         targets = np.array([0.9, 0.3, 0.4])
-        pull = JointDemands(setting, bodies, ell=0.4).pull(q, targets)
+        pull = JointDemands(setting, bodies, ell=0.4).pulls(q[None], targets)
         low, high = setting.arm.joint_range.T + setting.limit_reserve * np.array([[1.0], [-1.0]])
         rows = [(0, q[j] - low[j], np.eye(7)[j]) for j in range(7)]
         rows += [(0, high[j] - q[j], -np.eye(7)[j]) for j in range(7)]
@@ -198,10 +198,10 @@ def test_what_pulls_a_posture_is_the_sum_over_the_rows_below_their_targets():
                 system += np.column_stack([np.outer(a, a), a * residual])
                 cost += 0.5 * residual**2
                 active[group] += 1
-        np.testing.assert_allclose(pull.system, system, rtol=1e-5, atol=1e-6 * np.abs(system).max())
-        assert pull.cost == pytest.approx(cost, rel=1e-7)
-        np.testing.assert_allclose(pull.least[:2], least[:2], atol=1e-9)
-        assert min(pull.least[2], 0.4) == pytest.approx(min(least[2], 0.4), abs=1e-9)
+        np.testing.assert_allclose(pull.systems[0], system, rtol=1e-5, atol=1e-6 * np.abs(system).max())
+        assert pull.costs[0] == pytest.approx(cost, rel=1e-7)
+        np.testing.assert_allclose(pull.least[0, :2], least[:2], atol=1e-9)
+        assert min(pull.least[0, 2], 0.4) == pytest.approx(min(least[2], 0.4), abs=1e-9)
     assert (active > 5).all()
 
 

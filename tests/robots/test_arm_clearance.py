@@ -11,6 +11,7 @@ from tests.robots.joint_paths import straight_joint_path
 from omniservo.errors import InputError
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
 from omniservo.robots.gap_kernels import farthest_moves, middle_of_piece
+from omniservo.robots.gap_search import widen
 
 TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
 CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), [0.03, 0.02, 0.05])
@@ -62,6 +63,68 @@ def test_no_two_points_of_a_pair_are_nearer_than_its_lower_gap(seed):
     sharp = bodies.lower_gaps(chosen)[0]
     assert rough <= sharp <= sampled
     assert sharp == pytest.approx(found, abs=2e-5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_slab_that_a_search_widens_is_no_wider_than_the_distance_and_mostly_as_wide(seed):
+    """By MuJoCo's distances; where it is said to be hardly less, it is; ends lie on the slab's sides."""
+    random = np.random.default_rng([4, seed])
+    arm = load_arm("rx60")
+    carried = [random_solid(random, "a"), random_solid(random, "b")]
+    stands = [random_solid(random, name) for name in ("c", "d")]
+    bodies = ArmBodies(arm, mounted=carried, surroundings=stands)
+    shapes, scene, arrived, apart = bodies.shapes, bodies.scene, 0, 0
+    for _ in range(5):
+        bodies.place(random.uniform(-1.5, 1.5, 6))
+        for pair, (i, j) in enumerate(bodies.pairs):
+            gap, normal, ends = bodies.measure(pair), np.zeros(3), np.empty(6)
+            kinds = (shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts)
+            for _ in range(2):  # from nowhere, then from what was found
+                width, exact = widen(i, j, *kinds, scene.places, scene.axes, normal, ends)
+                assert width <= gap + 1e-6
+                assert not exact or width == pytest.approx(gap, rel=2e-4, abs=1e-6)
+            if gap > 0.0:
+                assert (ends[3:] - ends[:3]) @ normal == pytest.approx(width, abs=1e-12)
+                apart += 1
+                arrived += exact
+    assert arrived > 0.7 * apart > 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_surroundings_that_were_moved_are_as_if_built_there(seed):
+    random = np.random.default_rng([8, seed])
+    arm, kinds = load_arm("rx60"), ("sphere", "capsule", "cylinder", "box", "hull")
+
+    def solids(hull):
+        made = []
+        while len(made) < 5:
+            solid = random_solid(random, kinds[len(made)])
+            if solid.kind == solid.name:
+                made.append(hull if solid.kind == "hull" and hull else solid)
+        return made
+
+    first = solids(None)
+    first[0] = Solid.sphere("sphere", [0.0, 0.0, 0.4], 0.05)  # on joint 1's axis, that need not turn
+    there = solids(first[4])
+    moved, built = (ArmBodies(arm, mounted=[CAMERA], surroundings=each) for each in (first, there))
+    assert moved.move_surroundings(there)
+    for own, other in zip(moved.shapes, built.shapes, strict=True):
+        np.testing.assert_allclose(own, other, atol=1e-12)
+    for _ in range(3):
+        q = random.uniform(*arm.joint_range.T)
+        moved.place(q)
+        built.place(q)
+        np.testing.assert_allclose(moved.corners(q), built.corners(q), atol=1e-12)
+        for pair in range(len(built.pairs)):
+            assert moved.measure(pair) == pytest.approx(built.measure(pair), abs=1e-9)
+
+
+def test_surroundings_that_are_others_are_not_moved():
+    bodies = ArmBodies(load_arm("rx60"), surroundings=[TABLE])
+    ball, hull = Solid.sphere("table", [0, 0, 1], 0.1), random_solid(np.random.default_rng(1), "hull")
+    for others in ([], [ball], [TABLE, ball], [hull]):
+        assert not bodies.move_surroundings(others)
+    assert bodies.move_surroundings([TABLE])
 
 
 def test_the_distance_of_two_boxes_is_that_of_a_quadratic_program():

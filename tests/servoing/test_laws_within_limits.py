@@ -93,6 +93,15 @@ def test_time_optimal_law_is_within_three_percent_of_a_linear_programmes_bound(s
     assert TimeOptimalLaw(limited(joints)).duration > 0.97 * least
 
 
+def test_motion_of_the_time_optimal_law_at_many_times_is_that_at_each():
+    law = TimeOptimalLaw(PathLimits(straight, [1.0], [4.0]))
+    times = np.linspace(0.0003, law.duration + 0.1, 223)
+    w, rate, growth = law.motion(times)
+    np.testing.assert_allclose(np.transpose([w, rate]), [law(time) for time in times], atol=1e-12)
+    slopes = [(law(time + 1e-7)[1] - law(time - 1e-7)[1]) / 2e-7 for time in times]
+    np.testing.assert_allclose(growth, slopes, atol=1e-5)
+
+
 def test_one_joint_that_only_accelerates_and_brakes_takes_the_closed_form():
     """Of a way of 1 within |q̈| ≤ a and a speed that is never reached: 2/√a."""
     law = TimeOptimalLaw(PathLimits(straight, [100.0], [4.0]))

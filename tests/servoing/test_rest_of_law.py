@@ -49,6 +49,15 @@ def test_speed_is_the_derivative_and_has_no_jump(rest):
         assert rest(time)[1] == pytest.approx(slope, abs=1e-7)
 
 
+@pytest.mark.parametrize("rest", RESTS)
+def test_motion_at_many_times_is_that_at_each_and_its_acceleration_the_rates_derivative(rest):
+    times = rest.begin + np.linspace(0.0013, 3.0, 43)
+    s, rate, growth = rest.motion(times)
+    np.testing.assert_allclose(np.transpose([s, rate]), [rest(time) for time in times], atol=1e-13)
+    slopes = [(rest(time + 1e-6)[1] - rest(time - 1e-6)[1]) / 2e-6 for time in times]
+    np.testing.assert_allclose(growth, slopes, atol=1e-6)
+
+
 def test_carried_on_it_is_the_law_itself():
     rest = RestOfLaw(LAW, 1.1)
     w, _ = LAW(1.1)

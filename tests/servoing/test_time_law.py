@@ -17,6 +17,15 @@ def test_rate_is_the_derivative(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_motion_at_many_times_is_that_at_each_and_its_acceleration_the_rates_derivative(law):
+    times = np.linspace(0.01, 5.0, 57)
+    w, rate, growth = law.motion(times)
+    np.testing.assert_allclose(np.transpose([w, rate]), [law(time) for time in times], atol=1e-14)
+    slopes = [(law(time + 1e-6)[1] - law(time - 1e-6)[1]) / 2e-6 for time in times]
+    np.testing.assert_allclose(growth, slopes, atol=1e-7)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_parameter_starts_at_zero_never_decreases_and_never_exceeds_one(law):
     values = np.array([law(time)[0] for time in np.linspace(-1.0, 50.0, 5001)])
     assert (np.diff(values) >= 0.0).all()

@@ -9,6 +9,9 @@ from omniservo.geometry.kernel import kernel, leaf
 
 INVERSE_ITERATIONS = 6
 
+_QL_STEPS = 60
+"""for one eigenvalue at most; two are the rule"""
+
 
 @leaf
 def factor_cholesky(matrix: FloatArray, size: int, least: float) -> bool:
@@ -53,59 +56,107 @@ def solve_factored(factor: FloatArray, size: int, vector: FloatArray) -> None:
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues (m,), ascending, and eigenvectors (m, m), one a column, of a symmetric matrix.
 
-    Cyclic Jacobi rotations: small eigenvalues keep their absolute accuracy of a rounding of the norm.
+    Householder's reduction to three diagonals, then implicit QL steps with Wilkinson's shift (Bowdler et al.
+    1968): small eigenvalues keep their absolute accuracy of a rounding of the norm.
     """
     m = matrix.shape[0]
-    a = matrix.copy()
-    v = np.eye(m)
-    for _ in range(30):
-        off = 0.0
-        total = 0.0
-        for i in range(m):
-            total += a[i, i] * a[i, i]
-            for j in range(i):
-                off += a[i, j] * a[i, j]
-        if not off > 1e-34 * total:
-            break
-        for i in range(m - 1):
-            for j in range(i + 1, m):
-                _rotate(a, v, i, j)
-    values = np.empty(m)
-    vectors = np.empty((m, m))
+    a, rows = matrix.copy(), np.eye(m)
+    diagonal, beside = np.empty(m), np.zeros(m)
+    _reduce(a, rows, diagonal, beside)
+    _diagonalise(rows, diagonal, beside)
+    values, vectors = np.empty(m), np.empty((m, m))
     for place in range(m):
         least = -1
         for i in range(m):
-            if not math.isnan(a[i, i]) and (least < 0 or a[i, i] < a[least, least]):
+            if not math.isnan(diagonal[i]) and (least < 0 or diagonal[i] < diagonal[least]):
                 least = i
-        values[place] = a[least, least]
+        values[place] = diagonal[least]
         for k in range(m):
-            vectors[k, place] = v[k, least]
-        a[least, least] = math.nan
+            vectors[k, place] = rows[least, k]
+        diagonal[least] = math.nan
     return values, vectors
 
 
 @leaf
-def _rotate(a: FloatArray, v: FloatArray, i: int, j: int) -> None:
-    """Zero the entry (i, j) of the symmetric ``a`` by one rotation and collect it in ``v``."""
-    if a[i, j] == 0.0:
-        return
-    ratio = (a[j, j] - a[i, i]) / (2.0 * a[i, j])
-    tangent = 1.0 / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
-    if ratio < 0.0:
-        tangent = -tangent
-    c = 1.0 / math.sqrt(tangent * tangent + 1.0)
-    s = tangent * c
-    for k in range(a.shape[0]):
-        p, q = a[k, i], a[k, j]
-        a[k, i] = c * p - s * q
-        a[k, j] = s * p + c * q
-    for k in range(a.shape[0]):
-        p, q = a[i, k], a[j, k]
-        a[i, k] = c * p - s * q
-        a[j, k] = s * p + c * q
-        p, q = v[k, i], v[k, j]
-        v[k, i] = c * p - s * q
-        v[k, j] = s * p + c * q
+def _reduce(a: FloatArray, rows: FloatArray, diagonal: FloatArray, beside: FloatArray) -> None:
+    """Reflect the symmetric ``a`` to three diagonals, and the columns of what ``rows`` has as rows with it.
+
+    Of the reflection I − β v vᵀ, v stands in a column of ``a`` and βAv − κv in the row of the same number.
+    """
+    m = a.shape[0]
+    for k in range(m - 2):
+        square = 0.0
+        for i in range(k + 2, m):
+            square += a[i, k] * a[i, k]
+        if square == 0.0:
+            beside[k] = a[k + 1, k]
+            continue
+        length = math.sqrt(a[k + 1, k] * a[k + 1, k] + square)
+        beside[k] = -length if a[k + 1, k] >= 0.0 else length
+        a[k + 1, k] -= beside[k]
+        beta = 2.0 / (a[k + 1, k] * a[k + 1, k] + square)
+        along = 0.0
+        for i in range(k + 1, m):
+            total = 0.0
+            for j in range(k + 1, m):
+                total += a[i, j] * a[j, k]
+            a[k, i] = beta * total
+            along += a[k, i] * a[i, k]
+        along *= 0.5 * beta
+        for i in range(k + 1, m):
+            a[k, i] -= along * a[i, k]
+        for i in range(k + 1, m):
+            for j in range(k + 1, m):
+                a[i, j] -= a[i, k] * a[k, j] + a[k, i] * a[j, k]
+        for c in range(m):
+            total = 0.0
+            for i in range(k + 1, m):
+                total += rows[i, c] * a[i, k]
+            for i in range(k + 1, m):
+                rows[i, c] -= beta * total * a[i, k]
+    for i in range(m):
+        diagonal[i] = a[i, i]
+    if m > 1:
+        beside[m - 2] = a[m - 1, m - 2]
+
+
+@leaf
+def _diagonalise(rows: FloatArray, d: FloatArray, e: FloatArray) -> None:
+    """Make the matrix with diagonal d (m,) and e (m,), its last 0, beside it diagonal: d; turn the rows."""
+    m = d.shape[0]
+    for first in range(m):
+        for _ in range(_QL_STEPS):
+            last = first
+            while last < m - 1 and abs(e[last]) > 1.1e-16 * (abs(d[last]) + abs(d[last + 1])):
+                last += 1
+            if last == first:
+                break
+            ratio = (d[first + 1] - d[first]) / (2.0 * e[first])
+            root = math.sqrt(ratio * ratio + 1.0)
+            g = d[last] - d[first] + e[first] / (ratio + (root if ratio >= 0.0 else -root))
+            s, c, p, whole = 1.0, 1.0, 0.0, True
+            for i in range(last - 1, first - 1, -1):
+                f, b = s * e[i], c * e[i]
+                r = math.sqrt(f * f + g * g)
+                e[i + 1] = r
+                if r == 0.0:
+                    d[i + 1] -= p
+                    e[last] = 0.0
+                    whole = False
+                    break
+                s, c = f / r, g / r
+                g = d[i + 1] - p
+                r = (d[i] - g) * s + 2.0 * c * b
+                p = s * r
+                d[i + 1] = g + p
+                g = c * r - b
+                for k in range(m):
+                    x, y = rows[i, k], rows[i + 1, k]
+                    rows[i, k], rows[i + 1, k] = c * x - s * y, s * x + c * y
+            if whole:
+                d[first] -= p
+                e[first] = g
+                e[last] = 0.0
 
 
 @kernel

@@ -16,9 +16,9 @@ import numpy.typing as npt
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
-from omniservo.robots.clearance_kernels import Scene
 from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
-from omniservo.robots.read_shapes import read_shapes
+from omniservo.robots.read_shapes import first_joints_between, read_shapes
+from omniservo.robots.shapes import Scene
 from omniservo.robots.solid import Solid
 
 MOUNTED = "camera"
@@ -87,6 +87,7 @@ class ArmBodies:
             holder = spec.body(arm.tool_link).add_body(name=MOUNTED)
             for solid in mounted:
                 solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
+        self._solids = tuple(surroundings)
         self._around = [f"around {i}" for i in range(len(surroundings))]
         for name, solid in zip(self._around, surroundings, strict=True):
             solid.add_to(spec, spec.worldbody.add_body(name=name))
@@ -96,6 +97,7 @@ class ArmBodies:
         self._is_around = np.isin(_body_names(self._model), self._around)[self._model.geom_bodyid]
         self.shapes = read_shapes(self._model, self._data, self._is_around)
         """What does not change of them, for compiled code."""
+        self._hinges = self._data.xanchor.copy(), self._data.xaxis.copy()  # it was left at q = 0
         self.pairs = self.shapes.pairs
         """(p, 2) of shapes that may meet; the second is carried by more joints"""
         shown = self._data
@@ -129,6 +131,34 @@ class ArmBodies:
         """Whose every shape is."""
         names = _body_names(self._model)
         return [names[body] for body in self._model.geom_bodyid]
+
+    def move_surroundings(self, surroundings: Sequence[Solid]) -> bool:
+        """Put what stands around elsewhere, in other sizes, which takes a hundredth of building it anew.
+
+        Args:
+            surroundings: in the base frame, the same ones by name, kind and order.
+
+        Returns:
+            False: it is not the same ones, or a hull is another; nothing was changed.
+        """
+        known = self._solids
+        if len(known) != len(surroundings) or not all(map(_can_become, known, surroundings)):
+            return False
+        model, shapes = self._model, self.shapes
+        for shape, solid in zip(np.flatnonzero(self._is_around).tolist(), surroundings, strict=True):
+            if solid.kind == "hull":
+                continue
+            half, radius = solid.half_extents, solid.radius
+            model.geom_size[shape] = shapes.sizes[shape] = solid.mujoco_size
+            model.geom_rbound[shape] = shapes.radii[shape] = radius
+            model.geom_aabb[shape] = 0.0, 0.0, 0.0, *half
+            model.geom_pos[shape] = shapes.places[shape] = solid.pose.translation
+            model.geom_quat[shape] = solid.pose.rotation.as_quat(scalar_first=True)
+            model.geom_sameframe[shape] = 0  # it stood where its body's middle was
+            shapes.axes[shape] = solid.pose.as_matrix()[:3, :3].ravel()
+        self.shapes = shapes._replace(first_between=first_joints_between(shapes, self._hinges))
+        self._solids = tuple(surroundings)
+        return True
 
     def _stray_of_pairs(self, strays: Mapping[str, float] | None) -> FloatArray:
         """Return by how much each pair (p,) may come closer than on the path [m]."""
@@ -208,17 +238,28 @@ class ArmBodies:
         )
         return gaps
 
-    def measure(self, pair: int) -> float:
+    def show(self, places: FloatArray, axes: FloatArray) -> None:
+        """Bring the shapes to places (g, 3) [m] with axes (g, 9): what is measured next is measured there."""
+        self._data.geom_xpos[:], self._data.geom_xmat[:] = places, axes
+
+    def measure(self, pair: int, fromto: FloatArray | None = None, normal: FloatArray | None = None) -> float:
         """Return the distance of a pair as MuJoCo's search finds it [m], negative: depth.
 
-        The direction that it finds is kept for `lower_gaps`.
+        Args:
+            pair: which.
+            fromto: (6,) out: the nearest points in the base frame [m]; None: kept for `near`.
+            normal: (3,) out, unit: the direction between them, from the first to the second, unchanged if
+                they are on top of each other; None: kept for `lower_gaps`.
         """
         first, second = self.pairs[pair].tolist()
-        gap = float(mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, self._fromto))
-        way = self._fromto[3:] - self._fromto[:3]
-        length = math.sqrt(float(way @ way))
+        fromto = self._fromto if fromto is None else fromto
+        gap = float(mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, fromto))
+        a, b, c, x, y, z = fromto.tolist()
+        x, y, z = x - a, y - b, z - c
+        length = math.sqrt(x * x + y * y + z * z)
         if length > _ON_TOP:
-            self.scene.normals[pair] = way / math.copysign(length, gap)
+            length = math.copysign(length, gap)
+            (self.scene.normals[pair] if normal is None else normal)[:] = x / length, y / length, z / length
         return gap
 
     def near(self, within: float) -> list[Nearness]:
@@ -246,6 +287,15 @@ class ArmBodies:
             slope,
         )
         return slope
+
+
+def _can_become(one: Solid, other: Solid) -> bool:
+    """Return whether a body may be put where another is, with its size."""
+    if one.name != other.name or one.kind != other.kind:
+        return False
+    if one.kind != "hull":
+        return True
+    return one.vertices is other.vertices and bool((one.pose.as_matrix() == other.pose.as_matrix()).all())
 
 
 def _body_names(model: Any) -> list[str]:

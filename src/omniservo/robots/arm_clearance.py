@@ -82,7 +82,12 @@ class ArmClearance:
 
 
 def arm_clearance(
-    bodies: ArmBodies, path: JointPath, *, clearance: float, self_clearance: float = SELF_CLEARANCE
+    bodies: ArmBodies,
+    path: JointPath,
+    *,
+    clearance: float,
+    self_clearance: float = SELF_CLEARANCE,
+    worst: bool = True,
 ) -> ArmClearance:
     """Prove that every pair of bodies keeps its clearance on the whole path, or show where not.
 
@@ -96,6 +101,7 @@ def arm_clearance(
         path: of that arm.
         clearance: of the arm, and of what it carries, to what stands around [m], ≥ 0.
         self_clearance: of the arm's parts to each other [m], ≥ 0.
+        worst: a path that is too close is looked at again for the worst place; False: the first one will do.
 
     Raises:
         InputError: a clearance that is negative or not finite.
@@ -106,7 +112,7 @@ def arm_clearance(
     knots, pieces = path.bernstein_pieces()
     work = _work_for(pieces, len(bodies.pairs))
     status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
-    if status == "too_close":
+    if status == "too_close" and worst:
         places = np.linspace(knots[0], knots[-1], _SCANNED)
         for w, q in zip(places, path(places), strict=True):
             _proven(bodies, asked, work, np.full((1, 2), w), q[None, None])  # a piece that stands still

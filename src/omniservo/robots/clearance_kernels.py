@@ -12,6 +12,8 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import copy_into
 from omniservo.robots.chain import Chain, carry
 from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
+from omniservo.robots.gap_search import widen
+from omniservo.robots.shapes import Scene, Shapes
 
 CLEAR, MEASURE, TOO_CLOSE, UNDECIDED = range(4)
 """What `prove_pieces` returns. MEASURE: the directions between the pairs in `Work.unmeasured` are wanted, in
@@ -32,52 +34,6 @@ _ROUNDING = 1e-8
 
 _MOST_POSTURES = 20_000
 _SHORTEST = 2.0**-24
-
-
-class Shapes(NamedTuple):
-    """What does not change of g shapes and p pairs of them."""
-
-    kinds: IntArray
-    """(g,) see `gap_kernels.SPHERE` and the rest"""
-    sizes: FloatArray
-    """(g, 3) as MuJoCo states them [m]"""
-    radii: FloatArray
-    """(g,) of balls about the shapes' origins that hold them [m]"""
-    corners: FloatArray
-    """(v, 3) of all hulls [m]"""
-    firsts: IntArray
-    """(g + 1,) index of each shape's first corner"""
-    carried: IntArray
-    """(g,) how many joints carry the shape"""
-    spins: IntArray
-    """(g,) 1 where the last of them turns it about its own axis"""
-    places: FloatArray
-    """(g, 3) origins at q = 0 [m]"""
-    axes: FloatArray
-    """(g, 9) rotations at q = 0, by rows"""
-    pairs: IntArray
-    """(p, 2) the second is carried by more joints"""
-    first_between: IntArray
-    """(p,) the first joint whose turn can bring the two nearer"""
-
-
-class Scene(NamedTuple):
-    """Where everything is in one posture."""
-
-    frames: FloatArray
-    """(n + 1, 3, 4) see `chain.carry`"""
-    anchors: FloatArray
-    """(n, 3) points on the joints' axes [m]"""
-    directions: FloatArray
-    """(n, 3) of the axes"""
-    places: FloatArray
-    """(g, 3) shapes' origins [m]"""
-    axes: FloatArray
-    """(g, 9) their rotations by rows"""
-    moves: FloatArray
-    """(g, n + 1) see `farthest_moves`"""
-    normals: FloatArray
-    """(p, 3) directions of slabs, of this posture or another; 0: none is known"""
 
 
 class Work(NamedTuple):
@@ -106,8 +62,8 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
     On a part of the path a pair is clear if in its middle the two are farther apart than what is asked (p,)
     plus what the joints can take of that before the part ends: `farthest_moves` of the largest distance of
     the part's Bernstein coefficients from its middle. How far apart they are there is bounded from below by
-    slabs (`lower_gaps`) across directions that were found in earlier postures; only pairs that those leave
-    open are measured. Pairs that are clear on a part are so on its halves.
+    slabs (`lower_gaps`) across directions that were found in earlier postures, or by `widen`; only pairs that
+    those leave open are measured. Pairs that are clear on a part are so on its halves.
     """
     chain, shapes, scene, work = held(chain), held(shapes), held(scene), held(work)
     counts, most = work.counts, asked.shape[0]
@@ -121,8 +77,8 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
         fresh = counts[UNMEASURED] == 0
         if fresh:
             counts[POSTURES] += 1
-            _place(chain, shapes, first[rows - 1], scene)
-        _bound(shapes, scene, asked, pairs[:count], turns, needed, gaps)
+            place_all(chain, shapes, first[rows - 1], scene)
+        _bound(shapes, scene, asked, pairs[:count], turns, fresh, needed, gaps)
         if fresh and _list_open(pairs, count, gaps, needed, work):
             return MEASURE
         for k in range(count):
@@ -151,7 +107,7 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
 
 
 @inlined
-def _place(chain: Chain, shapes: Shapes, q: FloatArray, scene: Scene) -> None:
+def place_all(chain: Chain, shapes: Shapes, q: FloatArray, scene: Scene) -> None:
     """Bring everything to where it is at the joints q (n,)."""
     carry(chain, q, scene.frames)
     for j in range(q.shape[0]):
@@ -182,10 +138,14 @@ def _bound(
     asked: FloatArray,
     pairs: IntArray,
     turns: FloatArray,
+    search: bool,
     needed: FloatArray,
     gaps: FloatArray,
 ) -> None:
-    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m]."""
+    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m].
+
+    ``search``: where what is known is not enough, wider slabs are looked for.
+    """
     farthest_moves(
         scene.anchors,
         scene.directions,
@@ -209,10 +169,19 @@ def _bound(
         scene.normals,
         gaps,
     )
+    ends = np.empty(6)
     for k in range(pairs.shape[0]):
         pair = pairs[k]
         move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
         needed[k] = asked[pair] + move + _ROUNDING
+        if search and not gaps[k] >= needed[k]:
+            normal = scene.normals[pair]
+            i, j = shapes.pairs[pair, 0], shapes.pairs[pair, 1]
+            width, _ = widen(
+                i, j, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes,
+                normal, ends,
+            )  # fmt: skip
+            gaps[k] = max(gaps[k], width)
 
 
 @inlined

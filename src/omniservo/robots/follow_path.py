@@ -11,8 +11,10 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm import LENGTH_SCALE, Arm
-from omniservo.robots.joint_path import JointPath, PathFailure, quintic_spline
-from omniservo.robots.path_steps import PathSteps, PosePath, State, Stop
+from omniservo.robots.joint_path import JointPath, PathFailure
+from omniservo.robots.march_kernel import States
+from omniservo.robots.path_steps import PathSteps, PosePath, Stop
+from omniservo.robots.quintic import quintic_pieces, quintic_values
 from omniservo.robots.step_kernels import VALUE
 
 _FAMILIES = 8
@@ -81,12 +83,12 @@ def follow_path(
     if aim is not None and (start is None or arm.dof == 6):
         raise InputError("aim: needs a start, and an arm of seven joints: six leave nothing free")
     if start is not None:
-        stand = _checked_start(arm, steps.goal(0.0), start)
+        stand = _checked_start(arm, steps.first_goal, start)
         if aim is not None:
             steps.lead(stand, finite_array("aim", aim, (arm.dof,)))
         return FollowedPath((_joint_path(arm, *steps.follow(stand), turns=False),), all_tried=False)
     try:
-        starts = arm.branches(RigidTransform.from_matrix(steps.goal(0.0)))
+        starts = arm.branches(RigidTransform.from_matrix(steps.first_goal))
     except InputError as error:
         raise InputError(f"path: its start cannot be reached: {error}") from None
     if arm.dof > 6:
@@ -112,14 +114,14 @@ def _rank(branch: JointPath) -> tuple[bool, float, float]:
     return not branch.feasible, -first, branch.travel
 
 
-def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool) -> JointPath:
-    w = np.array([state.w for state in states])
-    q, slope, bend = np.array([state.joints for state in states]).transpose(1, 0, 2)
+def _joint_path(arm: Arm, states: States, stop: Stop | None, *, turns: bool) -> JointPath:
+    w = states.w
+    q, slope, bend = (np.ascontiguousarray(states.joints[:, order]) for order in range(3))
     fine, dense = w, q
     if len(w) > 1:
         shares = np.arange(_DENSE) / _DENSE
         fine = np.append((w[:-1, None] + np.diff(w)[:, None] * shares).ravel(), w[-1])
-        dense = quintic_spline(w, q, slope, bend)(fine)
+        dense = quintic_values(w, quintic_pieces(w, q, slope, bend), fine, 0)
     if turns:
         middle = 0.5 * (dense.min(axis=0) + dense.max(axis=0))
         turn = 2.0 * np.pi * np.round((arm.joint_range.mean(axis=1) - middle) / (2.0 * np.pi))
@@ -133,7 +135,7 @@ def _joint_path(arm: Arm, states: list[State], stop: Stop | None, *, turns: bool
         positions=frozen(q),
         velocities=frozen(slope),
         accelerations=frozen(bend),
-        singular_values=frozen(np.array([state.values[VALUE] for state in states])),
+        singular_values=frozen(states.values[:, VALUE]),
         limit_margins=frozen(arm.limit_margins(q)),
         failures=tuple(sorted(failures, key=lambda failure: failure.w)),
         travel=float((way / arm.joint_speed).max()),

@@ -7,6 +7,8 @@ needs to trust the search that proposes n.
 
 import math
 
+import numpy as np
+
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
 
@@ -177,3 +179,13 @@ def middle_of_piece(piece: FloatArray, first: FloatArray, second: FloatArray, tu
         turns[j] = 0.0
         for i in range(rows):
             turns[j] = max(turns[j], abs(piece[i, j] - first[rows - 1, j]))
+
+
+@kernel
+def halves_of(pieces: FloatArray) -> FloatArray:
+    """Return the Bernstein coefficients (2m, k + 1, n) of both halves of every piece (m, k + 1, n)."""
+    m, rows, n = pieces.shape
+    halves, turns = np.empty((2 * m, rows, n)), np.empty(n)
+    for i in range(m):
+        middle_of_piece(pieces[i], halves[2 * i], halves[2 * i + 1], turns)
+    return halves

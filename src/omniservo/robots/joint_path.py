@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BPoly
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.robots.quintic import quintic_pieces, quintic_values
 
 FailureKind = Literal["limit", "singular", "jump"]
 
@@ -97,8 +97,8 @@ class JointPath:
         if len(self.w) == 1:
             values = (self.positions, self.velocities, self.accelerations)[order]
             return np.broadcast_to(values[0], (*at.shape, values.shape[1])).copy()
-        found: FloatArray = self._spline(at, order)
-        return found
+        values = quintic_values(self.w, self._pieces, np.ascontiguousarray(at.reshape(-1)), order)
+        return values.reshape(*at.shape, values.shape[1])
 
     def bernstein_pieces(self) -> tuple[FloatArray, FloatArray]:
         """Return where the quintic pieces begin and end (m,), and their coefficients (m − 1, 6, n) [rad].
@@ -107,27 +107,8 @@ class JointPath:
         """
         if len(self.w) == 1:
             return np.repeat(self.w, 2), np.tile(self.positions, (1, 6, 1))
-        return self.w, np.ascontiguousarray(self._spline.c.transpose(1, 0, 2))
+        return self.w, self._pieces
 
     @cached_property
-    def _spline(self) -> BPoly:
-        return quintic_spline(self.w, self.positions, self.velocities, self.accelerations)
-
-
-def quintic_spline(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> BPoly:
-    """Return the spline with values, first and second derivatives (m, n) at w (m,), m ≥ 2.
-
-    Its Bernstein coefficients are q, q + h q′/5, q + 2h q′/5 + h² q″/20 from either end of a piece h long.
-    """
-    h = np.diff(w)[:, None]
-    a, b, c, d = h * slope[:-1], h * slope[1:], h * h * bend[:-1], h * h * bend[1:]
-    begin, end = q[:-1], q[1:]
-    controls = [
-        begin,
-        begin + a / 5.0,
-        begin + 0.4 * a + c / 20.0,
-        end - 0.4 * b + d / 20.0,
-        end - b / 5.0,
-        end,
-    ]
-    return BPoly.construct_fast(np.stack(controls), w)
+    def _pieces(self) -> FloatArray:
+        return quintic_pieces(self.w, self.positions, self.velocities, self.accelerations)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -13,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE, Arm
 from omniservo.robots.joint_path import FailureKind
+from omniservo.robots.march_kernel import LONGEST, MORE, States, Table, march
 from omniservo.robots.step_kernels import LEAST, LOST, SINGULAR, TAKEN, Rule, advance
 from omniservo.robots.twist_matrix import twist_matrix
 
@@ -20,27 +20,17 @@ PosePath: TypeAlias = Callable[..., Any]
 """``path(w, order)``: order 0: RigidTransform of the camera; 1: its twist (…, 6) [m], [rad] per unit w in its
 own frame; 2: that twist's derivative. `omniservo.planning.CameraPath` is one."""
 
-_LONGEST = 1.0 / 16.0
-_SHORTEST = 2.0**-14
-_AHEAD = 64
-"""places that are looked up together"""
+_FINER = 16
+"""A table of places nearer together begins with so many in a step,"""
+
+_PLACES = 65
+"""and has so many."""
 
 _PUSH = 1.0
 """Speed away from a limit that is reached, in half ranges per unit of the camera's way (7 joints)."""
 
 PULL = 10.0
 """Parts of the way back to the line of an aim, per unit w: most of it within a quarter of the path"""
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """The arm at one w."""
-
-    w: float
-    joints: FloatArray
-    """(3, n): q [rad], dq/dw, d²q/dw²"""
-    values: FloatArray
-    """(3,) see `step_kernels.VALUE` and the rest"""
 
 
 @dataclass(frozen=True)
@@ -63,98 +53,87 @@ class PathSteps:
         self._arm, self._path = arm, path
         self._base_T_initial = base_T_initial.as_matrix()
         self._camera_T_flange = flange_T_camera.inv().as_matrix()
-        self._known: dict[float, tuple[FloatArray, FloatArray]] = {}
-        grid = np.linspace(0.0, 1.0, round(4 / _LONGEST) + 1)
-        self._look_up(grid)
-        way = float(np.mean([np.linalg.norm(self._known[w][1][0]) for w in grid[::2].tolist()]))
+        self._whole = self._table(0.0, LONGEST / 4.0)
+        way = float(np.linalg.norm(self._whole.motions[::2, 0], axis=1).mean())
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
         none = np.zeros((2, arm.dof))
         self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push, none, np.zeros(1))
 
-    def goal(self, w: float) -> FloatArray:
-        """Return base_T_flange (4, 4) at a w that a step has led to, or has tried to, or at 0."""
-        return self._known[w][0]
+    @property
+    def first_goal(self) -> FloatArray:
+        """base_T_flange (4, 4) where the path begins."""
+        first: FloatArray = self._whole.goals[0]
+        return first
 
     def lead(self, start: FloatArray, aim: FloatArray) -> None:
         """Let what the camera leaves free of seven joints go the straight way from ``start`` to ``aim``."""
         self._rule = self._rule._replace(line=np.array([start, aim]), pull=np.array([PULL]))
 
-    def follow(self, q: FloatArray) -> tuple[list[State], Stop | None]:
+    def follow(self, q: FloatArray) -> tuple[States, Stop | None]:
         """Return the states from w = 0 on, from joints at or near the path's start, and what ends them."""
-        result, now = self._advance(State(0.0, _standing(q), np.array([np.inf, 0.0, 0.0])), 0.0)
-        states, step = [now], _LONGEST
+        table, room = self._whole, _room(len(q))
+        standing, resting = _standing(q), np.array([np.inf, 0.0, 0.0])
+        first = table.goals[0], table.motions[0], table.goals[0]
+        found = room.joints[0], room.values[0]
+        result = advance(self._arm.chain, self._rule, 0.0, 0.0, standing, resting, *first, *found)
+        states = [_rows(room, 0, 1)]
         if result == SINGULAR:
-            return states, self._stop(result, now, now)
-        while now.w < 1.0:
-            result, ahead = self._advance(now, step)
-            if result == TAKEN:
-                now = ahead
-                states.append(now)
-                if step < _LONGEST and (now.w / (2.0 * step)).is_integer():
-                    step *= 2.0
-            elif step <= _SHORTEST:
-                return states, self._stop(result, now, ahead)
-            else:
-                step *= 0.5
-        return states, None
+            return states[0], self._stop(result, states[0], states[0])
+        step = np.array([LONGEST])
+        while True:
+            result, count = march(self._arm.chain, self._rule, table, room, step)
+            states.append(_rows(room, 1, count))
+            if result != MORE:
+                break
+            now = _rows(room, count - 1, count)
+            w, room = float(now.w[0]), _room(len(q))
+            for own, last in zip(room, now, strict=True):
+                own[0] = last[0]
+            table = self._table(w, float(step[0]) / _FINER)
+        whole = States(*(np.concatenate(parts) for parts in zip(*states, strict=True)))
+        if result == TAKEN:
+            return whole, None
+        return whole, self._stop(result, _rows(room, count - 1, count), _rows(room, count, count + 1))
 
-    def _advance(self, now: State, step: float) -> tuple[int, State]:
-        half, w = now.w + 0.5 * step, now.w + step
-        joints, values = np.empty_like(now.joints), np.empty(3)
-        if half not in self._known or w not in self._known:
-            self._look_up(_ahead(now.w, step))
-        (middle, _), (goal, motion) = self._known[half], self._known[w]
-        result = advance(
-            self._arm.chain,
-            self._rule,
-            now.w,
-            step,
-            now.joints,
-            now.values,
-            goal,
-            motion,
-            middle,
-            joints,
-            values,
-        )
-        return result, State(w, joints, values)
-
-    def _stop(self, result: int, now: State, ahead: State) -> Stop:
+    def _stop(self, result: int, now: States, ahead: States) -> Stop:
         """Return what a failed step from one state to the next says."""
+        w = float(ahead.w[0])
         if result == SINGULAR:
-            J = self._rule.to_camera @ self._arm.scaled_flange_jacobian(ahead.joints[0])
+            J = self._rule.to_camera @ self._arm.scaled_flange_jacobian(ahead.joints[0, 0])
             weakest = np.linalg.svd(J, full_matrices=False)[2][-1]
-            lack = SINGULAR_VALUE - float(ahead.values[LEAST])
-            return Stop("singular", int(np.argmax(np.abs(weakest))), ahead.w, lack)
-        foretold = now.joints[0] + (ahead.w - now.w) * now.joints[1]
-        change = ahead.joints[0] - foretold
+            lack = SINGULAR_VALUE - float(ahead.values[0, LEAST])
+            return Stop("singular", int(np.argmax(np.abs(weakest))), w, lack)
+        foretold = now.joints[0, 0] + (w - now.w[0]) * now.joints[0, 1]
+        change = ahead.joints[0, 0] - foretold
         if result == LOST:
-            twist, jacobian = self._arm.miss(foretold, self.goal(ahead.w))
+            twist, jacobian = self._arm.miss(foretold, self._look_up(np.array([w]))[0][0])
             change = np.linalg.lstsq(jacobian, twist)[0]
         joint = int(np.argmax(np.abs(change)))
-        return Stop("jump", joint, ahead.w, float(abs(change[joint])))
+        return Stop("jump", joint, w, float(abs(change[joint])))
 
-    def _look_up(self, w: FloatArray) -> None:
-        """Compute base_T_flange (4, 4), and the camera's twist with its derivative (2, 6), at w (m,)."""
+    def _table(self, w: float, apart: float) -> Table:
+        """Return the path at places from w on, up to its end."""
+        places: FloatArray = w + apart * np.arange(_PLACES, dtype=np.float64)
+        return Table(np.array([w, apart]), *self._look_up(places[places <= 1.0]))
+
+    def _look_up(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return base_T_flange (m, 4, 4), and the camera's twist with its derivative (m, 2, 6), at w (m,)."""
         poses = self._base_T_initial @ self._path(w).as_matrix() @ self._camera_T_flange
         finite_array("path(w)", poses, (len(w), 4, 4))
         scale = np.array([1.0 / LENGTH_SCALE] * 3 + [1.0] * 3)
         orders = [finite_array(f"path(w, {order})", self._path(w, order), (len(w), 6)) for order in (1, 2)]
-        motions = scale * np.stack(orders, axis=1)
-        self._known.update(zip(w.tolist(), zip(poses, motions, strict=True), strict=True))
-
-
-def _ahead(w: float, step: float) -> FloatArray:
-    """Return the places that steps from w on will ask for, if they are like this one or shorter from here.
-
-    Steps are dyadic, so places come back, and many that are looked up together cost as much as one.
-    """
-    like = w + 0.5 * step * np.arange(1, _AHEAD)
-    shorter = w + step * 0.5 ** np.arange(2, round(math.log2(step / _SHORTEST)) + 2)
-    return np.concatenate([like[like <= 1.0], shorter])
+        return poses, scale * np.stack(orders, axis=1)
 
 
 def _standing(q: FloatArray) -> FloatArray:
     joints = np.zeros((3, len(q)))
     joints[0] = q
     return joints
+
+
+def _room(dof: int) -> States:
+    return States(np.zeros(_PLACES), np.empty((_PLACES, 3, dof)), np.empty((_PLACES, 3)))
+
+
+def _rows(states: States, begin: int, end: int) -> States:
+    return States(*(array[begin:end] for array in states))

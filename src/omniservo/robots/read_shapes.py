@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.robots.clearance_kernels import Shapes
 from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE
+from omniservo.robots.shapes import Shapes
 
 _SAME_AXIS = 1e-9
 """[m], [rad] between the axes of a shape and of a joint that count as one"""
@@ -37,33 +37,52 @@ def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
         joints[body] = joints[parent] + own
     carried = joints[model.geom_bodyid]
     pairs = _pairs(model, carried, around)
-    fixed, moving = carried[pairs].T
-    # A shape that the first joint between turns about its own axis sees the other one turned, no nearer.
-    spun_by_next = _turned_about_own_axis(kinds, data, carried)
-    return Shapes(
+    shapes = Shapes(
         kinds=kinds,
         sizes=np.array(model.geom_size),
         radii=np.array(model.geom_rbound),
         corners=np.concatenate(corners),
         firsts=np.array(firsts),
         carried=carried,
-        spins=_turned_about_own_axis(kinds, data, carried - 1),
+        spins=np.zeros_like(carried),
         places=data.geom_xpos.copy(),
         axes=data.geom_xmat.copy(),
         pairs=pairs,
-        first_between=np.minimum(fixed + spun_by_next[pairs[:, 0]], moving),
+        first_between=carried[pairs[:, 1]],
+    )
+    hinges = data.xanchor.copy(), data.xaxis.copy()
+    return shapes._replace(
+        spins=_turned_about_own_axis(shapes, hinges, carried - 1),
+        first_between=first_joints_between(shapes, hinges),
     )
 
 
-def _turned_about_own_axis(kinds: IntArray, data: Any, joints: IntArray) -> IntArray:
+def first_joints_between(shapes: Shapes, hinges: tuple[FloatArray, FloatArray]) -> IntArray:
+    """Return the first joint (p,) whose turn can bring the two shapes of each pair nearer.
+
+    A shape that the first joint between turns about its own axis sees the other one turned, no nearer.
+
+    Args:
+        shapes: at q = 0.
+        hinges: points on the joints' axes (n, 3) [m], and the axes (n, 3), at q = 0.
+    """
+    fixed, moving = shapes.carried[shapes.pairs].T
+    spun_by_next = _turned_about_own_axis(shapes, hinges, shapes.carried)
+    first: IntArray = np.minimum(fixed + spun_by_next[shapes.pairs[:, 0]], moving)
+    return first
+
+
+def _turned_about_own_axis(
+    shapes: Shapes, hinges: tuple[FloatArray, FloatArray], joints: IntArray
+) -> IntArray:
     """Return 1 for each shape (g,) that its joint (g,), if there is one, turns about the shape's own axis."""
-    known = (joints >= 0) & (joints < len(data.xaxis))
+    anchors, axes = hinges
+    known = (joints >= 0) & (joints < len(axes))
     index = np.where(known, joints, 0)
-    apart = data.geom_xpos - data.xanchor[index]
-    off = np.linalg.norm(np.cross(apart, data.xaxis[index]), axis=1)
-    skew = np.linalg.norm(np.cross(data.geom_xmat.reshape(-1, 3, 3)[:, :, 2], data.xaxis[index]), axis=1)
-    along = np.isin(kinds, (CAPSULE, CYLINDER)) & (skew < _SAME_AXIS)
-    turned: IntArray = known & (off < _SAME_AXIS) & (along | (kinds == SPHERE))
+    off = np.linalg.norm(np.cross(shapes.places - anchors[index], axes[index]), axis=1)
+    skew = np.linalg.norm(np.cross(shapes.axes.reshape(-1, 3, 3)[:, :, 2], axes[index]), axis=1)
+    along = np.isin(shapes.kinds, (CAPSULE, CYLINDER)) & (skew < _SAME_AXIS)
+    turned: IntArray = known & (off < _SAME_AXIS) & (along | (shapes.kinds == SPHERE))
     return turned.astype(np.int64)
 
 

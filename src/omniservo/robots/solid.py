@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
@@ -69,6 +68,28 @@ class Solid:
         """Return the same body, stated in frame b, in frame a."""
         return Solid(self.name, self.kind, self.size, a_T_b * self.pose, self.vertices)
 
+    @property
+    def radius(self) -> float:
+        """Of the ball about its own origin that holds it [m]; not of a hull, whose origin is anywhere."""
+        if self.kind in ("sphere", "capsule"):
+            return float(self.size.sum())
+        return float(np.linalg.norm(self.size))
+
+    @property
+    def half_extents(self) -> FloatArray:
+        """Of the box along its axes that holds it (3,) [m]; not of a hull."""
+        if self.kind == "box":
+            return self.size
+        across = float(self.size[0])
+        along = across if self.kind == "sphere" else float(self.size[1])
+        return np.array([across, across, along + across * (self.kind == "capsule")])
+
+    @property
+    def mujoco_size(self) -> tuple[float, float, float]:
+        """The size as MuJoCo states it."""
+        first, second, third = [*self.size.tolist(), 0.0, 0.0, 0.0][:3]
+        return first, second, third
+
     def add_to(self, spec: Any, body: Any) -> Any:
         """Add it to a MuJoCo body of ``spec``, in whose frame it is stated; return the new geom."""
         geom = body.add_geom(
@@ -77,7 +98,7 @@ class Solid:
             quat=self.pose.rotation.as_quat(scalar_first=True),
         )
         if self.vertices is None:
-            geom.size = _padded(self.size.tolist())
+            geom.size = self.mujoco_size
         else:
             mesh = spec.add_mesh(
                 uservert=self.vertices.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
@@ -94,7 +115,3 @@ _GEOMS: dict[Kind, Any] = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
 }
-
-
-def _padded(size: Sequence[float]) -> list[float]:
-    return [*size, 0.0, 0.0][:3]

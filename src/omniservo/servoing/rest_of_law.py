@@ -20,7 +20,6 @@ LEAST_PACE = 0.1
 """A path on which even so slow a clock would not do is too sharp for the speed at which it is entered."""
 
 _PLACES = 401
-_DIFFERENCE = 1e-4  # [s] over which ẅ is a difference of ẇ
 _SLOWER = 0.85  # at least by this factor in every round
 _MET = 1.002  # what a law that just met its limits may exceed them by here, where places lie otherwise
 
@@ -72,6 +71,17 @@ class RestOfLaw:
     def finished(self, time: float) -> bool:
         """Return whether the path counts as run through at ``time`` [s]."""
         return time > self.begin and self.law.finished(self._clock(time)[0])
+
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return s, ṡ [1/s] and s̈ [1/s²] at times (m,) [s], finite and from the beginning on."""
+        lost, gone = 1.0 - self.pace, times - self.begin
+        u = np.minimum(gone / self.ramp, 1.0)
+        late = lost * (self.ramp * u**3 * (1.0 - 0.5 * u) + np.maximum(gone - self.ramp, 0.0))
+        rate = 1.0 - lost * u**2 * (3.0 - 2.0 * u)
+        w, speed, growth = self.law.motion(times - late)
+        bend = growth * rate**2 - speed * lost * 6.0 * u * (1.0 - u) / self.ramp
+        left = 1.0 - self._done
+        return (w - self._done) / left, speed * rate / left, bend / left
 
     @classmethod
     def within(cls, law: TimeLaw, begin: float, limits: PathLimits | None) -> Self | None:
@@ -130,14 +140,9 @@ class RestOfLaw:
             middle = 0.5 * (low + span)
             low, span = (low, middle) if self.law.finished(self.begin + middle) else (middle, span)
         clock = self.begin + np.linspace(0.0, span, _PLACES)
-        values = np.array([self.law(t) for t in clock.tolist()])
-        after, before = (
-            np.array([self.law(t)[1] for t in (clock + step).tolist()])
-            for step in (_DIFFERENCE, -_DIFFERENCE)
-        )
+        w, speed, growth = self.law.motion(clock)
         left = 1.0 - self._done
-        s = np.clip((values[:, 0] - self._done) / left, 0.0, 1.0)
-        return clock, s, values[:, 1] / left, (after - before) / (2.0 * _DIFFERENCE * left)
+        return clock, np.clip((w - self._done) / left, 0.0, 1.0), speed / left, growth / left
 
 
 def _slowed(elapsed: FloatArray, pace: float, ramp: float) -> tuple[FloatArray, FloatArray]:

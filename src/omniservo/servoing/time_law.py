@@ -28,6 +28,10 @@ class TimeLaw(Protocol):
         """Return whether the path counts as run through at ``time`` [s]."""
         ...
 
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return w, ẇ [1/s] and ẅ [1/s²] at times (m,) [s], finite and after the start."""
+        ...
+
 
 @dataclass(frozen=True)
 class ExponentialLaw:
@@ -54,6 +58,11 @@ class ExponentialLaw:
     def finished(self, time: float) -> bool:
         """Return whether 1 − w ≤ EXPONENTIAL_END; w itself goes on towards 1 without a jump."""
         return self.rate * time >= -math.log(EXPONENTIAL_END)
+
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return w, ẇ [1/s] and ẅ [1/s²] at times (m,) [s], finite and ≥ 0."""
+        left = np.exp(-self.rate * times)
+        return -np.expm1(-self.rate * times), self.rate * left, -(self.rate**2) * left
 
 
 @dataclass(frozen=True)
@@ -84,6 +93,14 @@ class RestToRestLaw:
         """Return whether ``time`` [s] has reached the duration."""
         return time >= self.duration
 
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return w, ẇ [1/s] and ẅ [1/s²] at times (m,) [s], finite and ≥ 0."""
+        u = np.clip(times / self.duration, 0.0, 1.0)
+        rest = 1.0 - u
+        w = np.where(u <= 0.5, _rise(u), 1.0 - _rise(rest))
+        slope = 30.0 * (u * rest) ** 2 / self.duration
+        return w, slope, 60.0 * u * rest * (1.0 - 2.0 * u) / self.duration**2
+
     @classmethod
     def for_limits(cls, limits: PathLimits, *, least_duration: float = 0.0) -> Self:
         """Return the shortest law that keeps the limits.
@@ -98,11 +115,7 @@ class RestToRestLaw:
         Raises:
             InputError: nothing moves and no least_duration is given, or as `PathLimits` says.
         """
-        u = np.linspace(0.0, 1.0, _PLACES)
-        w = np.where(u <= 0.5, _rise(u), 1.0 - _rise(1.0 - u))
-        slope = 30.0 * u**2 * (1.0 - u) ** 2
-        bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
-        needed = (1.0 + _RESERVE) * limits.excess(w, slope, bend)
+        needed = (1.0 + _RESERVE) * limits.excess(*cls(1.0).motion(np.linspace(0.0, 1.0, _PLACES)))
         duration = max(needed, finite_number("least_duration", least_duration, minimum=0.0))
         if duration == 0.0:
             raise InputError("limits.joints: nothing moves; give a least_duration > 0")

@@ -53,6 +53,7 @@ class TimeOptimalLaw:
         times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(w) / (speeds[:-1] + speeds[1:]))])
         self.duration = float(times[-1])
         """[s]"""
+        self._known = times, speeds, w
         self._times, self._speeds, self._w = times.tolist(), speeds.tolist(), w.tolist()
 
     def __call__(self, time: float) -> tuple[float, float]:
@@ -80,6 +81,18 @@ class TimeOptimalLaw:
     def finished(self, time: float) -> bool:
         """Return whether ``time`` [s] has reached the duration."""
         return time >= self.duration
+
+    def motion(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return w, ẇ [1/s] and ẅ [1/s²] at times (m,) [s], finite and ≥ 0; ẅ 0 after the duration."""
+        known, speeds, places = self._known
+        step = np.clip(np.searchsorted(known, times, side="right") - 1, 0, len(known) - 2)
+        begin, end, before, after = known[step], known[step + 1], speeds[step], speeds[step + 1]
+        share = np.clip((times - begin) / (end - begin), 0.0, 1.0)
+        speed = before + share * (after - before)
+        first = places[step] + 0.5 * (before + speed) * share * (end - begin)
+        last = places[step + 1] - 0.5 * (speed + after) * (1.0 - share) * (end - begin)
+        growth = np.where(times < self.duration, (after - before) / (end - begin), 0.0)
+        return np.where(share <= 0.5, first, last), speed, growth
 
 
 def _fastest(limits: PathLimits, w: FloatArray) -> FloatArray:

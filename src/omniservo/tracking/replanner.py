@@ -154,6 +154,7 @@ class Replanner:
         self._tracker, self._plan, self._arm = tracker, plan, arm
         self._problem = self._asked = plan.problem
         self._joints = [None if arm is None else arm.joints]
+        self._around: ArmBodies | None = None
         self.set_obstacles(plan.problem.obstacles)
         self._rehearse()
 
@@ -312,7 +313,12 @@ class Replanner:
             self._law(fork, plan.path, joints)
 
     def _bodies(self, problem: PlanningProblem) -> ArmBodies | None:
-        return None if self._arm is None else self._arm.setting.bodies(problem.obstacles)
+        if self._arm is None:
+            return None
+        setting, bodies = self._arm.setting, self._around
+        if bodies is None or not bodies.move_surroundings(setting.solids(problem.obstacles)):
+            self._around = bodies = setting.bodies(problem.obstacles)
+        return bodies
 
     def _law(self, fork: _Fork, path: CameraPath, joints: JointPath | None) -> RestOfLaw | None:
         """Return how another way is gone from there; None: the joints are too fast for it."""

@@ -19,7 +19,7 @@ from omniservo.planning.search.path_family import Family, add_sample, unknowns
 from omniservo.planning.search.settle import PULL
 from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.planning.with_arm.joint_demands import GROUPS, JointDemands, Pull
+from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.robots.step_kernels import settle_all
 
 TARGETS = np.array([0.03, 0.02, 0.03])
@@ -64,6 +64,7 @@ class ArmDescent:
         self._base_T_initial = setting.base_T_initial.as_matrix()
         self._camera_T_flange = setting.camera_T_flange.as_matrix()
         self._camera_ends = self._end_values()
+        self._seen = joint_demands.seen(0)
 
     def lower(
         self, x: FloatArray, places: FloatArray, joints: FloatArray, end_least: FloatArray, higher: float
@@ -83,6 +84,7 @@ class ArmDescent:
         for w in places:
             add_sample(self._family, float(w))
         room = room_for(len(places), self._demands.points.shape[0])
+        self._seen = self._joint_demands.seen(len(joints))
         now = self._look(x, camera, arm, joints, room, moved=False)
         damping, factor, step = 1e-6, np.empty((len(x), len(x))), np.empty(len(x))
         for _ in range(STEPS):
@@ -122,14 +124,12 @@ class ArmDescent:
             if followed is None:
                 return None
             joints = followed
-        pulls: list[Pull] = [self._joint_demands.pull(q, arm) for q in joints]
-        active = np.array([i for i, pull in enumerate(pulls) if pull.cost > 0.0], dtype=np.float64)
+        pulls = self._joint_demands.pulls(joints, arm, self._seen)
+        active = np.flatnonzero(pulls.costs > 0.0)
         if len(active):
-            systems = np.array([pulls[int(i)].system for i in active])
-            add_arm(self._family, self._ell, room, active, systems, normal)
-        arm_least = np.min([pull.least for pull in pulls], axis=0, initial=1.0)
-        total = cost + sum(pull.cost for pull in pulls)
-        return Look(total, normal, joints, least, np.broadcast_to(arm_least, (GROUPS,)))
+            add_arm(self._family, self._ell, room, active.astype(np.float64), pulls.systems[active], normal)
+        arm_least = pulls.least.min(axis=0, initial=1.0)
+        return Look(cost + float(pulls.costs.sum()), normal, joints, least, arm_least)
 
     def _followed(self, poses: FloatArray, joints: FloatArray) -> FloatArray | None:
         """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""

@@ -92,8 +92,19 @@ class ArmSetting:
             InputError: see `solids_of`.
         """
         carried = tuple(solid.moved(self.flange_T_camera) for solid in self.mounted)
-        far = self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0
-        counted = () if self.clearance is None else obstacles
-        around = (*solids_of(counted, self.base_T_initial, far), *self.surroundings)
         strays = None if self.tube is None else self.tube.links
-        return ArmBodies(self.arm, mounted=carried, surroundings=around, strays=strays)
+        return ArmBodies(self.arm, mounted=carried, surroundings=self.solids(obstacles), strays=strays)
+
+    def solids(self, obstacles: tuple[Obstacle, ...]) -> tuple[Solid, ...]:
+        """Return what stands around the arm, in the base frame: the obstacles that count, the surroundings.
+
+        Raises:
+            InputError: see `solids_of`.
+        """
+        counted = () if self.clearance is None else obstacles
+        return (*solids_of(counted, self.base_T_initial, self._far), *self.surroundings)
+
+    @cached_property
+    def _far(self) -> float:
+        """[m] from the base, farther than the arm with what it carries can reach."""
+        return self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.planning.with_arm.pull_kernel import CLEARANCE, write_pull
+from omniservo.planning.with_arm.pull_kernel import CLEARANCE, write_pulls
 from omniservo.robots import ArmBodies
 from omniservo.robots.arm import LENGTH_SCALE
+from omniservo.robots.posture_gaps import PostureGaps
 from omniservo.robots.twist_matrix import twist_matrix
 
 GROUPS = 3
@@ -20,16 +21,15 @@ _NEAR = 0.1
 """Gaps beyond it, over ℓ, are plenty."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pull:
-    """Rows of one posture as in `omniservo.planning.constraints.push`."""
+class Pulls(NamedTuple):
+    """Rows of m postures as in `omniservo.planning.constraints.push`."""
 
-    system: FloatArray
-    """(6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
-    cost: float
-    """Σ r²/2"""
+    systems: FloatArray
+    """(m, 6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
+    costs: FloatArray
+    """(m,) Σ r²/2"""
     least: FloatArray
-    """(GROUPS,) smallest g"""
+    """(m, GROUPS) smallest g"""
 
 
 class JointDemands:
@@ -48,31 +48,33 @@ class JointDemands:
 
     def values(self, q: FloatArray) -> FloatArray:
         """Return the smallest g of each group (GROUPS,) at the joints q (n,); 1 where no bodies are near."""
-        return self.pull(q, np.array([0.0, 0.0, _NEAR])).least
+        least: FloatArray = self.pulls(q[None], np.array([0.0, 0.0, _NEAR])).least[0]
+        return least
 
-    def pull(self, q: FloatArray, targets: FloatArray) -> Pull:
-        """Return the rows of what is below its target (GROUPS,) at the joints q (n,)."""
-        gaps, slopes = self._gaps(q, float(targets[CLEARANCE]))
-        system, least = np.empty((6, 7)), np.empty(GROUPS)
-        cost = write_pull(
+    def pulls(self, joints: FloatArray, targets: FloatArray, seen: PostureGaps | None = None) -> Pulls:
+        """Return the rows of what is below its target (GROUPS,) at the joints (m, n).
+
+        ``seen``: has measured postures near these; None: nothing has.
+        """
+        seen = PostureGaps(self._bodies, len(joints)) if seen is None else seen
+        joints, m = np.array(joints, order="C"), len(joints)
+        near = seen.below(joints, self._asked + self._ell * max(float(targets[CLEARANCE]), 0.0))
+        found = Pulls(np.empty((m, 6, 7)), np.empty(m), np.empty((m, GROUPS)))
+        write_pulls(
             self._setting.arm.chain,
             self._to_camera,
             self._rooms,
-            np.array(q),
-            gaps,
-            slopes,
+            joints,
+            near.posture,
+            (near.gap - self._asked[near.pair]) / self._ell,
+            near.slope / self._ell,
             targets,
-            system,
-            least,
+            found.systems,
+            found.least,
+            found.costs,
         )
-        return Pull(system, cost, least)
+        return found
 
-    def _gaps(self, q: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
-        """Return g (k,) of the pairs that may be below the target, and ∂g/∂q (k, n)."""
-        self._bodies.place(q)
-        most = float(self._asked.max(initial=0.0)) + self._ell * max(target, 0.0)
-        near = self._bodies.near(most)
-        gaps, slopes = np.empty(len(near)), np.empty((len(near), len(q)))
-        for k, one in enumerate(near):
-            gaps[k], slopes[k] = one.gap - self._asked[one.pair], one.slope
-        return gaps / self._ell, slopes / self._ell
+    def seen(self, count: int) -> PostureGaps:
+        """Return what remembers measurements of ``count`` postures that move."""
+        return PostureGaps(self._bodies, count)

@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
-from omniservo.robots.gap_kernels import middle_of_piece
+from omniservo.robots.gap_kernels import halves_of
 
 _HALVINGS = 3
 """of each piece of the joint path: its Bernstein coefficients then lie close to it"""
@@ -34,8 +34,13 @@ class JudgedBranch:
         return failures[0].w if failures else 1.0
 
 
-def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> JudgedBranch:
-    """Return the first of these that fails: the branch itself, the reserve to its limits, its clearance."""
+def judged_branch(
+    setting: ArmSetting, bodies: ArmBodies, branch: JointPath, *, worst: bool = True
+) -> JudgedBranch:
+    """Return the first of these that fails: the branch itself, the reserve to its limits, its clearance.
+
+    ``worst``: see `arm_clearance`.
+    """
     if branch.failures:
         first = branch.failures[0]
         return JudgedBranch(branch, None, str(first), first.worst_w)
@@ -47,7 +52,11 @@ def judged_branch(setting: ArmSetting, bodies: ArmBodies, branch: JointPath) -> 
         )
         return JudgedBranch(branch, None, reason, w)
     found = arm_clearance(
-        bodies, branch, clearance=setting.clearance_around, self_clearance=setting.self_clearance
+        bodies,
+        branch,
+        clearance=setting.clearance_around,
+        self_clearance=setting.self_clearance,
+        worst=worst,
     )
     if found.status == "clear":
         return JudgedBranch(branch, found, "", 0.0)
@@ -61,10 +70,8 @@ def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, i
     """
     knots, pieces = branch.bernstein_pieces()
     for _ in range(_HALVINGS):
-        halves, turns = np.empty((2 * len(pieces), *pieces.shape[1:])), np.empty(pieces.shape[2])
-        for i, piece in enumerate(pieces):
-            middle_of_piece(piece, halves[2 * i], halves[2 * i + 1], turns)
-        knots, pieces = np.sort(np.append(knots, 0.5 * (knots[:-1] + knots[1:]))), halves
-    short = setting.limit_reserve - setting.arm.limit_margins(pieces)
+        knots, pieces = np.sort(np.append(knots, 0.5 * (knots[:-1] + knots[1:]))), halves_of(pieces)
+    low, high = setting.arm.joint_range.T
+    short = setting.limit_reserve - np.minimum(pieces - low, high - pieces)
     place, _, joint = np.unravel_index(int(np.argmax(short)), short.shape)
     return float(0.5 * (knots[place] + knots[place + 1])), float(short.max()), int(joint)

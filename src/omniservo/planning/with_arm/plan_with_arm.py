@@ -116,6 +116,7 @@ class ArmPlanner:
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
         self._budget: TimeBudget | None = None
+        self._known: dict[CameraPath, list[_Attempt]] = {}
 
     def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
         """Return the plan of the first camera path that the arm can follow unmoved; None: of none."""
@@ -146,6 +147,7 @@ class ArmPlanner:
             plan = judged_plan(self._problem, path, self._begin, "certified", "", missing)
             return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, attempts)
         plan = judged_plan(self._problem, best.path, self._begin, "certified", "")
+        best = replace(best, judged=judged_branch(self._setting, self._bodies, best.judged.branch))
         why = f"the arm can follow none of {attempts} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, attempts)
 
@@ -177,7 +179,7 @@ class ArmPlanner:
 
     def _attempts(self, path: CameraPath) -> list[_Attempt]:
         """Return what came of a camera path: the first attempt that will do is the last."""
-        tried = self._unmoved(path)
+        tried = list(self._unmoved(path))
         if not tried[-1].judged.reason:
             return tried
         for attempt in sorted(tried, key=lambda a: -a.judged.until)[:BRANCHES]:
@@ -191,13 +193,15 @@ class ArmPlanner:
 
     def _unmoved(self, path: CameraPath) -> list[_Attempt]:
         """Return what every branch and aim makes of a camera path: the first that will do is the last."""
-        tried: list[_Attempt] = []
+        if path in self._known:
+            return self._known[path]
+        tried = self._known[path] = []
         for aim in self._aims():
             if tried and self._late:
                 break
             followed = self._follow(path, self._setting.start, aim)
             for branch in followed.branches:
-                judged = judged_branch(self._setting, self._bodies, branch)
+                judged = judged_branch(self._setting, self._bodies, branch, worst=False)
                 tried.append(_Attempt(path, judged, followed, aim))
                 if not judged.reason:
                     return tried

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.robots.chain import SINGULAR_VALUE, Chain
@@ -12,6 +12,44 @@ from omniservo.robots.posture import sensitivities
 
 LIMITS, SINGULARITY, CLEARANCE = range(3)
 """Places in ``targets`` and ``least``."""
+
+
+@kernel
+def write_pulls(
+    chain: Chain,
+    to_camera: FloatArray,
+    rooms: FloatArray,
+    joints: FloatArray,
+    posture: IntArray,
+    gaps: FloatArray,
+    gap_slopes: FloatArray,
+    targets: FloatArray,
+    systems: FloatArray,
+    least: FloatArray,
+    costs: FloatArray,
+) -> None:
+    """Write what `write_pull` does for m postures.
+
+    Args:
+        chain: of n joints.
+        to_camera: see `sensitivities`.
+        rooms: see `write_pull`.
+        joints: (m, n) [rad]
+        posture: (k,) of each gap, ascending.
+        gaps: (k,) g of pairs that are near.
+        gap_slopes: (k, n) ∂g/∂q.
+        targets: (3,)
+        systems: (m, 6, 7) out.
+        least: (m, 3) out.
+        costs: (m,) out.
+    """
+    chain, end = held(chain), 0
+    for i in range(joints.shape[0]):
+        begin = end
+        while end < posture.shape[0] and posture[end] == i:
+            end += 1
+        near, slopes = gaps[begin:end], gap_slopes[begin:end]
+        costs[i] = write_pull(chain, to_camera, rooms, joints[i], near, slopes, targets, systems[i], least[i])
 
 
 @kernel

@@ -25,7 +25,7 @@ from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
 
-ROOMS = (0.0, 0.02, 0.05)
+ROOMS = (0.02, 0.05)
 """[m] more than is asked from camera centre to obstacles: so bent a path is found in a fraction of the time
 that moving it for the arm takes"""
 
@@ -76,13 +76,14 @@ def replan_with_arm(
     # Self-motion goes on towards where it was led: anything else would make it jump.
     aims = [None if plan.aim is None else joints.positions[-1]]
     planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims)
-    found = planner.as_they_are(_with_room(rest, old, w, pose))
+    near = path_near_rest(planner.search, old, w, pose)
+    found = planner.as_they_are(_with_room(rest, near, old, w, pose))
     if found is not None:
         return found
     reason = violation_at_goal(rest, here, bodies) if here.arm.has_closed_form else ""
     if reason:
         return _nothing(rest, budget, reason)
-    return planner.plan(path_near_rest(planner.search, old, w, pose), budget)
+    return planner.plan(near, budget)
 
 
 def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
@@ -91,9 +92,11 @@ def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
 
 
 def _with_room(
-    rest: PlanningProblem, old: CameraPath, w: float, pose: RigidTransform
+    rest: PlanningProblem, near: CameraPath | None, old: CameraPath, w: float, pose: RigidTransform
 ) -> Iterator[CameraPath]:
     """Yield camera paths near the old one that leave the bodies behind the camera more and more room."""
+    if near is not None:
+        yield near
     names = [f"clearance obstacle {i}" for i in range(len(rest.obstacles))]
     for room in ROOMS:
         wider = ProblemSearch.of(widened(rest, dict.fromkeys(names, room), 0.0))

@@ -1,0 +1,148 @@
+"""How near bodies are in many postures at once, and how the joints change that."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.held import held
+from omniservo.geometry.kernel import kernel
+from omniservo.robots.arm_bodies import ArmBodies
+from omniservo.robots.chain import Chain
+from omniservo.robots.clearance_kernels import place_all
+from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
+from omniservo.robots.gap_search import widen
+from omniservo.robots.shapes import Scene, Shapes
+
+
+class Postures(NamedTuple):
+    """A scene for each of m postures; see `Scene`."""
+
+    anchors: FloatArray
+    """(m, n, 3)"""
+    directions: FloatArray
+    """(m, n, 3)"""
+    places: FloatArray
+    """(m, g, 3)"""
+    axes: FloatArray
+    """(m, g, 9)"""
+    normals: FloatArray
+    """(m, p, 3) directions between pairs, as last found in that posture; 0: none"""
+
+
+class Gaps(NamedTuple):
+    """Of k pairs in postures, in the order of these."""
+
+    posture: IntArray
+    """(k,)"""
+    pair: IntArray
+    """(k,)"""
+    gap: FloatArray
+    """(k,) [m], negative: depth"""
+    slope: FloatArray
+    """(k, n) ∂gap/∂q [m/rad]"""
+
+
+class PostureGaps:
+    """Measures postures again and again as they move: what was found in each before spares measuring.
+
+    Only pairs that neither what is known of them nor `widen` shows to be far apart are measured.
+    """
+
+    def __init__(self, bodies: ArmBodies, count: int) -> None:
+        """Prepare for ``count`` postures of an arm among bodies."""
+        joints, shapes, pairs = bodies.arm.dof, len(bodies.shapes.kinds), len(bodies.pairs)
+        self._bodies = bodies
+        self._postures = Postures(
+            np.empty((count, joints, 3)),
+            np.empty((count, joints, 3)),
+            np.empty((count, shapes, 3)),
+            np.empty((count, shapes, 9)),
+            np.zeros((count, pairs, 3)),
+        )
+
+    def below(self, joints: FloatArray, within: FloatArray) -> Gaps:
+        """Return the pairs that are closer than ``within`` (p,) [m] at joints (m, n), m ≤ ``count``."""
+        bodies, postures = self._bodies, self._postures
+        bounds = np.empty((len(joints), len(within)))
+        _write_bounds(bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures, bounds)
+        posture, pair = np.nonzero(bounds < within)
+        gaps, ends, shown = np.empty(len(pair)), np.empty((len(pair), 6)), -1
+        for k, (i, j) in enumerate(zip(posture.tolist(), pair.tolist(), strict=True)):
+            if i != shown:
+                bodies.show(postures.places[i], postures.axes[i])
+                shown = i
+            gaps[k] = bodies.measure(j, ends[k], postures.normals[i, j])
+        close = gaps < within[pair]
+        posture, pair = posture[close], pair[close]
+        slopes = np.empty((len(pair), joints.shape[1]))
+        _write_slopes(bodies.shapes, postures, posture, pair, ends[close], slopes)
+        return Gaps(posture, pair, gaps[close], slopes)
+
+
+@kernel
+def _write_bounds(
+    chain: Chain,
+    shapes: Shapes,
+    frames: FloatArray,
+    joints: FloatArray,
+    within: FloatArray,
+    postures: Postures,
+    bounds: FloatArray,
+) -> None:
+    """Bring everything to where it is in every posture (m, n); write lower bounds of all gaps (m, p) [m].
+
+    Those that may be below ``within`` (p,) are what `widen` comes to.
+    """
+    chain, shapes, postures = held(chain), held(shapes), held(postures)
+    ends, every, none = np.empty(6), np.arange(bounds.shape[1]), np.empty((0, 0))
+    for i in range(joints.shape[0]):
+        places, axes, normals = postures.places[i], postures.axes[i], postures.normals[i]
+        scene = Scene(frames, postures.anchors[i], postures.directions[i], places, axes, none, normals)
+        place_all(chain, shapes, joints[i], held(scene))
+        lower_gaps(
+            shapes.pairs,
+            every,
+            shapes.kinds,
+            shapes.sizes,
+            shapes.radii,
+            shapes.corners,
+            shapes.firsts,
+            places,
+            axes,
+            normals,
+            bounds[i],
+        )
+        for k in range(bounds.shape[1]):
+            if bounds[i, k] < within[k]:
+                first, second = shapes.pairs[k, 0], shapes.pairs[k, 1]
+                width, _ = widen(
+                    first, second, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, places, axes,
+                    normals[k], ends,
+                )  # fmt: skip
+                bounds[i, k] = max(bounds[i, k], width)
+
+
+@kernel
+def _write_slopes(
+    shapes: Shapes,
+    postures: Postures,
+    posture: IntArray,
+    pair: IntArray,
+    ends: FloatArray,
+    slopes: FloatArray,
+) -> None:
+    """Write ∂gap/∂q (k, n) of pairs in postures, whose nearest points are ``ends`` (k, 6)."""
+    for k in range(pair.shape[0]):
+        i = posture[k]
+        write_gap_slope(
+            postures.anchors[i],
+            postures.directions[i],
+            shapes.carried,
+            shapes.pairs[pair[k]],
+            ends[k],
+            postures.normals[i, pair[k]],
+            slopes[k],
+        )

@@ -1,0 +1,57 @@
+"""Quintics through samples of a motion with its first and second derivatives, in the Bernstein basis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel
+
+
+@kernel
+def quintic_pieces(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return Bernstein coefficients (m − 1, 6, n) of the motion with q, q′, q″ (m, n) at w (m,), m ≥ 2.
+
+    From either end of a piece h long: q, q ± h q′/5, q ± 2h q′/5 + h² q″/20.
+    """
+    n = q.shape[1]
+    pieces = np.empty((w.shape[0] - 1, 6, n))
+    for i in range(w.shape[0] - 1):
+        h = w[i + 1] - w[i]
+        for j in range(n):
+            a, b = h * slope[i, j], h * slope[i + 1, j]
+            c, d = h * h * bend[i, j], h * h * bend[i + 1, j]
+            pieces[i, 0, j], pieces[i, 5, j] = q[i, j], q[i + 1, j]
+            pieces[i, 1, j], pieces[i, 4, j] = q[i, j] + a / 5.0, q[i + 1, j] - b / 5.0
+            pieces[i, 2, j] = q[i, j] + 0.4 * a + c / 20.0
+            pieces[i, 3, j] = q[i + 1, j] - 0.4 * b + d / 20.0
+    return pieces
+
+
+@kernel
+def quintic_values(w: FloatArray, pieces: FloatArray, at: FloatArray, order: int) -> FloatArray:
+    """Return the values (k, n), or derivatives of order 1 or 2, at places (k,) within w, by de Casteljau.
+
+    Args:
+        w: (m,) where pieces begin and end, ascending.
+        pieces: (m − 1, 6, n) Bernstein coefficients.
+        at: (k,)
+        order: 0, 1 or 2.
+    """
+    n = pieces.shape[2]
+    found, work = np.empty((at.shape[0], n)), np.empty(6)
+    for k in range(at.shape[0]):
+        i = min(max(int(np.searchsorted(w, at[k], side="right")) - 1, 0), pieces.shape[0] - 1)
+        h = w[i + 1] - w[i]
+        u = (at[k] - w[i]) / h
+        for j in range(n):
+            for c in range(6):
+                work[c] = pieces[i, c, j]
+            for d in range(order):
+                for c in range(5 - d):
+                    work[c] = (5.0 - d) * (work[c + 1] - work[c]) / h
+            for level in range(5 - order):
+                for c in range(5 - order - level):
+                    work[c] = (1.0 - u) * work[c] + u * work[c + 1]
+            found[k, j] = work[0]
+    return found
