@@ -15,6 +15,7 @@ from omniservo.cli.output import JsonOption, Output, QuietOption
 from omniservo.errors import InputError
 
 if TYPE_CHECKING:
+    from omniservo.geometry.arrays import FloatArray
     from omniservo.robots import Arm, Link
 
 app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
@@ -32,8 +33,8 @@ def show(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Print an arm: its joints with limits, its reach, its links, and what of the file was left out."""
-    from omniservo.robots import load_arm
+    """Print an arm: joints, reach, links, a posture to begin with, and what of the file was left out."""
+    from omniservo.robots import handy_posture, load_arm
 
     output = Output(as_json, quiet)
     arm = load_arm(robot, tool=tool)
@@ -47,10 +48,12 @@ def show(
         output.line(_spelled_joint(joint, wide))
     for link in arm.links:
         output.line(f"{'link':<14} {_spelled_link(link, wide)}")
+    posture = handy_posture(arm)
+    output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
     for notice in arm.notices:
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
-        _draw(arm, out, output)
+        _draw(arm, posture, out, output)
     output.result(
         {
             "name": arm.name,
@@ -61,6 +64,7 @@ def show(
                 "link": arm.tool_link,
                 "link_T_flange": arm.link_T_flange.as_matrix(),
             },
+            "posture": posture.tolist(),
             "closed_form": arm.has_closed_form,
             "links": [_link(link) for link in arm.links],
             "notices": list(arm.notices),
@@ -94,6 +98,10 @@ def _spelled_joint(joint: dict[str, Any], wide: int) -> str:
     )
 
 
+def _spelled_posture(posture: FloatArray) -> str:
+    return "[" + ", ".join(f"{angle:.0f}" for angle in np.rad2deg(posture)) + "]"
+
+
 def _link(link: Link) -> dict[str, Any]:
     shapes = [{"kind": shape.kind, "extents": list(shape.extents)} for shape in link.shapes]
     return {"name": link.name, "joint": link.joint or None, "shapes": shapes}
@@ -105,7 +113,7 @@ def _spelled_link(link: Link, wide: int) -> str:
     return f"{link.name:<{wide}} {'on ' + link.joint if link.joint else 'fixed':<{wide + 3}} {made_of}"
 
 
-def _draw(arm: Arm, folder: Path, output: Output) -> None:
+def _draw(arm: Arm, posture: FloatArray, folder: Path, output: Output) -> None:
     from omniservo.reporting.arm_figure import draw_arm
     from omniservo.reporting.figure_files import write_drawings
 
@@ -113,5 +121,5 @@ def _draw(arm: Arm, folder: Path, output: Output) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    for path in write_drawings(draw_arm(arm), folder):
+    for path in write_drawings(draw_arm(arm, posture), folder):
         output.line(f"{'written':<14} {path}")

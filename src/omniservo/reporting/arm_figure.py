@@ -17,19 +17,15 @@ from omniservo.simulation import OutsideView, Scene, Viewpoint, World
 
 _PICTURE = 720
 """[px] side of the picture"""
-_POSTURES = 300
-_WIDEST = math.radians(100.0)
-"""no joint is bent further from the middle of its range"""
 _AXIS = 0.11
 """length of the flange's axes over the distance of the eye"""
 _MARK = 36
 """[px] marks that are nearer would cover each other"""
 
 
-def draw_arm(arm: Arm) -> list[Drawing]:
-    """Return the arm in a posture far from its singular ones, beside its joints' ranges and speeds."""
-    world = World(_scene(arm, np.clip(0.0, *arm.joint_range.T)))
-    q = _bent(arm, world)
+def draw_arm(arm: Arm, q: FloatArray) -> list[Drawing]:
+    """Return the arm in a posture (n,) [rad], beside its joints' ranges and speeds."""
+    world = World(_scene(arm, q))
     data = world.data_at(q)
     viewpoint = _viewpoint(arm, world, data)
     view = OutsideView(world, viewpoint, width=_PICTURE, height=_PICTURE, shows_camera=False)
@@ -53,22 +49,6 @@ def draw_arm(arm: Arm) -> list[Drawing]:
 def _scene(arm: Arm, q: FloatArray) -> Scene:
     nowhere = RigidTransform.identity()
     return Scene(arm, nowhere, nowhere, preset("perspective"), q)
-
-
-def _bent(arm: Arm, world: World) -> FloatArray:
-    """Return joints (n,) without contact, flange above the foot, as far from a singular posture as drawn."""
-    middle = arm.joint_range.mean(axis=1)
-    half = np.minimum(0.4 * np.ptp(arm.joint_range, axis=1), _WIDEST)
-    drawn = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, arm.dof))
-    drawn[:, 0] = np.clip(0.0, *arm.joint_range[0])
-    smallest = [np.linalg.svd(arm.flange_jacobian(q), compute_uv=False)[-1] for q in drawn]
-    order = drawn[np.argsort(smallest)[::-1]]
-    for q in order:
-        above = arm.base_T_flange(q).translation[2] > 0.2 * arm.reach
-        touching = [pair for pair in world.touching(world.data_at(q)) if "camera" not in pair]
-        if above and not touching:
-            return np.asarray(q)
-    return np.asarray(order[0])
 
 
 def _viewpoint(arm: Arm, world: World, data: Any) -> Viewpoint:

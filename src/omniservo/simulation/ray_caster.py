@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import mujoco
@@ -34,8 +35,8 @@ class RayCaster:
             world: what is looked at.
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
         """
-        self._model = world.model
-        self._data = mujoco.MjData(world.model)
+        self._model = _unculled(world.model)
+        self._data = mujoco.MjData(self._model)
         self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
         self._groups[[SURROUNDINGS_GROUP, ARM_GROUP]] = 1
         self._groups[CAMERA_GROUP] = int(sees_camera)
@@ -77,6 +78,19 @@ class RayCaster:
             _FARTHEST,
         )
         return geoms, distances, normals.reshape(count, 3)
+
+
+def _unculled(model: Any) -> Any:
+    """Return the model for rays that are tried on every link: MuJoCo leaves out some that would meet it.
+
+    It first asks for a ball round the link's touched shapes (MuJoCo 3.17): that ball is misplaced where the
+    link's inertia is stated off its origin with skew axes, and pictures that stick out of it are not met.
+    """
+    unculled = copy(model)
+    trees = unculled.body_bvhadr[1:]
+    trees = trees[trees >= 0]
+    unculled.bvh_aabb[trees, 3:] = np.maximum(unculled.bvh_aabb[trees, 3:], _FARTHEST)  # a floor's is larger
+    return unculled
 
 
 def daylight(normals: FloatArray) -> FloatArray:

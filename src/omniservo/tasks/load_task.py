@@ -13,6 +13,7 @@ from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, read_document, stated_units
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
+from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
 
 
@@ -64,6 +65,11 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], path.parent, source)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
     try:
+        start = fields.get("start")
+        if isinstance(start, dict) and "joints" in start and isinstance(fields.get("arm"), dict):
+            if len(start) > 1:
+                raise InputError(f"{source}: start: give joints, or world_T_camera and joints_near; not both")
+            fields["start"] = start_at_joints(fields, context, source)
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
         raise InputError(_first_problem(error, source)) from None

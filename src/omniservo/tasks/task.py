@@ -74,7 +74,7 @@ class ArmMount(Section):
     """a shipped arm's name, or the path of an MJCF or URDF file; in the task's file: inside its folder"""
     tool: str | None = None
     """the arm's site or link that carries the camera; where absent: see `omniservo.robots.Arm`"""
-    foot: Point
+    foot: Point = (0.0, 0.0, 0.0)
     """the arm's foot in the world [m]"""
     flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
     """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``, and either may name
@@ -104,7 +104,7 @@ class ArmMount(Section):
 
 
 class Start(Section):
-    """Where the camera is at the beginning."""
+    """Where the camera is at the beginning; a file may state the arm's ``joints`` alone in its place."""
 
     world_T_camera: Pose
     """the initial camera pose in the world; +Z of the world is up"""
