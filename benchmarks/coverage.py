@@ -5,7 +5,7 @@ each of three cameras; a scene counts where the status is "ok". Counted is how o
 ellipsoid of the motion (rotation and direction, 5 numbers; with a known length between two points also ‖t‖,
 6), of the whole structure (3n numbers at once) and of its points one by one, and in the 95% interval of the
 scale. Ellipsoids are those of `TwoViewEstimate.uncertainty`: F where σ comes from the residuals, χ² where it
-was given.
+was given; of the whole structure F with its `structure_freedom`.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _covered_structure(error: FloatArray, estimate: TwoViewEstimate) -> bool:
     matrix = rows.T @ rows
     for j in range(n):
         matrix[3 * j : 3 * j + 3, 3 * j : 3 * j + 3] += law.own[j]
-    return _square(error, matrix) < _quantile(3 * n, law.freedom)
+    return _square(error, matrix) < _quantile(3 * n, law.structure_freedom)
 
 
 def _points_covered(error: FloatArray, estimate: TwoViewEstimate) -> float:

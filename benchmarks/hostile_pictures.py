@@ -39,7 +39,7 @@ from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimat
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import NaturalKind
 
 FAR = (math.radians(1.0), math.radians(5.0))
@@ -106,11 +106,15 @@ def likelihood_of(estimate: TwoViewEstimate, matches: Matches, truth: RigidTrans
 
 
 def estimated(
-    camera: UnifiedCamera, initial: FloatArray, goal: FloatArray, noise: FloatArray | float
+    camera: UnifiedCamera,
+    initial: FloatArray,
+    goal: FloatArray,
+    noise: FloatArray | float,
+    squares: IntArray | None = None,
 ) -> tuple[TwoViewEstimate, Matches]:
     """Return the estimate of two views, and the matches as it saw them."""
     pixels, sigmas = np.concatenate((initial, goal), axis=1), np.broadcast_to(noise, (len(goal), 2))
-    found = estimate_two_view(camera, initial, goal, noise=noise)
+    found = estimate_two_view(camera, initial, goal, noise=noise, squares=squares)
     return found, Matches.of_pixels(camera, pixels, np.array(sigmas))
 
 
@@ -168,7 +172,7 @@ def another_camera(rng: np.random.Generator) -> Answer:
     return from_pictures(LENS, *pictures, goal)
 
 
-def wrong_tag(rng: np.random.Generator) -> Answer:
+def wrong_tag(rng: np.random.Generator, tags_are_square: bool = True) -> Answer:
     """Five tags, one of which is taken for another that lies elsewhere."""
     corners = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     while True:
@@ -186,7 +190,8 @@ def wrong_tag(rng: np.random.Generator) -> Answer:
         initial[16:20] = initial[20:24]
     if rng.uniform() < 0.5:
         return judged(estimate_known_target(LENS, tags[:20], initial[:20], seen[:20], noise=0.1), goal)
-    found, matches = estimated(LENS, initial[:20], seen[:20], 0.1)
+    squares = np.arange(20).reshape(5, 4) if tags_are_square else None
+    found, matches = estimated(LENS, initial[:20], seen[:20], 0.1, squares)
     return judged(found, goal, matches)
 
 

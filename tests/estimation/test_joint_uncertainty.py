@@ -196,3 +196,28 @@ def test_what_is_said_of_scale_and_camera_is_checked(make_scene, options, said):
     scene = make_scene(np.random.default_rng(90))
     with pytest.raises(InputError, match=said):
         estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal, **options)
+
+
+def test_noise_makes_the_ellipsoid_of_the_structure_larger_and_smaller_as_its_size_variance_says(make_scene):
+    """With the distances the covariances of all points grow together."""
+    rng = np.random.default_rng(91)
+    scene = make_scene(rng, n=20, baseline=0.1)
+    base = answer(scene.camera, scene, (scene.pixels_initial, scene.pixels_goal), noise=0.2)
+    sizes = []
+    for _ in range(150):
+        law = answer(scene.camera, scene, scene.noisy(rng, 0.2), noise=0.2, robust=False).uncertainty
+        sizes.append(np.mean(np.linalg.slogdet(law.own)[1]) / 3.0)
+    assert base.uncertainty.size_variance == pytest.approx(np.var(sizes), rel=0.35)
+    assert base.uncertainty.structure_freedom == pytest.approx(2.0 / np.var(sizes), rel=0.35)
+
+
+def test_a_known_length_takes_its_part_of_the_size_variance(make_scene):
+    """The distance of two points is held, so the whole structure cannot come nearer as freely."""
+    rng, ratios = np.random.default_rng(92), []
+    scene = make_scene(rng, n=20, baseline=0.1)
+    known = (0, 1), float(np.linalg.norm(scene.points[0] - scene.points[1]))
+    base = estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal, noise=0.2, scale=known)
+    for _ in range(150):
+        found = estimate_two_view(scene.camera, *scene.noisy(rng, 0.2), noise=0.2, scale=known, robust=False)
+        ratios.append(np.mean(np.linalg.slogdet(found.uncertainty.own)[1]) / 3.0)
+    assert base.uncertainty.size_variance == pytest.approx(np.var(ratios), rel=0.35)

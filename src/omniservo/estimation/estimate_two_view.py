@@ -25,6 +25,7 @@ from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
 from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION
+from omniservo.estimation.square_evidence import fit_squares
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.two_view_request import TwoViewRequest
@@ -37,7 +38,7 @@ from omniservo.estimation.two_view_uncertainty import (
 )
 from omniservo.estimation.uncertainty import determines_motion, linear_response
 from omniservo.estimation.vouched_fit import vouched_fit
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
 
 Scale = float | tuple[tuple[int, int], float]
 
@@ -61,6 +62,7 @@ def estimate_two_view(
     noise: float | npt.ArrayLike | None = None,
     scale_sigma: float = 0.0,
     calibration_covariance: npt.ArrayLike | None = None,
+    squares: npt.ArrayLike | None = None,
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, from the same points' pixels in two images.
 
@@ -85,10 +87,13 @@ def estimate_two_view(
             pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
         scale_sigma: standard deviation of the stated scale over the scale.
         calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: the camera is exact.
+        squares: (m, 4) matches that are the corners of a square of unknown size, as of a tag, in order round
+            it. Where they are no square under the motion, one was taken for another: it is left out. Method
+            "homography" does not use them. None: nothing is known of the target.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
-            virtual-plane image), an illegal scale, noise, covariance or option.
+            virtual-plane image), an illegal scale, noise, covariance, squares or option.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
@@ -99,7 +104,7 @@ def estimate_two_view(
             raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
     matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
     lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
-    request = TwoViewRequest(kind, between, length, scale_sigma, lens)
+    request = TwoViewRequest(kind, between, length, scale_sigma, lens, _checked_squares(squares, len(pixels)))
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
@@ -153,6 +158,18 @@ def _checked_scale(scale: Any, n: int) -> tuple[tuple[int, int] | None, float | 
     return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)
 
 
+def _checked_squares(squares: npt.ArrayLike | None, n: int) -> IntArray:
+    """Return (m, 4) places of matches; no match is a corner of two squares."""
+    places = np.empty((0, 4), dtype=np.int64) if squares is None else np.asarray(squares)
+    if places.ndim != 2 or places.shape[1] != 4 or places.dtype.kind not in "iu":
+        raise InputError(f"squares: {places.dtype} {places.shape} given; whole numbers (m, 4) are needed")
+    if places.size and not 0 <= places.min() <= places.max() < n:
+        raise InputError(f"squares: {places.min()} to {places.max()} given; legal: 0 to {n - 1}")
+    if len(np.unique(places)) < places.size:
+        raise InputError("squares: a match stands twice; it is a corner of one square")
+    return places.astype(np.int64)
+
+
 def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:
     """Return the matches as the perspective camera (K, ξ = 0) sees them, and the pixels' derivative (n, 8).
 
@@ -188,12 +205,18 @@ def _estimate_general(
     if matches.size < LEAST_POINTS:
         words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
-    fit = fit_two_views(matches, request.kind, robust)
+    by_squares, against = robust and len(request.squares) > 0, ""
+    if by_squares:
+        fit, against = fit_squares(matches, request.squares, request.kind)
+    else:
+        fit = fit_two_views(matches, request.kind, robust)
     if fit is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     status, words = judge(fit, matches, robust)
-    vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust else fit
+    if status == "ok" and against:
+        return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
+    vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust and not by_squares else fit
     if vouched is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree and vouch for each other"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)

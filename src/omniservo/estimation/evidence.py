@@ -196,7 +196,7 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
             odds = math.pow(max(best.cost, floor) / max(rival.cost, floor), 0.5 * freedom)
         if odds <= NEARLY_AS_LIKELY:
             continue
-        turn, swing = _separation(best, rival)
+        turn, swing = separation(best, rival)
         if turn > FAR_ROTATION or swing > FAR_DIRECTION:
             return "ambiguous", (
                 f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
@@ -210,12 +210,13 @@ def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
     """Return "ambiguous" where leaving out other matches explains them nearly as well by another motion."""
     if fit.instead is None or not fit.instead.minima:
         return None
-    turn, swing = _separation(fit.minima[0], fit.instead.minima[0])
+    turn, swing = separation(fit.minima[0], fit.instead.minima[0])
     if turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION:
         return None
-    left_out = [", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead)]
+    one, other = (", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead))
+    first = f"without the matches {one} or without {other}" if one else f"with all matches or without {other}"
     return "ambiguous", (
-        f"without the matches {left_out[0]} or without {left_out[1]}, nearly as likely: two motions"
+        f"{first}, nearly as likely: two motions"
         f" {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
     )
 
@@ -224,7 +225,7 @@ def _rms(cost: float, n: int) -> float:
     return math.sqrt(cost / (2 * n))
 
 
-def _separation(one: Minimum, other: Minimum) -> tuple[float, float]:
+def separation(one: Minimum, other: Minimum) -> tuple[float, float]:
     """Return the angles between two minima's rotations and directions [rad]."""
     chord = float(np.linalg.norm(one.rotation - other.rotation))
     turn = 2.0 * math.asin(min(1.0, chord / math.sqrt(8.0)))

@@ -14,7 +14,6 @@ from scipy.special import bdtrc
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_distances
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE
-from omniservo.estimation.motion_search import FEW_POINTS
 from omniservo.estimation.two_view_fit import TwoViewFit
 from omniservo.geometry.arrays import FloatArray
 
@@ -31,10 +30,8 @@ LARGEST_TAIL = 0.2
 def tail_of(matches: Matches, fit: TwoViewFit, sigma: float) -> tuple[float, int]:
     """Return Σ w²d² [px²] of the rejected matches that belong to the noise, and how many they are.
 
-    Of many matches the members alone tell the noise. ``sigma`` is that of a coordinate of weight 1 [px].
+    ``sigma`` is that of a coordinate of weight 1 [px].
     """
-    if matches.size > FEW_POINTS:
-        return 0.0, 0
     misses = near_misses(matches, fit, sigma)
     return float(np.square(misses).sum()), len(misses)
 

@@ -16,6 +16,9 @@ Source = Literal["noise", "scale", "calibration"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 """Where uncertainty comes from: noise of the pixels, the stated scale, the calibration of the camera."""
 
+_ADDED = {"pixel_sigma", "size_variance"}
+"""Fields that older files do not have."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointUncertainty:
@@ -39,6 +42,9 @@ class JointUncertainty:
     pixel_sigma: FloatArray | None = None
     """(m, 2) σ of each inlier's pixel coordinates in either image [px], where ``noise`` is stretched over
     curved valleys or rival minima: `TwoViewEstimate.sample` can then draw from the likelihood itself."""
+    size_variance: float = 0.0
+    """s², variance of the mean logarithm of the points' covariance: the motion's error makes the whole
+    structure, and its ellipsoid, larger or smaller; see `structure_size`"""
 
     def __post_init__(self) -> None:
         for name in ("noise", "own", "calibration", "camera", "pixel_sigma"):
@@ -49,6 +55,12 @@ class JointUncertainty:
     def inflation(self) -> float:
         """ν/(ν − 2), covariance of Student's t over σ²; 1 where σ was given, ν > 2."""
         return 1.0 if math.isinf(self.freedom) else self.freedom / (self.freedom - 2.0)
+
+    @property
+    def structure_freedom(self) -> float:
+        """1/(1/ν + s²/2): the ellipsoid of all 3m coordinates at once has the quantile of F(3m, this)."""
+        inverse = 1.0 / self.freedom + 0.5 * self.size_variance
+        return 1.0 / inverse if inverse > 0.0 else math.inf
 
     def covariances(self) -> tuple[FloatArray, FloatArray]:
         """Return the covariance (6, 6) of (t, δ) and (m, 3, 3) of each point."""
@@ -90,6 +102,7 @@ class JointUncertainty:
             "calibration": self.calibration.tolist(),
             "camera": self.camera.tolist(),
             "pixel_sigma": None if self.pixel_sigma is None else self.pixel_sigma.tolist(),
+            "size_variance": self.size_variance,
         }
 
     @classmethod
@@ -100,9 +113,7 @@ class JointUncertainty:
             InputError: a field is missing, unknown or not legal.
         """
         names = ("noise", "own", "freedom", "calibration", "camera")
-        if not isinstance(fields, dict) or sorted({*fields, "pixel_sigma"}) != sorted(
-            (*names, "pixel_sigma")
-        ):
+        if not isinstance(fields, dict) or {*fields, *_ADDED} != {*names, *_ADDED}:
             raise InputError(f"{source}: exactly the fields {', '.join(names)} are needed")
         freedom, width = fields["freedom"], 6 + 3 * inliers
         sigma = fields.get("pixel_sigma")
@@ -115,6 +126,9 @@ class JointUncertainty:
             pixel_sigma=None
             if sigma is None
             else finite_array(f"{source}: pixel_sigma", sigma, (inliers, 2)),
+            size_variance=finite_number(
+                f"{source}: size_variance", fields.get("size_variance", 0.0), minimum=0.0
+            ),
         )
         if len(law.own) != inliers:
             raise InputError(f"{source}: own: {len(law.own)} points given; {inliers} inliers")

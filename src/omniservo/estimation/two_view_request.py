@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from omniservo.estimation.two_view_uncertainty import Length, Lens
-from omniservo.geometry.arrays import BoolArray
+from omniservo.geometry.arrays import BoolArray, IntArray
 
 
 class TwoViewRequest(NamedTuple):
@@ -18,6 +18,8 @@ class TwoViewRequest(NamedTuple):
     scale_sigma: float
     """its standard deviation over itself"""
     lens: Lens
+    squares: IntArray
+    """(m, 4) matches that are the corners of a square"""
 
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""

@@ -16,6 +16,7 @@ from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.likelihood_region import motion_offsets, stretches
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.motion_search import Minimum
+from omniservo.estimation.structure_size import size_variance
 from omniservo.estimation.uncertainty import LinearResponse
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
@@ -126,7 +127,10 @@ def two_view_uncertainty(
         weights = np.repeat(members.weights, 2, axis=1)
         calibration = np.array([response.answer(-weights * moves) for moves in lens.pixels(solution)])
     own = noise.variance * metres**2 * own
-    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma)
+    size = size_variance(
+        members, solution.rotation, solution.translation, noise.variance * response.unscaled, length.between
+    )
+    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma, size)
 
 
 def total_covariances(

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
@@ -27,10 +29,19 @@ class MatchedPoints:
     noise: FloatArray | None = None
     """(n, 2) σ of a coordinate in the initial and in the goal picture [px]; None: not known beforehand"""
     ids: IntArray | None = None
-    """(n,) which points of a known target they are, numbered as in `omniservo.targets`; None: unknown"""
+    """(n,) which corners of which tags they are, 4·tag + corner as in `omniservo.targets`; None: no tags"""
 
     def __len__(self) -> int:
         return len(self.initial)
+
+    @property
+    def squares(self) -> IntArray | None:
+        """(m, 4) rows of the corners of each tag that is whole, in order round it; None: no tags."""
+        if self.ids is None:
+            return None
+        order = np.argsort(self.ids)
+        _, first, count = np.unique(self.ids[order] // 4, return_index=True, return_counts=True)
+        return np.asarray(order[first[count == 4][:, None] + np.arange(4)])
 
     def where(self, rows: IntArray) -> MatchedPoints:
         """Return the chosen rows."""

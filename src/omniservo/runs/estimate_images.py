@@ -76,7 +76,13 @@ def estimate_images(
     matched = seen.matched
     method: Literal["pixel", "homography"] = "homography" if planar else "pixel"
     found = estimate_two_view(
-        model, matched.initial, matched.goal, scale=displacement, noise=matched.noise, method=method
+        model,
+        matched.initial,
+        matched.goal,
+        scale=displacement,
+        noise=matched.noise,
+        method=method,
+        squares=matched.squares,
     )
     return EstimatedImages(seen, found)
 

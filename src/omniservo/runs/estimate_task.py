@@ -51,6 +51,7 @@ def estimate_task(
             scale=scale,
             noise=matched.noise,
             scale_sigma=task.scale.sigma,
+            squares=matched.squares,
         )
     )
 
