@@ -280,3 +280,50 @@ def test_the_real_arm_s_views_agree_as_far_as_its_poses_do(shared_data):
     assert not sized.board_size_disputed
     assert sized.scatter_worst[0] < 4.5e-3
     assert sized.robot_position_m < 0.35 * stated.robot_position_m
+
+
+TABLE = """image,x,y,z,qx,qy,qz,qw
+b.png, 0.1, 0.2, 0.3, 0, 0, 0.6, 0.8
+
+a.png, 0.4, 0.5, 0.6, 1, 0, 0, 0
+"""
+
+
+def test_poses_are_read_from_a_table(tmp_path):
+    file = tmp_path / "poses.csv"
+    file.write_text(TABLE)
+    first, second = load_robot_poses(file).of_images([tmp_path / "a.png", tmp_path / "b.png"])
+    np.testing.assert_allclose(first.translation, [0.4, 0.5, 0.6])
+    np.testing.assert_allclose(second.translation, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(first.rotation.as_quat(), [1, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(second.rotation.as_quat(), [0, 0, 0.6, 0.8], atol=1e-12)
+    file.write_text("z,x,y,rx,ry,rz\n3,1,2,0.1,0.2,0.3\n")
+    (only,) = load_robot_poses(file).of_images([tmp_path / "any.png"])
+    np.testing.assert_allclose(only.translation, [1, 2, 3])
+    np.testing.assert_allclose(only.rotation.as_rotvec(), [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1: '' given; legal: a header of x,y,z with qx,qy,qz,qw or rx,ry,rz"),
+        ("x,y,z\n1,2,3\n", "line 1: 'x,y,z' given"),
+        ("x,x,y,z,rx,ry,rz\n1,1,2,3,0,0,0\n", "line 1: 'x,x,y,z,rx,ry,rz' given"),
+        ("x,y,z,rx,ry,rz\n", "no poses below the header"),
+        ("x,y,z,rx,ry,rz\n1,2,3,0,0\n", "line 2: 5 entries; the header has 6"),
+        (
+            "x,y,z,rx,ry,rz\n1,2,3,0,0,0\n1,two,3,0,0,0\n",
+            "line 3: translation: '1,two,3' given; legal: numbers",
+        ),
+        ("x,y,z,rx,ry,rz\n1,2,3,0,nan,0\n", "line 2: rotation_vector: .*finite"),
+        ("x,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,2\n", "line 2: quaternion: norm 2 given"),
+        (TABLE + "a.png,1,2,3,0,0,0,1\n", "line 5: image: 'a.png': given twice"),
+        (TABLE + ",1,2,3,0,0,0,1\n", "line 5: image: '': a file's name is needed"),
+    ],
+)
+def test_a_bad_table_of_poses_is_one_message(tmp_path, text, message):
+    file = tmp_path / "poses.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message) as raised:
+        load_robot_poses(file)
+    assert str(file) in str(raised.value)

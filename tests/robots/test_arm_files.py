@@ -87,6 +87,23 @@ def test_meshes_are_found_in_the_package_or_beside_the_file(tmp_path, ending, pl
     assert sorted(shapes[0].extents) == pytest.approx([0.05, 0.1, 0.1], rel=0.1)
 
 
+def test_meshes_may_lie_beside_the_folder_of_the_file(tmp_path):
+    with_ball(tmp_path / "meshes" / "ball.stl")
+    mesh = MESH.format("../meshes/ball.stl")
+    arm = read(tmp_path, urdf(visual=mesh, collision=mesh), "urdf/arm.urdf")
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
+
+
+def test_a_link_whose_only_picture_is_not_read_is_refused(tmp_path):
+    text = re.sub(r"<collision>.*?</collision>", "", urdf(), count=1, flags=re.DOTALL)
+    text = text.replace(CYLINDER, MESH.format("fancy.dae"), 1)
+    message = (
+        "link 'base_link': visual: mesh 'fancy.dae' given, and nothing else is there to be touched; legal: "
+    )
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, text)
+
+
 def test_pictures_in_other_formats_are_left_out_with_a_notice(tmp_path):
     arm = read(tmp_path, urdf(visual=MESH.format("package://not_there/fancy.dae")))
     assert any("pictures of links left out" in notice and "fancy.dae" in notice for notice in arm.notices)
@@ -259,7 +276,7 @@ BAD_URDF = {
         "legal: a relative path inside",
     ),
     "out of the folder": (
-        lambda text: text.replace(CYLINDER, MESH.format("../m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("../../m.stl"), 1),
         "'../m.stl' given; legal: a relative path inside the file's folder",
     ),
     "absolute": (lambda text: text.replace(CYLINDER, MESH.format("/m.stl"), 1), "legal: a relative path"),

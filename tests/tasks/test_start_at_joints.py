@@ -49,8 +49,9 @@ def test_the_camera_is_where_the_joints_put_it(tmp_path):
         ("{joints: [.nan, 0, 0, 0, 0, 75, 0]}", r"start.joints.0: .*finite"),
         (
             f"{{joints: {JOINTS}, joints_near: {JOINTS}}}",
-            "start: give joints, or world_T_camera and joints_near; not both",
+            "start: joints, joints_near given; legal: joints, or world_T_camera with joints_near",
         ),
+        ("{}", "start: nothing given; legal: joints, or world_T_camera with joints_near"),
     ],
 )
 def test_a_wrong_start_is_one_message(tmp_path, start, message):

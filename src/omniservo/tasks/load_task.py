@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from omniservo.calibration import load_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, stated_units
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.tasks.start_at_joints import start_at_joints
@@ -65,11 +65,8 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], path.parent, source)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
     try:
-        start = fields.get("start")
-        if isinstance(start, dict) and "joints" in start and isinstance(fields.get("arm"), dict):
-            if len(start) > 1:
-                raise InputError(f"{source}: start: give joints, or world_T_camera and joints_near; not both")
-            fields["start"] = start_at_joints(fields, context, source)
+        if isinstance(fields.get("start"), dict) and isinstance(fields.get("arm"), dict):
+            fields["start"] = _found_start(fields, context, source)
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
         raise InputError(_first_problem(error, source)) from None
@@ -104,6 +101,19 @@ def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]
             f"{', '.join(shipped_arms())}"
         )
     return {**arm, "model": str(path)}
+
+
+def _found_start(fields: dict[str, Any], context: dict[str, float], source: str) -> Any:
+    """Return the section with the camera's pose in the place of the arm's joints."""
+    start = fields["start"]
+    if "joints" not in start and "world_T_camera" in start:
+        return start
+    if set(start) != {"joints"}:
+        raise InputError(
+            f"{source}: start: {', '.join(map(spelled_name, start)) or 'nothing'} given; legal: joints, or "
+            "world_T_camera with joints_near"
+        )
+    return start_at_joints(fields, context, source)
 
 
 def _found_tube(planning: Any, arm: dict[str, Any], folder: Path, source: str) -> Any:

@@ -76,9 +76,9 @@ class ArmMount(Section):
     """the arm's site or link that carries the camera; where absent: see `omniservo.robots.Arm`"""
     foot: Point = (0.0, 0.0, 0.0)
     """the arm's foot in the world [m]"""
-    flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
-    """the camera in the flange frame, the arm's tool; in the file also ``tool_T_camera``, and either may name
-    the file of a hand-eye calibration in the task's folder"""
+    flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("tool_T_camera", "flange_T_camera"))]
+    """the camera in the flange frame, the arm's tool; in the file ``tool_T_camera`` or ``flange_T_camera``,
+    and either may name the file of a hand-eye calibration in the task's folder"""
     mount_covariance: tuple[tuple[FiniteFloat, ...], ...] | None = None
     """(6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on the right [rad];
     the file of a hand-eye calibration states it. Plans with a risk count with it"""

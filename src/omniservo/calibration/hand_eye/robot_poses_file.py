@@ -1,7 +1,8 @@
-"""Robot poses in files: our own format, and ViSP's."""
+"""Robot poses in files: our own format, tables (CSV), and ViSP's."""
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ FORMAT = "omniservo.robot_poses/1"
 
 _MAX_BYTES = 2**20
 _VISP_LISTS = ("fPe", "rPe")
+_PLACE, _QUATERNION, _VECTOR = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz")
 _ROTATIONS = ("quaternion", "rotation_vector", "matrix")
 
 
@@ -66,8 +68,9 @@ class RobotPoses:
 def load_robot_poses(path: str | Path) -> RobotPoses:
     """Read base_T_tool of several views; see docs/hand-eye.md.
 
-    Our own format is YAML or JSON. ViSP's are one YAML file a pose (tx, ty, tz and θu), ``path`` then holding
-    ``%d`` in place of the number, and JSON with a list ``fPe`` or ``rPe`` of {R, t}.
+    Our own format is YAML or JSON; a name that ends in .csv is a table in metres and radians.
+    ViSP's are one YAML file a pose (tx, ty, tz and θu), ``path`` then holding ``%d`` in place of the number,
+    and JSON with a list ``fPe`` or ``rPe`` of {R, t}.
 
     Raises:
         InputError: unreadable, another format, or a field that is missing or not legal.
@@ -75,7 +78,10 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
     if "%d" in Path(path).name:
         return _numbered(Path(path))
     source = str(path)
-    fields = parse_document(read_text(path, max_bytes=_MAX_BYTES), source)
+    text = read_text(path, max_bytes=_MAX_BYTES)
+    if Path(path).suffix.lower() == ".csv":
+        return _table(text, source)
+    fields = parse_document(text, source)
     if not isinstance(fields, dict):
         raise InputError(
             f"{source}: {spelled(fields)} found; a mapping with format and base_T_tool is needed"
@@ -99,18 +105,58 @@ def _own(fields: dict[str, Any], source: str) -> RobotPoses:
     entries = fields.get("base_T_tool")
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{source}: base_T_tool: {spelled(entries)} given; a list of poses is needed")
-    poses = tuple(_entry(value, f"{source}: base_T_tool[{i}]", units) for i, value in enumerate(entries))
+    return _listed(entries, [f"{source}: base_T_tool[{i}]" for i in range(len(entries))], units, source)
+
+
+def _listed(entries: list[Any], places: list[str], units: dict[str, float], source: str) -> RobotPoses:
+    """The poses of entries that stand at these places of the file."""
+    poses = tuple(_entry(value, place, units) for value, place in zip(entries, places, strict=True))
     named = ["image" in value for value in entries]
     if not any(named):
         return RobotPoses(source, poses)
     if not all(named):
-        raise InputError(f"{source}: base_T_tool[{named.index(False)}]: image: missing; others have one")
+        raise InputError(f"{places[named.index(False)]}: image: missing; others have one")
     images = tuple(value["image"] for value in entries)
     for i, image in enumerate(images):
-        if not isinstance(image, str) or image in images[:i]:
-            problem = "given twice" if image in images[:i] else "a file's name is needed"
-            raise InputError(f"{source}: base_T_tool[{i}]: image: {spelled(image)}: {problem}")
+        if not isinstance(image, str) or not image or image in images[:i]:
+            problem = "given twice" if image and image in images[:i] else "a file's name is needed"
+            raise InputError(f"{places[i]}: image: {spelled(image)}: {problem}")
     return RobotPoses(source, poses, images=images)
+
+
+def _table(text: str, source: str) -> RobotPoses:
+    """A header, then a line a pose: x, y, z [m]; qx, qy, qz, qw or rx, ry, rz [rad]; image, if there."""
+    reader = csv.reader(text.splitlines())
+    header = [name.strip().lower() for name in next(reader, [])]
+    columns = set(header) - {"image"}
+    rotation = next((names for names in (_QUATERNION, _VECTOR) if columns == {*_PLACE, *names}), None)
+    if rotation is None or len(set(header)) < len(header):
+        raise InputError(
+            f"{source}: line 1: {spelled(','.join(header))} given; legal: a header of x,y,z with "
+            "qx,qy,qz,qw or rx,ry,rz [m, rad], and image if the lines name theirs"
+        )
+    name = "quaternion" if rotation is _QUATERNION else "rotation_vector"
+    entries: list[Any] = []
+    places: list[str] = []
+    for row in reader:
+        if not row:
+            continue
+        place = f"{source}: line {reader.line_num}"
+        if len(row) != len(header):
+            raise InputError(f"{place}: {len(row)} entries; the header has {len(header)}")
+        cells = dict(zip(header, (cell.strip() for cell in row), strict=True))
+        entry: dict[str, Any] = {"image": cells["image"]} if "image" in cells else {}
+        for field, columns_of_it in (("translation", _PLACE), (name, rotation)):
+            try:
+                entry[field] = [float(cells[column]) for column in columns_of_it]
+            except ValueError:
+                given = ",".join(cells[column] for column in columns_of_it)
+                raise InputError(f"{place}: {field}: {spelled(given)} given; legal: numbers") from None
+        entries.append(entry)
+        places.append(place)
+    if not entries:
+        raise InputError(f"{source}: no poses below the header")
+    return _listed(entries, places, {"length": 1.0, "angle": 1.0}, source)
 
 
 def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:

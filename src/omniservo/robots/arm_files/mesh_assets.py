@@ -42,8 +42,8 @@ class MeshAssets:
 
         Args:
             place: stands first in messages.
-            reference: a path inside the file's folder, or ``package://NAME/path``.
-            folder: what a plain path is relative to, inside the file's folder.
+            reference: a path inside the file's folder or the one above, or ``package://NAME/path``.
+            folder: what a plain path is relative to, as seen from the file's folder.
 
         Raises:
             InputError: not found, elsewhere, of another format, too large, or flat.
@@ -60,9 +60,12 @@ class MeshAssets:
     def _found(self, place: str, reference: str, folder: str) -> Path:
         scheme, colon, rest = reference.partition("://")
         if not colon:
-            mesh = file_inside(place, str(Path(folder) / reference), self._folder)
+            inner, root = str(Path(folder) / reference), self._folder
+            if inner.startswith("../"):  # packages have their meshes beside the file's folder
+                inner, root = inner.removeprefix("../"), root.parent
+            mesh = file_inside(place, inner, root)
             if not mesh.is_file():
-                raise InputError(f"{place}: mesh {spelled(reference)}: no such file in {self._folder}")
+                raise InputError(f"{place}: mesh {spelled(inner)}: no such file in {root}")
             return mesh
         if scheme != "package":
             raise InputError(

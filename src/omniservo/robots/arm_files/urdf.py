@@ -158,10 +158,16 @@ class _Urdf:
         inertial = self._fields.only(link, "inertial")
         if inertial is not None:
             self._inertial(inertial, clean)
+        undrawn = len(self._undrawn)
         for visual in self._fields.children(link, "visual"):
             self._shape(link, visual, clean)
         for collision in self._fields.children(link, "collision"):
             self._shape(link, collision, clean)
+        if len(self._undrawn) > undrawn and clean.find("visual") is None and clean.find("collision") is None:
+            raise InputError(
+                f"{self._fields.place(link)}: visual: mesh {spelled(self._undrawn[-1])} given, and nothing "
+                f"else is there to be touched; legal: {', '.join(READABLE)} (convert it)"
+            )
         return clean
 
     def _inertial(self, inertial: XmlElement, clean: ET.Element) -> None:
