@@ -90,7 +90,7 @@ def test_a_part_of_the_joints_is_the_same_motion(planned):
 
 
 def test_seven_joints_that_were_led_go_on_to_where_they_were_led():
-    """Nothing changed: the rest is found, it ends in the same posture, and self-motion hardly jumps."""
+    """Nothing changed: the rest is found, it ends in the same posture, and self-motion does not jump."""
     led = 0
     for problem, setting, found in led_tasks():
         led += 1
@@ -99,5 +99,5 @@ def test_seven_joints_that_were_led_go_on_to_where_they_were_led():
         assert again.certified, again.plan.reason
         np.testing.assert_allclose(again.branch(1.0), found.branch(1.0), atol=0.02)
         before, after = (1.0 - w) * found.branch(w, 1), again.branch(0.0, 1)
-        np.testing.assert_allclose(after, before, atol=0.3 * np.abs(before).max())
+        np.testing.assert_allclose(after, before, atol=1e-4 * np.abs(before).max())
     assert led >= 2

@@ -65,29 +65,33 @@ def test_no_two_points_of_a_pair_are_nearer_than_its_lower_gap(seed):
     assert sharp == pytest.approx(found, abs=2e-5)
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_the_slab_that_a_search_widens_is_no_wider_than_the_distance_and_mostly_as_wide(seed):
-    """By MuJoCo's distances; where it is said to be hardly less, it is; ends lie on the slab's sides."""
-    random = np.random.default_rng([4, seed])
-    arm = load_arm("rx60")
-    carried = [random_solid(random, "a"), random_solid(random, "b")]
-    stands = [random_solid(random, name) for name in ("c", "d")]
-    bodies = ArmBodies(arm, mounted=carried, surroundings=stands)
-    shapes, scene, arrived, apart = bodies.shapes, bodies.scene, 0, 0
-    for _ in range(5):
-        bodies.place(random.uniform(-1.5, 1.5, 6))
-        for pair, (i, j) in enumerate(bodies.pairs):
+def test_bounds_of_a_distance_that_a_search_finds_hold_it_between_them_and_meet():
+    """By MuJoCo's distances, beginning from nowhere and from what was found; ends are as far apart."""
+    random, arm, apart, touching = np.random.default_rng(4), load_arm("rx60"), 0, 0
+    for _ in range(12):
+        carried = [random_solid(random, "a"), random_solid(random, "b")]
+        stands = [random_solid(random, name) for name in ("c", "d")]
+        bodies = ArmBodies(arm, mounted=carried, surroundings=stands)
+        shapes, scene = bodies.shapes, bodies.scene
+        arrays = (shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes)
+        for pair, (i, j) in [each for _ in range(5) for each in enumerate(bodies.pairs)]:
+            if pair == 0:
+                bodies.place(random.uniform(-1.5, 1.5, 6))
             gap, normal, ends = bodies.measure(pair), np.zeros(3), np.empty(6)
-            kinds = (shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts)
-            for _ in range(2):  # from nowhere, then from what was found
-                width, exact = widen(i, j, *kinds, scene.places, scene.axes, normal, ends)
-                assert width <= gap + 1e-6
-                assert not exact or width == pytest.approx(gap, rel=2e-4, abs=1e-6)
-            if gap > 0.0:
-                assert (ends[3:] - ends[:3]) @ normal == pytest.approx(width, abs=1e-12)
-                apart += 1
-                arrived += exact
-    assert arrived > 0.7 * apart > 0
+            for _ in range(2):
+                least, most = widen(i, j, *arrays, normal, ends, np.empty((4, 7)))
+                assert least <= gap + 1e-6
+                if gap < 0.0:
+                    assert most == np.inf
+                    continue
+                assert most == pytest.approx(gap, abs=2e-6)
+                assert least == pytest.approx(gap, abs=2e-6)
+                assert np.linalg.norm(ends[3:] - ends[:3]) == pytest.approx(most, abs=1e-9)
+                assert normal == pytest.approx(scene.normals[pair], abs=2e-3 + 1e-5 / gap)
+            apart += gap > 0.0
+            touching += gap < 0.0
+    assert apart > 3000
+    assert touching > 30
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -150,6 +150,7 @@ def test_a_step_tells_how_the_smallest_singular_value_changes_on_its_way(load):
         np.zeros(1),
         np.zeros((2, arm.dof)),
         np.zeros(1),
+        np.zeros(arm.dof),
     )
 
     def state(w):

@@ -27,6 +27,7 @@ from omniservo.robots.clearance_kernels import (
     prove_pieces,
 )
 from omniservo.robots.joint_path import JointPath
+from omniservo.robots.posture_gaps import PostureGaps
 
 SELF_CLEARANCE = 0.002
 """What parts of the arm keep from each other [m], where nothing else is asked for."""
@@ -113,9 +114,7 @@ def arm_clearance(
     work = _work_for(pieces, len(bodies.pairs))
     status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
     if status == "too_close" and worst:
-        places = np.linspace(knots[0], knots[-1], _SCANNED)
-        for w, q in zip(places, path(places), strict=True):
-            _proven(bodies, asked, work, np.full((1, 2), w), q[None, None])  # a piece that stands still
+        _look_for_worst(bodies, asked, path, work.found)
     proven = float(work.found[PROVEN]) if status == "clear" else -math.inf
     closest = _closest(bodies, asked, work.found)
     return ArmClearance(status, clearance, self_clearance, closest, proven, int(work.counts[POSTURES]))
@@ -146,6 +145,17 @@ def _proven(
         for pair in work.unmeasured[: work.counts[UNMEASURED]].tolist():
             bodies.measure(pair)
     return "clear" if result == CLEAR else "too_close" if result == TOO_CLOSE else "undecided"
+
+
+def _look_for_worst(bodies: ArmBodies, asked: FloatArray, path: JointPath, found: FloatArray) -> None:
+    """Measure what is nearest at places of a path, as far as it may be worse than what ``found`` knows."""
+    places = np.linspace(path.w[0], path.w[-1], _SCANNED)
+    seen = PostureGaps(bodies, _SCANNED)
+    worst = seen.worst(path(places), asked, float(found[LEAST]))
+    if worst is not None:
+        posture, pair, gap = worst
+        found[LEAST], found[LEAST_W] = gap - asked[pair], places[posture]
+        found[LEAST_GAP], found[LEAST_PAIR] = gap, pair
 
 
 def _closest(bodies: ArmBodies, asked: FloatArray, found: FloatArray) -> Closeness | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,9 @@ HALVINGS = 32
 
 _ROUNDING = 1e-8
 """[m] that floating point, and axes taken to be one, may have taken from a gap"""
+
+_SAME = 1e-6
+"""[m] between the bounds of a distance that count as one"""
 
 _MOST_POSTURES = 20_000
 _SHORTEST = 2.0**-24
@@ -63,13 +67,13 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
     plus what the joints can take of that before the part ends: `farthest_moves` of the largest distance of
     the part's Bernstein coefficients from its middle. How far apart they are there is bounded from below by
     slabs (`lower_gaps`) across directions that were found in earlier postures, or by `widen`; only pairs that
-    those leave open are measured. Pairs that are clear on a part are so on its halves.
+    may touch, so that `widen` has no answer, are measured. What is clear on a part is so on its halves.
     """
     chain, shapes, scene, work = held(chain), held(shapes), held(scene), held(work)
     counts, most = work.counts, asked.shape[0]
     rows, n = work.pieces.shape[1], work.pieces.shape[2]
     first, second, turns = np.empty((rows, n)), np.empty((rows, n)), np.empty(n)
-    gaps, needed = np.empty(most), np.empty(most)
+    gaps, needed, nearest = np.empty(most), np.empty(most), np.empty(most)
     while counts[SIZE] > 0:
         top = counts[SIZE] - 1
         pairs, count = work.pairs[top], work.sizes[top]
@@ -78,13 +82,14 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
         if fresh:
             counts[POSTURES] += 1
             place_all(chain, shapes, first[rows - 1], scene)
-        _bound(shapes, scene, asked, pairs[:count], turns, fresh, needed, gaps)
-        if fresh and _list_open(pairs, count, gaps, needed, work):
+        _bound(shapes, scene, asked, pairs[:count], turns, needed, gaps)
+        _search(shapes, scene, pairs[:count], needed, gaps, nearest)
+        if fresh and _list_open(pairs, count, gaps, needed, nearest, work):
             return MEASURE
         for k in range(count):
             if gaps[k] >= needed[k]:
                 work.found[PROVEN] = min(work.found[PROVEN], gaps[k] - needed[k])
-        _remember(asked, pairs, count, gaps, work)
+        _remember(asked, pairs, count, gaps, nearest, work)
         if work.found[LEAST] < 0.0:
             return TOO_CLOSE
         still = 0
@@ -138,14 +143,10 @@ def _bound(
     asked: FloatArray,
     pairs: IntArray,
     turns: FloatArray,
-    search: bool,
     needed: FloatArray,
     gaps: FloatArray,
 ) -> None:
-    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m].
-
-    ``search``: where what is known is not enough, wider slabs are looked for.
-    """
+    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m]."""
     farthest_moves(
         scene.anchors,
         scene.directions,
@@ -169,43 +170,71 @@ def _bound(
         scene.normals,
         gaps,
     )
-    ends = np.empty(6)
     for k in range(pairs.shape[0]):
         pair = pairs[k]
         move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
         needed[k] = asked[pair] + move + _ROUNDING
-        if search and not gaps[k] >= needed[k]:
-            normal = scene.normals[pair]
+
+
+@inlined
+def _search(
+    shapes: Shapes,
+    scene: Scene,
+    pairs: IntArray,
+    needed: FloatArray,
+    gaps: FloatArray,
+    nearest: FloatArray,
+) -> None:
+    """Raise the lower bounds of pairs (m,) that are not enough; write upper ones, ∞ where none is known."""
+    ends, simplex = np.empty(6), np.empty((4, 7))
+    for k in range(pairs.shape[0]):
+        nearest[k] = math.inf
+        if not gaps[k] >= needed[k]:
+            pair = pairs[k]
             i, j = shapes.pairs[pair, 0], shapes.pairs[pair, 1]
-            width, _ = widen(
-                i, j, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes,
-                normal, ends,
-            )  # fmt: skip
+            width, nearest[k] = widen(
+                i,
+                j,
+                shapes.kinds,
+                shapes.sizes,
+                shapes.corners,
+                shapes.firsts,
+                scene.places,
+                scene.axes,
+                scene.normals[pair],
+                ends,
+                simplex,
+            )
             gaps[k] = max(gaps[k], width)
 
 
 @inlined
-def _list_open(pairs: IntArray, count: int, gaps: FloatArray, needed: FloatArray, work: Work) -> bool:
-    """Write the pairs that are not known to be clear into `Work.unmeasured`; return whether there are any."""
+def _list_open(
+    pairs: IntArray, count: int, gaps: FloatArray, needed: FloatArray, nearest: FloatArray, work: Work
+) -> bool:
+    """Write pairs that may be clear for all that is known into `Work.unmeasured`; return whether any are."""
     for k in range(count):
-        if not gaps[k] >= needed[k]:
+        if not gaps[k] >= needed[k] and not nearest[k] - gaps[k] <= _SAME:
             work.unmeasured[work.counts[UNMEASURED]] = pairs[k]
             work.counts[UNMEASURED] += 1
     return bool(work.counts[UNMEASURED] > 0)
 
 
 @inlined
-def _remember(asked: FloatArray, pairs: IntArray, count: int, gaps: FloatArray, work: Work) -> None:
-    """Keep the measured pair that has the least beyond what is asked."""
+def _remember(
+    asked: FloatArray, pairs: IntArray, count: int, gaps: FloatArray, nearest: FloatArray, work: Work
+) -> None:
+    """Keep the pair whose distance is known and that has the least beyond what is asked."""
     top, at = work.counts[SIZE] - 1, 0
     for k in range(count):
-        pair = pairs[k]
+        pair, gap = pairs[k], nearest[k]
         if at < work.counts[UNMEASURED] and work.unmeasured[at] == pair:
             at += 1
-            left = gaps[k] - asked[pair]
-            if left < work.found[LEAST]:
-                work.found[LEAST], work.found[LEAST_GAP], work.found[LEAST_PAIR] = left, gaps[k], pair
-                work.found[LEAST_W] = 0.5 * (work.spans[top, 0] + work.spans[top, 1])
+            gap = gaps[k]
+        left = gap - asked[pair]
+        if left < work.found[LEAST]:
+            work.found[LEAST], work.found[LEAST_GAP], work.found[LEAST_PAIR] = left, gap, pair
+            work.found[LEAST_W] = 0.5 * (work.spans[top, 0] + work.spans[top, 1])
     work.counts[UNMEASURED] = 0
 
 

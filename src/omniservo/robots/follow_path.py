@@ -52,6 +52,7 @@ def follow_path(
     *,
     start: npt.ArrayLike | None = None,
     aim: npt.ArrayLike | None = None,
+    velocity: npt.ArrayLike | None = None,
 ) -> FollowedPath:
     """Return the joints that carry the camera along a path, on every branch in which the arm can start.
 
@@ -72,20 +73,25 @@ def follow_path(
             these full turns; None: every branch, each with the full turns that leave most room.
         aim: (n,) [rad], a posture of seven joints at the path's end: what the camera leaves free goes the
             straight way from ``start`` to it, as far as the camera's path lets it.
+        velocity: (n,) dq/dw [rad] with which seven joints leave ``start``: what the camera leaves free of it
+            fades away within a quarter of the path. None: self-motion begins as it goes on.
 
     Raises:
-        InputError: no posture reaches the path's start, or ``start`` is not one; an aim without start, or of
-            six joints; or something is not finite.
+        InputError: no posture reaches the path's start, or ``start`` is not one; an aim or a velocity without
+            start, or of six joints; or something is not finite.
     """
     _check_pose("base_T_initial", base_T_initial)
     _check_pose("flange_T_camera", flange_T_camera)
     steps = PathSteps(arm, path, base_T_initial, flange_T_camera)
-    if aim is not None and (start is None or arm.dof == 6):
-        raise InputError("aim: needs a start, and an arm of seven joints: six leave nothing free")
+    for name, value in (("aim", aim), ("velocity", velocity)):
+        if value is not None and (start is None or arm.dof == 6):
+            raise InputError(f"{name}: needs a start, and an arm of seven joints: six leave nothing free")
     if start is not None:
         stand = _checked_start(arm, steps.first_goal, start)
         if aim is not None:
             steps.lead(stand, finite_array("aim", aim, (arm.dof,)))
+        if velocity is not None:
+            steps.leave(stand, finite_array("velocity", velocity, (arm.dof,)))
         return FollowedPath((_joint_path(arm, *steps.follow(stand), turns=False),), all_tried=False)
     try:
         starts = arm.branches(RigidTransform.from_matrix(steps.first_goal))

@@ -1,8 +1,9 @@
 """A search for the direction across which the slab between two convex bodies is widest, compiled.
 
-The support point of B − A against a direction shows how wide its slab is (`gap_kernels`), and where the next
-direction lies: from the origin to the nearest point of the segment between what was nearest so far and that
-support point (Gilbert 1966). Whatever it comes to, the slab's width is a lower bound of the distance.
+Of B − A, the differences of the bodies' points, a few are known at a time; the point of their hull that is
+nearest to the origin says how far apart the bodies are at most, and the support point of B − A against it how
+far at least (`gap_kernels`); that one is known next, and those that do not matter are forgotten (Gilbert,
+Johnson and Keerthi 1988). Whatever it comes to, the slab's width is a lower bound of the distance.
 """
 
 from __future__ import annotations
@@ -13,14 +14,18 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import leaf
 from omniservo.robots.gap_kernels import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE
 
-_STEPS = 16
-"""at most: where bodies are far apart for their size, one or two will do"""
+_STEPS = 24
+"""at most: polyhedra take a few, round bodies some more"""
 
-_ENOUGH = 1e-4
-"""A slab is wide enough if a wider one could gain no more than this part of its width."""
+_ENOUGH = 1e-7
+"""A slab is wide enough if a wider one could gain no more than this part of the distance."""
 
 _ON_TOP = 1e-9
 """[m] nearer bodies leave no direction between them"""
+
+_NO_LENGTH = 1e-300
+_FLAT = 1e-12
+"""A triangle whose squared area is this part of what its sides could have is taken for its sides."""
 
 
 @leaf
@@ -73,8 +78,9 @@ def widen(
     axes: FloatArray,
     normal: FloatArray,
     ends: FloatArray,
-) -> tuple[float, bool]:
-    """Return a lower bound of two shapes' distance [m], and whether the distance is hardly more.
+    simplex: FloatArray,
+) -> tuple[float, float]:
+    """Return a lower and an upper bound of two shapes' distance [m]; ∞: no upper one, they may touch.
 
     Args:
         i: the first shape.
@@ -86,20 +92,17 @@ def widen(
         places: (g, 3) [m].
         axes: (g, 9)
         normal: (3,) where the search begins, 0: anywhere; out: across the widest slab that was found.
-        ends: (6,) out: a point of each shape on that slab's sides [m].
+        ends: (6,) out: a point of each shape [m], as far apart as the upper bound says.
+        simplex: (4, 7) room.
     """
     first, second = corners[firsts[i] : firsts[i + 1]], corners[firsts[j] : firsts[j + 1]]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
-    px, py, pz = dx, dy, dz
     x, y, z = normal[0], normal[1], normal[2]
-    begun = x != 0.0 or y != 0.0 or z != 0.0
-    widest = -math.inf
-    for step in range(_STEPS):
-        if step > 0 or not begun:
-            length = math.sqrt(px * px + py * py + pz * pz)
-            if not length > _ON_TOP:
-                return widest, False
-            x, y, z = px / length, py / length, pz / length
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        length = max(math.sqrt(dx * dx + dy * dy + dz * dz), _ON_TOP)
+        x, y, z = dx / length, dy / length, dz / length
+    widest, nearest, count = -math.inf, math.inf, 0
+    for _ in range(_STEPS):
         ax, ay, az = support(kinds[i], sizes[i], axes[i], first, x, y, z)
         bx, by, bz = support(kinds[j], sizes[j], axes[j], second, -x, -y, -z)
         sx, sy, sz = dx + bx - ax, dy + by - ay, dz + bz - az
@@ -107,16 +110,114 @@ def widen(
         if width > widest:
             widest = width
             normal[0], normal[1], normal[2] = x, y, z
-            ends[0], ends[1], ends[2] = places[i, 0] + ax, places[i, 1] + ay, places[i, 2] + az
-            ends[3], ends[4], ends[5] = places[j, 0] + bx, places[j, 1] + by, places[j, 2] + bz
-        if step == 0 and begun:
-            px, py, pz = sx, sy, sz
-            continue
+        if (1.0 - _ENOUGH) * nearest <= widest:
+            break
+        own = simplex[count]
+        own[0], own[1], own[2], own[3], own[4], own[5] = sx, sy, sz, ax, ay, az
+        count = _reduce(simplex, count + 1)
+        if count == 0:
+            return widest, math.inf
+        px, py, pz = 0.0, 0.0, 0.0
+        for k in range(count):
+            px += simplex[k, 6] * simplex[k, 0]
+            py += simplex[k, 6] * simplex[k, 1]
+            pz += simplex[k, 6] * simplex[k, 2]
         length = math.sqrt(px * px + py * py + pz * pz)
-        if length - widest <= _ENOUGH * length:
-            return widest, True
-        ux, uy, uz = px - sx, py - sy, pz - sz
-        square = ux * ux + uy * uy + uz * uz
-        share = min(max((px * ux + py * uy + pz * uz) / max(square, 1e-300), 0.0), 1.0)
-        px, py, pz = px - share * ux, py - share * uy, pz - share * uz
-    return widest, False
+        if not length > _ON_TOP:
+            return widest, math.inf
+        if not length < nearest:
+            break
+        nearest = length
+        for c in range(3):
+            ends[c] = places[i, c]
+            for k in range(count):
+                ends[c] += simplex[k, 6] * simplex[k, 3 + c]
+        ends[3], ends[4], ends[5] = ends[0] + px, ends[1] + py, ends[2] + pz
+        x, y, z = px / length, py / length, pz / length
+    return widest, nearest
+
+
+@leaf
+def _reduce(simplex: FloatArray, count: int) -> int:
+    """Keep the points whose hull has the point nearest to the origin, the newest the last; write weights.
+
+    Returns how many are kept; 0: the origin is inside.
+    """
+    last = count - 1
+    if count == 1:
+        simplex[0, 6] = 1.0
+        return 1
+    best, square = (last, last, last), math.inf
+    a, b, c = 1.0, 0.0, 0.0
+    if count == 2:
+        square, u = _on_segment(simplex, 0, 1)
+        best, a, b, c = (0, 1, 1), 1.0 - u, u, 0.0
+    if count == 4 and _is_inside(simplex):
+        return 0
+    if count > 2:
+        for k in range(1 if count == 3 else 3):
+            i, j = (1 if k == 2 else 0), (1 if k == 0 else 2)
+            found, u, v = _on_triangle(simplex, i, j, last)
+            if found < square:
+                square, best, a, b, c = found, (i, j, last), 1.0 - u - v, u, v
+    kept = 0
+    for k in range(3):
+        weight = a if k == 0 else b if k == 1 else c
+        if weight > 0.0:
+            for m in range(6):
+                simplex[kept, m] = simplex[best[k], m]
+            simplex[kept, 6] = weight
+            kept += 1
+    return kept
+
+
+@leaf
+def _on_segment(simplex: FloatArray, i: int, j: int) -> tuple[float, float]:
+    """Return the square of the least distance of the segment from the origin, and the share of point j."""
+    a, b, c = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+    x, y, z = simplex[j, 0] - a, simplex[j, 1] - b, simplex[j, 2] - c
+    u = -(a * x + b * y + c * z) / max(x * x + y * y + z * z, _NO_LENGTH)
+    u = min(max(u, 0.0), 1.0)
+    a, b, c = a + u * x, b + u * y, c + u * z
+    return a * a + b * b + c * c, u
+
+
+@leaf
+def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> tuple[float, float, float]:
+    """Return the square of a triangle's least distance from the origin, and the shares of points j and k."""
+    a, b, c = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+    x, y, z = simplex[j, 0] - a, simplex[j, 1] - b, simplex[j, 2] - c
+    p, q, r = simplex[k, 0] - a, simplex[k, 1] - b, simplex[k, 2] - c
+    xx, xp, pp = x * x + y * y + z * z, x * p + y * q + z * r, p * p + q * q + r * r
+    ax, ap = a * x + b * y + c * z, a * p + b * q + c * r
+    area = xx * pp - xp * xp
+    if area > _FLAT * xx * pp:
+        u, v = (xp * ap - pp * ax) / area, (xp * ax - xx * ap) / area
+        if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
+            a, b, c = a + u * x + v * p, b + u * y + v * q, c + u * z + v * r
+            return a * a + b * b + c * c, u, v
+    square, u = _on_segment(simplex, i, j)
+    v = 0.0
+    found, share = _on_segment(simplex, i, k)
+    if found < square:
+        square, u, v = found, 0.0, share
+    found, share = _on_segment(simplex, j, k)
+    if found < square:
+        square, u, v = found, 1.0 - share, share
+    return square, u, v
+
+
+@leaf
+def _is_inside(simplex: FloatArray) -> bool:
+    """Return whether the origin is inside a tetrahedron: of every face on the side of the fourth corner."""
+    for face in range(4):
+        i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
+        a, b, c = simplex[i, 0], simplex[i, 1], simplex[i, 2]
+        x, y, z = simplex[j, 0] - a, simplex[j, 1] - b, simplex[j, 2] - c
+        p, q, r = simplex[k, 0] - a, simplex[k, 1] - b, simplex[k, 2] - c
+        u, v, w = y * r - z * q, z * p - x * r, x * q - y * p
+        here = -(a * u + b * v + c * w)
+        there = (simplex[face, 0] - a) * u + (simplex[face, 1] - b) * v + (simplex[face, 2] - c) * w
+        if not here * there > 0.0:
+            return False
+    return True

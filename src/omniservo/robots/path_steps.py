@@ -57,7 +57,8 @@ class PathSteps:
         way = float(np.linalg.norm(self._whole.motions[::2, 0], axis=1).mean())
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
         none = np.zeros((2, arm.dof))
-        self._rule = Rule(twist_matrix(flange_T_camera, LENGTH_SCALE), push, none, np.zeros(1))
+        to_camera = twist_matrix(flange_T_camera, LENGTH_SCALE)
+        self._rule = Rule(to_camera, push, none, np.zeros(1), np.zeros(arm.dof))
 
     @property
     def first_goal(self) -> FloatArray:
@@ -69,13 +70,32 @@ class PathSteps:
         """Let what the camera leaves free of seven joints go the straight way from ``start`` to ``aim``."""
         self._rule = self._rule._replace(line=np.array([start, aim]), pull=np.array([PULL]))
 
+    def leave(self, start: FloatArray, velocity: FloatArray) -> None:
+        """Let seven joints leave ``start`` with dq/dw = ``velocity``, as far as the camera lets them."""
+        _, begun = self._begun(start)
+        self._rule = self._rule._replace(departure=velocity - begun.joints[0, 1])
+
+    def _begun(self, q: FloatArray) -> tuple[int, States]:
+        """Return how the joints begin that stand at or near the path's start, in the first of many states."""
+        table, room = self._whole, _room(len(q))
+        result = advance(
+            self._arm.chain,
+            self._rule,
+            0.0,
+            0.0,
+            _standing(q),
+            np.array([np.inf, 0.0, 0.0]),
+            table.goals[0],
+            table.motions[0],
+            table.goals[0],
+            room.joints[0],
+            room.values[0],
+        )
+        return result, room
+
     def follow(self, q: FloatArray) -> tuple[States, Stop | None]:
         """Return the states from w = 0 on, from joints at or near the path's start, and what ends them."""
-        table, room = self._whole, _room(len(q))
-        standing, resting = _standing(q), np.array([np.inf, 0.0, 0.0])
-        first = table.goals[0], table.motions[0], table.goals[0]
-        found = room.joints[0], room.values[0]
-        result = advance(self._arm.chain, self._rule, 0.0, 0.0, standing, resting, *first, *found)
+        (result, room), table = self._begun(q), self._whole
         states = [_rows(room, 0, 1)]
         if result == SINGULAR:
             return states[0], self._stop(result, states[0], states[0])

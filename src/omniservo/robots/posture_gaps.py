@@ -30,6 +30,10 @@ class Postures(NamedTuple):
     """(m, g, 9)"""
     normals: FloatArray
     """(m, p, 3) directions between pairs, as last found in that posture; 0: none"""
+    ends: FloatArray
+    """(m, p, 6) their nearest points, likewise [m]"""
+    nearest: FloatArray
+    """(m, p) upper bounds of their distances [m]; ∞: they may touch"""
 
 
 class Gaps(NamedTuple):
@@ -48,7 +52,7 @@ class Gaps(NamedTuple):
 class PostureGaps:
     """Measures postures again and again as they move: what was found in each before spares measuring.
 
-    Only pairs that neither what is known of them nor `widen` shows to be far apart are measured.
+    Gaps are those of `widen`; where it has no answer, because bodies may touch, MuJoCo's.
     """
 
     def __init__(self, bodies: ArmBodies, count: int) -> None:
@@ -61,6 +65,8 @@ class PostureGaps:
             np.empty((count, shapes, 3)),
             np.empty((count, shapes, 9)),
             np.zeros((count, pairs, 3)),
+            np.empty((count, pairs, 6)),
+            np.empty((count, pairs)),
         )
 
     def below(self, joints: FloatArray, within: FloatArray) -> Gaps:
@@ -69,17 +75,39 @@ class PostureGaps:
         bounds = np.empty((len(joints), len(within)))
         _write_bounds(bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures, bounds)
         posture, pair = np.nonzero(bounds < within)
-        gaps, ends, shown = np.empty(len(pair)), np.empty((len(pair), 6)), -1
-        for k, (i, j) in enumerate(zip(posture.tolist(), pair.tolist(), strict=True)):
-            if i != shown:
-                bodies.show(postures.places[i], postures.axes[i])
-                shown = i
+        gaps, ends = bounds[posture, pair], postures.ends[posture, pair]
+        for k in np.flatnonzero(postures.nearest[posture, pair] == np.inf).tolist():
+            i, j = int(posture[k]), int(pair[k])
+            bodies.show(postures.places[i], postures.axes[i])
             gaps[k] = bodies.measure(j, ends[k], postures.normals[i, j])
-        close = gaps < within[pair]
-        posture, pair = posture[close], pair[close]
         slopes = np.empty((len(pair), joints.shape[1]))
-        _write_slopes(bodies.shapes, postures, posture, pair, ends[close], slopes)
-        return Gaps(posture, pair, gaps[close], slopes)
+        _write_slopes(bodies.shapes, postures, posture, pair, ends, slopes)
+        return Gaps(posture, pair, gaps, slopes)
+
+    def worst(self, joints: FloatArray, asked: FloatArray, least: float) -> tuple[int, int, float] | None:
+        """Return posture, pair and gap [m] where least is left of what is asked; None: not below ``least``.
+
+        Args:
+            joints: (m, n) [rad], m ≤ ``count``.
+            asked: (p,) [m].
+            least: what is left somewhere else [m].
+        """
+        bodies, postures = self._bodies, self._postures
+        bounds = np.empty((len(joints), len(asked)))
+        within = asked + least
+        _write_bounds(bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures, bounds)
+        left, found = bounds - asked, None
+        for at in np.argsort(left, axis=None).tolist():
+            i, j = divmod(at, len(asked))
+            if left[i, j] >= least:
+                break
+            gap = float(bounds[i, j])
+            if postures.nearest[i, j] == np.inf:
+                bodies.show(postures.places[i], postures.axes[i])
+                gap = bodies.measure(j)
+            if gap - asked[j] < least:
+                least, found = gap - float(asked[j]), (i, j, gap)
+        return found
 
 
 @kernel
@@ -97,7 +125,7 @@ def _write_bounds(
     Those that may be below ``within`` (p,) are what `widen` comes to.
     """
     chain, shapes, postures = held(chain), held(shapes), held(postures)
-    ends, every, none = np.empty(6), np.arange(bounds.shape[1]), np.empty((0, 0))
+    simplex, every, none = np.empty((4, 7)), np.arange(bounds.shape[1]), np.empty((0, 0))
     for i in range(joints.shape[0]):
         places, axes, normals = postures.places[i], postures.axes[i], postures.normals[i]
         scene = Scene(frames, postures.anchors[i], postures.directions[i], places, axes, none, normals)
@@ -117,11 +145,19 @@ def _write_bounds(
         )
         for k in range(bounds.shape[1]):
             if bounds[i, k] < within[k]:
-                first, second = shapes.pairs[k, 0], shapes.pairs[k, 1]
-                width, _ = widen(
-                    first, second, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, places, axes,
-                    normals[k], ends,
-                )  # fmt: skip
+                width, postures.nearest[i, k] = widen(
+                    shapes.pairs[k, 0],
+                    shapes.pairs[k, 1],
+                    shapes.kinds,
+                    shapes.sizes,
+                    shapes.corners,
+                    shapes.firsts,
+                    places,
+                    axes,
+                    normals[k],
+                    postures.ends[i, k],
+                    simplex,
+                )
                 bounds[i, k] = max(bounds[i, k], width)
 
 

@@ -40,6 +40,9 @@ _FLOWN = 1e-7
 """[rad] to where a step of seven joints has settled within the arm's self-motion"""
 _CORRECTIONS = 4
 
+FADED = 0.25
+"""w from which on nothing is left of a departure"""
+
 _LEAP = 0.1
 """[rad] farther from where its speed leads a joint never is on a step that is taken"""
 
@@ -58,6 +61,8 @@ class Rule(NamedTuple):
     """(2, n) joints at w = 0 and 1 that what the camera leaves free goes along, and"""
     pull: FloatArray
     """(1,) what part of the way back to that line it goes per unit w; 0: there is none"""
+    departure: FloatArray
+    """(n,) dq/dw that what the camera leaves free has beside all that at w = 0; it fades away"""
 
 
 @kernel
@@ -163,7 +168,8 @@ def _differentiate(
 ) -> None:
     """Write slope and bend at q: J q′ = ξ with the least motion beside the wish z of the joints.
 
-    z is the push off the limits and, where there is a line l(w), l′ + k(l − q). q′ = z + Jᵀλ,
+    z is the push off the limits, where there is a line l(w), l′ + k(l − q), and a departure d that fades:
+    f(w) d, f = (1 − u)²(1 + 2u) with u = w over `FADED`, then 0. q′ = z + Jᵀλ,
     JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
     value's derivative is uᵀJ̇v.
     """
@@ -174,12 +180,14 @@ def _differentiate(
     q, slope, bend = state[0], state[1], state[2]
     right, weights, grown = np.empty(6), np.empty(6), np.empty((6, n))
     wish, wish_growth = np.empty(n), np.empty(n)
+    u = min(w / FADED, 1.0)
+    left_over, fading = (1.0 - u) ** 2 * (1.0 + 2.0 * u), -6.0 * u * (1.0 - u) / FADED
     for j in range(n):
         half = 0.5 * (chain.ranges[j, 1] - chain.ranges[j, 0])
         off = (q[j] - 0.5 * (chain.ranges[j, 0] + chain.ranges[j, 1])) / half
         along = rule.line[1, j] - rule.line[0, j]
         aside = rule.line[0, j] + w * along - q[j]
-        wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5
+        wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5 + left_over * rule.departure[j]
         wish_growth[j] = -rule.pull[0] - 5.0 * rule.push[0] * off**4
     for i in range(6):
         right[i] = motion[0, i]
@@ -193,6 +201,7 @@ def _differentiate(
     grow_twists(J, slope, grown)
     for j in range(n):
         bend[j] = wish_growth[j] * slope[j] + rule.pull[0] * (rule.line[1, j] - rule.line[0, j])
+        bend[j] += fading * rule.departure[j]
         for i in range(6):
             bend[j] += grown[i, j] * weights[i]
     for i in range(6):

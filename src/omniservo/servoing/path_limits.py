@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -69,9 +71,36 @@ class PathLimits:
 
         Stretched by κ, speeds are divided by κ and accelerations by κ²: 1 means that a limit is just met.
         """
+        return self.at(w).excess(speed, acceleration)
+
+    def at(self, w: FloatArray) -> LimitsAt:
+        """Return the limits at w (m,), looked up once for many motions through these places.
+
+        Raises:
+            InputError: as `rates` and `top_path_speed`.
+        """
         first, second = self.rates(w)
-        by_speed = np.abs(first * speed[:, None]) / self.speeds
-        change = np.abs(second * speed[:, None] ** 2 + first * acceleration[:, None])
-        by_acceleration = np.sqrt(change / self.accelerations)
-        by_path = speed / self.top_path_speed(w)
-        return float(max(by_speed.max(), by_acceleration.max(), by_path.max()))
+        return LimitsAt(first, second, self.top_path_speed(w), self.speeds, self.accelerations)
+
+
+class LimitsAt(NamedTuple):
+    """Joint rates and limits at m places."""
+
+    first: FloatArray
+    """(m, n) dq/dw"""
+    second: FloatArray
+    """(m, n) d²q/dw²"""
+    top: FloatArray
+    """(m,) greatest ẇ of the path itself [1/s]"""
+    speeds: FloatArray
+    """(n,) greatest |q̇|"""
+    accelerations: FloatArray
+    """(n,) greatest |q̈|"""
+
+    def excess(self, speed: FloatArray, acceleration: FloatArray) -> float:
+        """Return `PathLimits.excess` of a motion with ẇ, ẅ (m,) at these places."""
+        square = (speed * speed)[:, None]
+        by_speed = float((np.abs(self.first * speed[:, None]) / self.speeds).max())
+        change = np.abs(self.second * square + self.first * acceleration[:, None])
+        by_acceleration = math.sqrt(float((change / self.accelerations).max()))
+        return max(by_speed, by_acceleration, float((speed / self.top).max()))

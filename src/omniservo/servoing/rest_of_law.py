@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Self, TypeAlias
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.servoing.path_limits import PathLimits
+from omniservo.servoing.path_limits import LimitsAt, PathLimits
 from omniservo.servoing.time_law import TimeLaw
 
 RAMPS = (0.1, 0.3, 0.9)
@@ -24,7 +24,17 @@ _SLOWER = 0.85  # at least by this factor in every round
 _MET = 1.002  # what a law that just met its limits may exceed them by here, where places lie otherwise
 
 
-_Motion: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+class _Motion(NamedTuple):
+    """Along an even clock."""
+
+    clock: FloatArray
+    """(m,) τ [s]"""
+    s: FloatArray
+    """(m,)"""
+    speed: FloatArray
+    """(m,) ds/dτ [1/s]"""
+    change: FloatArray
+    """(m,) d²s/dτ² [1/s²]"""
 
 
 @dataclass(frozen=True)
@@ -103,25 +113,27 @@ class RestOfLaw:
         if limits is None:
             return found
         motion = found._motion()
-        excess = found._excess(limits, motion)
+        kept = limits.at(motion.s)
+        excess = found._excess(kept, motion)
         while excess > _MET:
             pace = found.pace * min(0.99 / excess, _SLOWER)
             if pace < LEAST_PACE:
                 return None
             tried = [cls(law, begin, pace, ramp) for ramp in RAMPS]
-            needed = [rest._excess(limits, motion) for rest in tried]
+            needed = [rest._excess(kept, motion) for rest in tried]
             excess, found = min(needed), tried[int(np.argmin(needed))]
         return found
 
     def keeps(self, limits: PathLimits) -> bool:
         """Return whether the law keeps limits along its path; looked at as by `within`."""
-        return self._excess(limits, self._motion()) <= _MET
+        motion = self._motion()
+        return self._excess(limits.at(motion.s), motion) <= _MET
 
-    def _excess(self, limits: PathLimits, motion: _Motion) -> float:
+    def _excess(self, limits: LimitsAt, motion: _Motion) -> float:
         """Return by how much time had to be stretched to keep limits; ``motion`` is that of an even clock."""
-        clock, s, speed, change = motion
-        rate, growth = _slowed(clock - self.begin, self.pace, self.ramp)
-        return limits.excess(s, speed * rate, change * rate**2 + speed * growth)
+        rate, growth = _slowed(motion.clock - self.begin, self.pace, self.ramp)
+        speed, change = motion.speed * rate, motion.change * rate**2 + motion.speed * growth
+        return limits.excess(speed, change)
 
     def _clock(self, time: float) -> tuple[float, float]:
         """Return τ [s] and τ' at ``time`` ≥ begin [s]."""
@@ -131,7 +143,7 @@ class RestOfLaw:
         return time - late, 1.0 - lost * u * u * (3.0 - 2.0 * u)
 
     def _motion(self) -> _Motion:
-        """Return clock times [s], s, ds/dτ and d²s/dτ² (m,) until the law is finished."""
+        """Return the motion until the law is finished."""
         span = 1.0
         while not self.law.finished(self.begin + span):
             span *= 2.0
@@ -142,7 +154,7 @@ class RestOfLaw:
         clock = self.begin + np.linspace(0.0, span, _PLACES)
         w, speed, growth = self.law.motion(clock)
         left = 1.0 - self._done
-        return clock, np.clip((w - self._done) / left, 0.0, 1.0), speed / left, growth / left
+        return _Motion(clock, np.clip((w - self._done) / left, 0.0, 1.0), speed / left, growth / left)
 
 
 def _slowed(elapsed: FloatArray, pace: float, ramp: float) -> tuple[FloatArray, FloatArray]:

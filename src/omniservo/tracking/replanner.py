@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -171,14 +172,14 @@ class Replanner:
         points, root mean square.
         """
         problem, pose = self._problem, self._tracker.goal.pose
-        goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
-        off = problem.initial_T_goal.inv() * goal
+        shift = pose[4:] - problem.goal_translation
+        turned = abs(float(pose[:4] @ problem.goal_quaternion)) / float(np.linalg.norm(pose[:4]))
         distance = float(np.linalg.norm(problem.points - problem.goal_translation, axis=1).mean())
-        moved = np.linalg.norm(self._tracker.points - problem.points, axis=1)
+        moved = self._tracker.points - problem.points
         return max(
-            float(np.linalg.norm(off.translation)),
-            distance * float(off.rotation.magnitude()),
-            float(np.sqrt(np.mean(moved**2))),
+            float(np.linalg.norm(shift)),
+            distance * 2.0 * math.acos(min(turned, 1.0)),
+            float(np.sqrt(np.mean(np.sum(moved * moved, axis=1)))),
         )
 
     def set_obstacles(self, obstacles: Iterable[Obstacle]) -> None:

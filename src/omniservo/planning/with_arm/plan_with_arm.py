@@ -102,13 +102,15 @@ class ArmPlanner:
         begin: float,
         *,
         aims: Sequence[FloatArray | None] | None = None,
+        velocity: FloatArray | None = None,
     ) -> None:
         """Join them.
 
         ``bodies`` are the setting's among the problem's obstacles, ``begin`` is when all began; ``aims`` are
-        what self-motion is led to, one after the other: by default nothing, then what is free at the goal.
+        what self-motion is led to, one after the other: by default nothing, then what is free at the goal;
+        ``velocity`` as for `follow_path`.
         """
-        self._aims_given = aims
+        self._aims_given, self._velocity = aims, velocity
         self._problem, self._setting, self._bodies, self._begin = problem, setting, bodies, begin
         self.search = ProblemSearch.of(problem, int(seed))
         """the camera's own"""
@@ -127,6 +129,12 @@ class ArmPlanner:
                     if plan.status == "certified":
                         return self._arm_plan(plan, attempt, number)
         return None
+
+    def ends_freely(self, path: CameraPath) -> bool:
+        """Return whether the arm, if it gets to the end of a camera path, can stand there."""
+        branches = [attempt.judged.branch for attempt in self._unmoved(path)]
+        ends = [self._joint_demands.values(b.positions[-1]) for b in branches if b.w[-1] >= 1.0]
+        return any(bool((least >= 0.0).all()) for least in ends)
 
     def plan(self, first: CameraPath | None = None, budget: TimeBudget | None = None) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
@@ -210,7 +218,7 @@ class ArmPlanner:
     def _follow(self, path: CameraPath, start: FloatArray | None, aim: FloatArray | None) -> FollowedPath:
         setting = self._setting
         frames = setting.base_T_initial, setting.flange_T_camera
-        return follow_path(setting.arm, path, *frames, start=start, aim=aim)
+        return follow_path(setting.arm, path, *frames, start=start, aim=aim, velocity=self._velocity)
 
     def _aims(self) -> Iterator[FloatArray | None]:
         """Yield what the arm's self-motion is led to; None: nothing."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -24,13 +25,14 @@ from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
+from omniservo.robots.step_kernels import settle
 
 ROOMS = (0.02, 0.05)
 """[m] more than is asked from camera centre to obstacles: so bent a path is found in a fraction of the time
 that moving it for the arm takes"""
 
-_ITERATIONS = 3
-"""of Newton: between two samples of a joint path the camera may be 1e-6 off"""
+_BETWEEN = 1e-2
+"""[m] over `LENGTH_SCALE`, [rad] farther from the camera's pose than rounding and quintics leave joints"""
 
 
 def replan_with_arm(
@@ -48,7 +50,7 @@ def replan_with_arm(
 
     Tried first is the proven camera path nearest to the rest of the old one; if the arm cannot follow it, it
     is moved until it can, and after it other starts, as by `plan_with_arm`. The plan stands in the present
-    camera frame; joints go on from where they are, those of a six-joint arm with their present speeds.
+    camera frame; joints go on from where they are, with their present speeds.
 
     Args:
         plan: the plan that is followed; any that has a path.
@@ -67,22 +69,24 @@ def replan_with_arm(
     finite_number("seed", seed, minimum=0)
     old, pose, rest = rest_of_plan(plan, w, problem)
     base_T_here = setting.base_T_initial * pose
-    start = _on_pose(setting.arm, joints(w), base_T_here * setting.camera_T_flange)
-    here = replace(setting, base_T_initial=base_T_here, start=start)
+    goal = base_T_here.as_matrix() @ setting.camera_T_flange.as_matrix()
+    here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies
     reason = violation_at_end(rest) or violation_at_start(here, bodies)
     if reason:
         return _nothing(rest, budget, reason)
-    # Self-motion goes on towards where it was led: anything else would make it jump.
-    aims = [None if plan.aim is None else joints.positions[-1]]
-    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims)
+    aims = [None if plan.aim is None else joints.positions[-1]]  # self-motion goes on to where it was led
+    velocity = (1.0 - w) * joints(w, 1) if setting.arm.dof > 6 else None
+    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims, velocity=velocity)
     near = path_near_rest(planner.search, old, w, pose)
-    found = planner.as_they_are(_with_room(rest, near, old, w, pose))
-    if found is not None:
-        return found
-    reason = violation_at_goal(rest, here, bodies) if here.arm.has_closed_form else ""
-    if reason:
-        return _nothing(rest, budget, reason)
+    if near is not None:
+        found = planner.as_they_are(chain([near], _with_room(rest, old, w, pose)))
+        if found is not None:
+            return found
+    if here.arm.has_closed_form and (near is None or not planner.ends_freely(near)):
+        reason = violation_at_goal(rest, here, bodies)
+        if reason:
+            return _nothing(rest, budget, reason)
     return planner.plan(near, budget)
 
 
@@ -92,26 +96,23 @@ def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
 
 
 def _with_room(
-    rest: PlanningProblem, near: CameraPath | None, old: CameraPath, w: float, pose: RigidTransform
+    rest: PlanningProblem, old: CameraPath, w: float, pose: RigidTransform
 ) -> Iterator[CameraPath]:
     """Yield camera paths near the old one that leave the bodies behind the camera more and more room."""
-    if near is not None:
-        yield near
     names = [f"clearance obstacle {i}" for i in range(len(rest.obstacles))]
     for room in ROOMS:
         wider = ProblemSearch.of(widened(rest, dict.fromkeys(names, room), 0.0))
         path = path_near_rest(wider, old, w, pose)
-        if path is not None:
-            yield path
+        if path is None:
+            return
+        yield path
 
 
-def _on_pose(arm: Arm, q: FloatArray, base_T_flange: RigidTransform) -> FloatArray:
-    """Return the joints next to ``q`` that put the flange on a pose."""
-    goal = base_T_flange.as_matrix()
-    for _ in range(_ITERATIONS):
-        twist, jacobian = arm.miss(q, goal)
-        q = q + np.linalg.lstsq(jacobian, twist)[0]
-    twist, _ = arm.miss(q, goal)
-    if not np.abs(twist).max() < 1e-6:
+def _on_pose(arm: Arm, q: FloatArray, base_T_flange: FloatArray) -> FloatArray:
+    """Return the joints next to ``q`` that put the flange on a pose (4, 4)."""
+    stand, goal = np.array(q), np.ascontiguousarray(base_T_flange)
+    twist, _ = arm.miss(stand, goal)
+    near = float(np.abs(twist).max()) < _BETWEEN
+    if not near or not settle(arm.chain, goal, stand, np.empty((6, arm.dof))):
         raise InputError("joints: they do not put the camera where the plan's path has it at w")
-    return q
+    return stand
