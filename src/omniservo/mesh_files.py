@@ -1,4 +1,4 @@
-"""Mesh files at the program's edge: STL and OBJ read within bounds."""
+"""Mesh files at the program's edge: STL, OBJ and COLLADA read within bounds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from omniservo.collada_text import collada_triangles
 from omniservo.errors import InputError
 from omniservo.files import read_bytes
 from omniservo.geometry.arrays import FloatArray, IntArray
@@ -18,21 +19,22 @@ MOST_BYTES = 16 * 2**20
 
 
 def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return vertices (v, 3) and triangles (f, 3) of an STL (text or binary) or OBJ file, as it has them.
+    """Return vertices (v, 3) and triangles (f, 3) of an STL (text or binary), OBJ or COLLADA (DAE) file.
 
-    Materials, textures and whatever else the file names are not read.
+    STL and OBJ as they have them, COLLADA in metres, see `collada_triangles`. Materials, textures and
+    whatever else the file names are not read.
 
     Raises:
         InputError: not readable, above 16 MiB, not of these formats, not finite, or without a triangle.
     """
     kind = path.suffix.lower()
-    if kind not in (".stl", ".obj"):
-        raise InputError(f"{path}: {kind!r} given; legal: '.stl', '.obj'")
+    if kind not in _LOADERS:
+        raise InputError(f"{path}: {kind!r} given; legal: {', '.join(map(repr, _LOADERS))}")
     content = io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # NumPy warns where it stops in the middle of a text
-            loaded = _load_stl(content) if kind == ".stl" else _load_obj(content)
+            loaded = _LOADERS[kind](content)
         pieces = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
         vertices = [np.asarray(p["vertices"], dtype=np.float64).reshape(-1, 3) for p in pieces]
         faces = [np.asarray(p.get("faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3) for p in pieces]
@@ -64,3 +66,11 @@ def _load_obj(content: io.BytesIO) -> dict[str, Any]:
 
     loaded: dict[str, Any] = load_obj(content, resolver=None, skip_materials=True)
     return loaded
+
+
+def _load_dae(content: io.BytesIO) -> dict[str, Any]:
+    vertices, triangles = collada_triangles(content.read().decode("utf-8"))
+    return {"vertices": vertices, "faces": triangles}
+
+
+_LOADERS = {".stl": _load_stl, ".obj": _load_obj, ".dae": _load_dae}

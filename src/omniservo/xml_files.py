@@ -10,6 +10,7 @@ from omniservo.errors import InputError
 
 _MAX_DEPTH = 32
 _MAX_ELEMENTS = 50_000
+_TEXT_AT_ONCE = 2**20
 
 
 class XmlElement(ET.Element):
@@ -34,6 +35,7 @@ def parse_elements(text: str, source: str) -> XmlElement:
             the line.
     """
     parser = expat.ParserCreate()
+    parser.buffer_text, parser.buffer_size = True, _TEXT_AT_ONCE
     builder = _Builder(parser, source)
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end

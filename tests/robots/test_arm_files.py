@@ -96,17 +96,17 @@ def test_meshes_may_lie_beside_the_folder_of_the_file(tmp_path):
 
 def test_a_link_whose_only_picture_is_not_read_is_refused(tmp_path):
     text = re.sub(r"<collision>.*?</collision>", "", urdf(), count=1, flags=re.DOTALL)
-    text = text.replace(CYLINDER, MESH.format("fancy.dae"), 1)
+    text = text.replace(CYLINDER, MESH.format("fancy.ply"), 1)
     message = (
-        "link 'base_link': visual: mesh 'fancy.dae' given, and nothing else is there to be touched; legal: "
+        "link 'base_link': visual: mesh 'fancy.ply' given, and nothing else is there to be touched; legal: "
     )
     with pytest.raises(InputError, match=message):
         read(tmp_path, text)
 
 
 def test_pictures_in_other_formats_are_left_out_with_a_notice(tmp_path):
-    arm = read(tmp_path, urdf(visual=MESH.format("package://not_there/fancy.dae")))
-    assert any("pictures of links left out" in notice and "fancy.dae" in notice for notice in arm.notices)
+    arm = read(tmp_path, urdf(visual=MESH.format("package://not_there/fancy.ply")))
+    assert any("pictures of links left out" in notice and "fancy.ply" in notice for notice in arm.notices)
     assert [shape.kind for link in arm.links for shape in link.shapes] == ["cylinder"] * 7
 
 
@@ -285,8 +285,8 @@ BAD_URDF = {
         "legal: a path inside the file's folder, or package://NAME/path",
     ),
     "touched picture": (
-        lambda text: text.replace(CYLINDER, MESH.format("m.dae")),
-        "collision: mesh 'm.dae' given; legal: .stl, .obj",
+        lambda text: text.replace(CYLINDER, MESH.format("m.ply")),
+        "collision: mesh 'm.ply' given; legal: .stl, .obj, .dae",
     ),
     "no mesh in it": (
         lambda text: text.replace(CYLINDER, MESH.format("text.stl"), 1),

@@ -1,4 +1,4 @@
-"""Convex parts of STL and OBJ files."""
+"""Convex parts of mesh files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ extent. The obstacle is the hull, which holds the whole part."""
 
 
 def read_mesh(path: Path) -> list[FloatArray]:
-    """Return the corners (n, 3) of every convex part of an STL (text or binary) or OBJ file.
+    """Return the corners (n, 3) of every convex part of an STL (text or binary), OBJ or COLLADA file.
 
     Vertices of equal coordinates are one. Materials, textures and whatever else the file names are not read.
 

@@ -11,7 +11,7 @@ from omniservo.files import file_inside
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.mesh_files import read_triangles
 
-READABLE = (".stl", ".obj")
+READABLE = (".stl", ".obj", ".dae")
 """Endings of the meshes that are read."""
 
 MOST_TRIANGLES = 200_000
