@@ -7,15 +7,17 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.square_evidence import square_gaps
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.squared_corners import odd_size, square_gaps, squared
+from omniservo.estimation.two_view_fit import fit_members
 from omniservo.perception import MatchedPoints
 
 UPRIGHT = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
 TURN = Rotation.from_rotvec([0.1, -0.15, 0.1])
 
 
-def tags(rng, count):
-    """(4·count, 3) corners of tags of 4 to 7 cm, half a metre ahead."""
+def tags(rng, count, size=None):
+    """(4·count, 3) corners of tags of one size or of 4 to 7 cm, half a metre ahead."""
     places = [
         RigidTransform.from_components(
             [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.4, 0.6)],
@@ -23,7 +25,7 @@ def tags(rng, count):
         )
         for _ in range(count)
     ]
-    return np.concatenate([place.apply(rng.uniform(0.04, 0.07) * UPRIGHT) for place in places])
+    return np.concatenate([place.apply((size or rng.uniform(0.04, 0.07)) * UPRIGHT) for place in places])
 
 
 def pictures(rng, count, make_view, fisheye, noise=0.1):
@@ -126,3 +128,35 @@ def test_squares_that_are_none_are_named(make_scene, squares, said):
     scene = make_scene(np.random.default_rng(126), n=12)
     with pytest.raises(InputError, match=said):
         estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal, squares=squares)
+
+
+def test_a_wrong_tag_that_is_a_square_of_another_size_by_chance_is_left_out_where_the_motion_rests_on_it():
+    """Its corners and its shape agree with the motion that it asks for."""
+    words, wrong = one_case(("one wrong tag number", 12058))[2]
+    assert (words, wrong) == ("ok, far within its ellipsoid", False)
+
+
+def test_sizes_that_differ_are_told_from_one_that_does(make_view, fisheye):
+    rng = np.random.default_rng(127)
+    scene = make_view(fisheye, tags(rng, 5, 0.05), TURN, np.array([0.1, 0.05, 0.06]))
+    matches = Matches.of_pixels(
+        fisheye, np.concatenate(scene.noisy(rng, 0.05), axis=1), np.full((20, 2), 0.05)
+    )
+    minimum = fit_members(matches, np.ones(20, dtype=np.bool_), 0, None).minima[0]
+    found = squared(matches, minimum, np.arange(20).reshape(5, 4))
+    for factors, odd in (([1, 1, 1, 1, 1], None), ([1, 1, 1.5, 1, 1], 2), ([1, 0.6, 1.5, 1, 1.2], None)):
+        middle = found.corners.mean(axis=1, keepdims=True)
+        corners = middle + np.array(factors)[:, None, None] * (found.corners - middle)
+        assert odd_size(found._replace(corners=corners), 0.05**2) == odd
+
+
+def test_a_larger_tag_among_equal_ones_stays_where_the_others_know_the_motion(make_view, fisheye):
+    rng, kept = np.random.default_rng(128), 0
+    for _ in range(10):
+        corners = tags(rng, 8, 0.05)
+        corners[28:] = tags(rng, 1, 0.1)
+        scene = make_view(fisheye, corners, TURN, np.array([0.1, 0.05, 0.06]))
+        initial, goal = scene.noisy(rng, 0.1)
+        found = estimate_two_view(fisheye, initial, goal, noise=0.1, squares=np.arange(32).reshape(8, 4))
+        kept += found.status == "ok" and bool(found.inliers.all())
+    assert kept >= 8

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from omniservo.calibration import ImageCalibration
     from omniservo.cameras import UnifiedCamera
 
-_BOARD = "checkerboard:8x6:0.042 (inner corners, square [m]), charuco:…, aprilgrid:…, circles:…"
+_BOARD = "checkerboard:8x6:0.042 (inner corners, square in m), charuco:…, aprilgrid:…, circles:…"
 
 
 def calibrate(

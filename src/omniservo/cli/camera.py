@@ -24,7 +24,7 @@ app.command("calibrate")(calibrate)
 app.command("rectify")(rectify)
 
 LargestOption = Annotated[
-    float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's [px].")
+    float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's, in px.")
 ]
 
 _ANY_PX = 1e9

@@ -44,7 +44,7 @@ def estimate(
         Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
     ] = None,
     displacement: Annotated[
-        float | None, typer.Option("--displacement", help="Between the two camera centres [m].")
+        float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
     ] = None,
     planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from omniservo.calibration.hand_eye import ImageHandEye
 
-_BOARD = "checkerboard:9x6:0.0236 (inner corners, square [m]), charuco:…, aprilgrid:…, circles:…"
+_BOARD = "checkerboard:9x6:0.0236 (inner corners, square in m), charuco:…, aprilgrid:…, circles:…"
 _POSES = "The robot's poses base_T_tool (YAML, JSON, CSV), or ViSP's files with %d for the number."
 
 

@@ -33,9 +33,10 @@ def rectify(
         str | None, typer.Option("--up", help="What is up in the view, camera frame: x,y,z.")
     ] = None,
     field_of_view: Annotated[
-        float | None, typer.Option("--field-of-view", help="Horizontal [deg]; tangent 90, cylindrical 180.")
+        float | None,
+        typer.Option("--field-of-view", help="Horizontal, degrees; tangent 90, cylindrical 180."),
     ] = None,
-    view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT [px].")] = None,
+    view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT, in px.")] = None,
     name: NameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,

@@ -46,6 +46,8 @@ METHODS = ("pixel", "virtual-plane", "homography")
 ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
 MOST_STEPS = 100
 
+NO_SQUARES: IntArray = np.empty((0, 4), dtype=np.int64)
+
 ASSUMED_NOISE_PX = 0.5
 """of fewer than eight matches where none is stated: they leave too few residuals to tell."""
 
@@ -160,7 +162,9 @@ def _checked_scale(scale: Any, n: int) -> tuple[tuple[int, int] | None, float | 
 
 def _checked_squares(squares: npt.ArrayLike | None, n: int) -> IntArray:
     """Return (m, 4) places of matches; no match is a corner of two squares."""
-    places = np.empty((0, 4), dtype=np.int64) if squares is None else np.asarray(squares)
+    if squares is None:
+        return NO_SQUARES
+    places = np.asarray(squares)
     if places.ndim != 2 or places.shape[1] != 4 or places.dtype.kind not in "iu":
         raise InputError(f"squares: {places.dtype} {places.shape} given; whole numbers (m, 4) are needed")
     if places.size and not 0 <= places.min() <= places.max() < n:

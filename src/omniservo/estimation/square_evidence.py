@@ -10,6 +10,9 @@ square as well. To first order in the noise the squares cost min dᵀC⁻¹d ove
 with g(h + d) = 0, C their joint covariance, the motion free to follow. That and the cost of the motion are
 what all pixels say against all squares together. A square that is not what it is taken for is found by what
 leaving it out brings: its 16 pixel coordinates have 7 parameters, so χ² with 9 degrees of freedom.
+
+By chance a wrong one lies where some motion makes it a square again, mostly of another size. So where all
+others are of one size, one that is not and that the motion rests on is left out, too.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ from scipy.special import chdtrc, fdtrc
 from omniservo.estimation.evidence import largest_noise, separation
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import MOTION_PARAMETERS
-from omniservo.estimation.motion_search import LEAST_NOISE_PX, Minimum
+from omniservo.estimation.motion_search import LEAST_NOISE_PX
+from omniservo.estimation.squared_corners import CONDITIONS, Squared, odd_size, squared
 from omniservo.estimation.two_view_fit import (
     EIGHT_POINTS,
     NEARLY_AS_GOOD,
@@ -34,24 +38,23 @@ from omniservo.estimation.two_view_fit import (
     fit_two_views,
 )
 from omniservo.estimation.uncertainty import determines_motion, linear_response
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, IntArray
 
-CONDITIONS = 5
-"""of a square, see g above"""
 FREEDOM = 9
 """of a square: 16 pixel coordinates less 3 of its place, 3 of its orientation and its side"""
-
-PRINTED = 0.005
-"""A print is a square but for so much of its side, and so is what a calibration makes of it."""
-
-STEPS = 4
-"""of Gauss-Newton on g"""
 
 USUAL = 0.5
 """Squares that leave less than that are not looked at one by one."""
 
 DOUBT = 0.05
 """Leaving out one of the squares is named where chance explains what it brings with less than this."""
+
+LEAST_ALIKE = 3
+"""So many squares of one size make another one of another size doubtful."""
+
+DECISIVE = 2.0
+"""A square of another size is left out where it makes the motion's variance so many times smaller: where it
+says more than all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +66,8 @@ class _Explained:
     cost: float
     """of the motion and of the squares [px²]"""
     freedom: int
+    corners: Squared | None
+    """of the squares, in the best minimum"""
 
     def variance(self, stated: float) -> float:
         """Return σ² [px²]: what is stated, or what is left, if that is more."""
@@ -96,14 +101,15 @@ def fit_squares(matches: Matches, squares: IntArray, kind: int) -> tuple[TwoView
         tried = _without_each(matches, kept, squares, left, kind)
         if not tried:
             break
-        chances = [_chance(whole, other, stated) * len(left) for _, other in tried]
+        chances = [_chance(whole, other, stated) for _, other in tried]
         worst, best = tried[0]
-        if chances[0] >= SIGNIFICANCE:
+        if chances[0] * len(left) >= SIGNIFICANCE:
             rivals += [other.fit for (_, other), chance in zip(tried, chances, strict=True) if chance < DOUBT]
             break
         rivals = [other.fit for _, other in tried[1:] if other.cost < best.cost + best.margin(stated)]
         left.remove(worst)
         kept[squares[worst]] = False
+    whole = _without_odd(matches, kept, squares, left, kind, whole)
     if whole.fit.minima and 4 * len(left) == kept.sum():
         return _beside(whole.fit, rivals), _disagreement(whole, len(left), stated)
     fit = fit_two_views(matches.where(kept), kind, robust=True)
@@ -112,6 +118,41 @@ def fit_squares(matches: Matches, squares: IntArray, kind: int) -> tuple[TwoView
     members = np.zeros(matches.size, dtype=np.bool_)
     members[kept] = fit.members
     return _beside(replace(fit, members=members), rivals), ""
+
+
+def _without_odd(
+    matches: Matches, kept: BoolArray, squares: IntArray, left: list[int], kind: int, whole: _Explained
+) -> _Explained:
+    """Return what is explained without the square of another size than all others, where it is decisive.
+
+    It is then no longer ``kept`` and ``left``.
+    """
+    if whole.corners is None or len(left) <= LEAST_ALIKE:
+        return whole
+    odd = odd_size(whole.corners, whole.variance(matches.noise_px))
+    if odd is None:
+        return whole
+    others, rest = kept.copy(), [k for k in left if k != left[odd]]
+    others[squares[left[odd]]] = False
+    without = _explained(matches, others, squares[rest], kind)
+    if _spread(matches, without) <= DECISIVE * _spread(matches, whole):
+        return whole
+    kept[:], left[:] = others, rest
+    return without
+
+
+def _spread(matches: Matches, explained: _Explained) -> float:
+    """Return the largest variance of the motion [rad²/px²]; infinite where it is free."""
+    fit = explained.fit
+    if not fit.minima:
+        return math.inf
+    members, best = matches.where(fit.members), fit.minima[0]
+    arrays = (members.parameters, members.pixels, members.weights)
+    solution = (best.rotation, best.translation, best.points)
+    if not determines_motion(*arrays, *solution):
+        return math.inf
+    noise = np.tile(np.eye(2).ravel(), (members.size, 2))
+    return float(np.linalg.eigvalsh(linear_response(*arrays, noise, *solution, None).unscaled)[-1])
 
 
 def _beside(fit: TwoViewFit, rivals: list[TwoViewFit]) -> TwoViewFit:
@@ -140,8 +181,10 @@ def _explained(matches: Matches, kept: BoolArray, squares: IntArray, kind: int) 
     fit, members = fit_members(matches, kept.copy(), kind, None, sampled=True), matches.where(kept)
     freedom = members.size - MOTION_PARAMETERS + CONDITIONS * len(squares)
     places = (np.cumsum(kept) - 1)[squares]
-    costs = [m.cost + cost_of_squares(members, m, places) for m in fit.minima]
-    least = _Explained(fit, min(costs, default=math.inf), freedom)
+    corners = [squared(members, m, places) for m in fit.minima]
+    costs = [m.cost + (c.cost if c else 0.0) for m, c in zip(fit.minima, corners, strict=True)]
+    best = int(np.argmin(costs)) if costs else 0
+    least = _Explained(fit, costs[best] if costs else math.inf, freedom, corners[best] if costs else None)
     most = least.cost + least.margin(matches.noise_px)
     near = [fit.minima[i] for i in np.argsort(costs) if costs[i] <= most]
     return replace(least, fit=replace(fit, minima=near))
@@ -171,47 +214,3 @@ def _disagreement(whole: _Explained, count: int, stated: float) -> str:
         f"the {count} tags are no squares under the best motion, which leaves {noise:.2g} px of noise{words}:"
         " one is taken for another, or the camera is another one"
     )
-
-
-def cost_of_squares(members: Matches, minimum: Minimum, squares: IntArray) -> float:
-    """Return by how much [px²] the cost of a minimum grows if the squares (m, 4) are squares."""
-    n = members.size
-    arrays = (members.parameters, members.pixels, members.weights)
-    solution = (minimum.rotation, minimum.translation, minimum.points)
-    if len(squares) == 0 or not determines_motion(*arrays, *solution):
-        return 0.0
-    rows, own = linear_response(*arrays, np.tile(np.eye(2).ravel(), (n, 2)), *solution, None).law()
-    corners = squares.ravel()
-    shared = rows[:, 6:].reshape(len(rows), n, 3)[:, corners].reshape(len(rows), -1)
-    spread = shared.T @ shared
-    for i, corner in enumerate(corners):
-        spread[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += own[corner]
-    variance = max(minimum.cost / max(n - MOTION_PARAMETERS, 1), members.noise_px**2, LEAST_NOISE_PX**2)
-    slack = PRINTED**2 / variance * np.eye(CONDITIONS * len(squares))
-    moved, cost = np.zeros(len(spread)), 0.0
-    for _ in range(STEPS):
-        gaps, slopes = square_gaps(minimum.points[squares] + moved.reshape(-1, 4, 3))
-        missing = gaps - slopes @ moved
-        back = np.linalg.solve(slopes @ spread @ slopes.T + slack, missing)
-        moved, cost = -spread @ (slopes.T @ back), float(missing @ back)
-    return max(cost, 0.0) if math.isfinite(cost) else 0.0
-
-
-def square_gaps(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return g (5m,) of four corners each (m, 4, 3) and its derivative (5m, 12m), the sides e held."""
-    m = len(corners)
-    a, b, c, d = np.swapaxes(corners, 0, 1)
-    u, v, gap = b - a, d - a, a - b + c - d
-    square = 0.5 * (np.sum(u * u, axis=1) + np.sum(v * v, axis=1))
-    side = np.sqrt(square)[:, None]
-    sides, angle = 0.5 * np.sum(u * u - v * v, axis=1) / square, np.sum(u * v, axis=1) / square
-    gaps = np.column_stack((gap / side, sides, angle))
-    slopes = np.zeros((m, CONDITIONS, m, 4, 3))
-    signs = np.array([1.0, -1.0, 1.0, -1.0])
-    for i in range(m):
-        for k in range(3):
-            slopes[i, k, i, :, k] = signs / side[i]
-        slopes[i, 3, i, 1], slopes[i, 3, i, 3] = u[i] / square[i], -v[i] / square[i]
-        slopes[i, 4, i, 1], slopes[i, 4, i, 3] = v[i] / square[i], u[i] / square[i]
-        slopes[i, 3:, i, 0] = -slopes[i, 3:, i, 1] - slopes[i, 3:, i, 3]
-    return gaps.ravel(), slopes.reshape(CONDITIONS * m, 12 * m)

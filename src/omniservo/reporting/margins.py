@@ -82,13 +82,13 @@ def visibility(result: RunResult) -> Drawing:
     axes.set_ylim(bottom=low)
     if low < 0.0:
         axes.axhspan(low, 0.0, color=FORBIDDEN, zorder=0)
-    axes.set_ylabel("nearest dot to an image limit [px]")
+    axes.set_ylabel("nearest point to an image limit [px]")
     legend_below(figure, axes, 2)
     return Drawing(
         "visibility",
         "Points in view",
-        "Distance of the worst dot to the nearest limit: image border, lens's circle, dead zone. Above zero "
-        "every dot is in view. A gap is a dot that the camera cannot see at all.",
+        "Distance of the worst point to the nearest limit: image border, lens's circle, dead zone. Above "
+        "zero every point is in view. A gap is a point that the camera cannot see at all.",
         figure,
     )
 

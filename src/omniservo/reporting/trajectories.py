@@ -124,7 +124,7 @@ def _left_out(executed: Curve) -> str:
     """Say how many points the virtual plane cannot show."""
     every = executed.pixels.shape[0] * executed.pixels.shape[1]
     if executed.points_left_out == 0:
-        return "The virtual plane ends at 90° from the optical axis; here every dot seen is inside it."
+        return "The virtual plane ends at 90° from the optical axis; here every point seen is inside it."
     return (
         f"The virtual plane ends at 90° from the optical axis: {executed.points_left_out} of {every} "
         "detections lie beyond it and are left out."
