@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from tests.files.test_collada import document
 from urdf_arms import CYLINDER, SEVEN, SIX, fingers, urdf, urdf_forward
 
 from omniservo.errors import InputError
@@ -85,6 +86,13 @@ def test_meshes_are_found_in_the_package_or_beside_the_file(tmp_path, ending, pl
     shapes = [shape for link in arm.links for shape in link.shapes]
     assert [shape.kind for shape in shapes] == ["mesh"] * 7
     assert sorted(shapes[0].extents) == pytest.approx([0.05, 0.1, 0.1], rel=0.1)
+
+
+def test_collada_meshes_are_seen_and_touched(tmp_path):
+    (tmp_path / "part.dae").write_text(document())
+    arm = read(tmp_path, urdf(visual=MESH.format("part.dae"), collision=MESH.format("part.dae")))
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
+    assert not any("left out" in notice for notice in arm.notices)
 
 
 def test_meshes_may_lie_beside_the_folder_of_the_file(tmp_path):

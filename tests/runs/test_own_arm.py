@@ -1,10 +1,13 @@
 """The documentation's first task, with an arm that is not shipped: a gripper, six joints, no closed form."""
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from tests.cli.calling import call
 from tests.robots.urdf_arms import CYLINDER, SIX, fingers, urdf
 
 from omniservo.calibration import save_camera
@@ -18,11 +21,14 @@ from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "tasks.md"
-EXAMPLE = re.search(r"<!-- own-arm -->\n```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
+EXAMPLE, MORE = re.search(
+    r"<!-- own-arm -->\n```yaml\n(.*?)```.*?```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL
+).groups()
+"""the page's first task, and what it puts in the way"""
 
 
 @pytest.fixture
-def task(tmp_path):
+def file(tmp_path):
     (tmp_path / "my_arm.urdf").write_text(urdf(SIX, visual=CYLINDER, extra=fingers()))
     joints = np.rad2deg(handy_posture(Arm(tmp_path / "my_arm.urdf"))).round().tolist()
     text = re.sub(r"joints: \[.*?\]", f"joints: {joints}", EXAMPLE)
@@ -30,7 +36,12 @@ def task(tmp_path):
     save_camera(UnifiedCamera(210.0, 210.0, 159.5, 119.5, 0.0, 320, 240), tmp_path / "camera.yaml")
     text = text.replace("camera: perspective", "sensor: {rate: 10}\ncamera: camera.yaml")  # to be quick
     (tmp_path / "task.yaml").write_text(text)
-    return load_task(tmp_path / "task.yaml")
+    return tmp_path / "task.yaml"
+
+
+@pytest.fixture
+def task(file):
+    return load_task(file)
 
 
 def test_an_arm_with_a_gripper_is_planned_for_with_its_fingers(task):
@@ -42,6 +53,18 @@ def test_an_arm_with_a_gripper_is_planned_for_with_its_fingers(task):
     assert plan_with_arm(problem, setting).plan.status == "certified"
 
 
+def test_what_the_documentation_puts_in_the_way_bends_the_path(file):
+    document = {**yaml.safe_load(file.read_text()), **yaml.safe_load(MORE)}
+    file.write_text(json.dumps(document))
+    task = load_task(file)
+    points = np.array([[x, y, 0.25 + x * y] for x in (-0.05, 0.0, 0.05) for y in (-0.04, 0.0, 0.04)])
+    problem = problem_of(task, task.teach.initial_T_goal.transform, points)
+    plan = plan_with_arm(problem, arm_setting_of(task, scene_of_task(task))).plan
+    assert plan.status == "certified"
+    straight = 0.5 * problem.initial_T_goal.translation
+    assert problem.obstacles[0].distance(straight[None])[0] < problem.clearance
+
+
 def test_the_first_task_of_the_documentation_is_run_to_the_end(task):
     result = run_task(task, filmed=False)
     assert result.metrics["status"] == "converged"
@@ -49,3 +72,44 @@ def test_the_first_task_of_the_documentation_is_run_to_the_end(task):
     assert result.metrics["arm_clearance_proof"] == "clear"
     assert {"left", "right"} <= set(result.whole_arm.executed)
     assert result.metrics["final_translation_error_m"] < 5e-4
+
+
+BAD = {
+    "goal out of reach": (
+        ("task.yaml", "translation: [60, 15, 50]", "translation: [60, 15, -950]"),
+        (2, "teach.initial_T_goal: flange pose at .* the arm reaches 0.84. m from its first axis"),
+    ),
+    "start in an obstacle": (
+        (
+            "task.yaml",
+            "planning:",
+            "planning:\n  obstacles: [{type: sphere, center: [0, 0, -60], radius: 10}]",
+        ),
+        (1, "no path: infeasible: the start pose is not free: camera and obstacle 0 are -"),
+    ),
+    "limits narrower than the start": (
+        ("my_arm.urdf", 'lower="-2.9"', 'lower="0.5"'),
+        (2, r"task.yaml: start.joints: pan at 0.0 deg; legal: 28.6 … 166.2 deg"),
+    ),
+    "no limits": (
+        ("my_arm.urdf", '<limit lower="-2.9" upper="2.9" velocity="2.0" effort="120"/>', ""),
+        (2, "my_arm.urdf: line .*: joint 'pan': no <limit>; legal: <limit lower="),
+    ),
+    "a finger as the tool": (
+        ("task.yaml", "tool: tool0", "tool: left"),
+        (2, "joint 'slide_a': is of type 'prismatic' and carries the tool 'left'"),
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_what_is_wrong_with_an_own_arm_is_one_message(capsys, file, fault):
+    (name, given, instead), (wanted, message) = BAD[fault]
+    text = (file.parent / name).read_text()
+    assert given in text
+    (file.parent / name).write_text(text.replace(given, instead, 1))
+    code, out, err = call(capsys, "run", file, "--out", file.parent / "result", "--quiet")
+    assert (code, out) == (wanted, "")
+    assert re.search(message, err)
+    assert len(err.splitlines()) == 1
+    assert not (file.parent / "result").exists()
