@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,9 @@ SHARE = 0.01
 
 SEED = 515
 
+REGULAR = 0.1
+"""The planned postures keep at least this smallest singular value."""
+
 
 def runs_of(arm: Arm, count: int) -> Iterator[FloatArray]:
     """Yield what so many runs strayed by (n + 2,)."""
@@ -43,7 +47,7 @@ def runs_of(arm: Arm, count: int) -> Iterator[FloatArray]:
         seed += 1
         random = np.random.default_rng([SEED, seed])
         problem, setting = random_task(arm, random, **TARGET)
-        found = plan_with_arm(problem, setting)
+        found = plan_with_arm(problem, replace(setting, singular_value=REGULAR))
         if not found.certified or found.branch is None or setting.start is None:
             continue
         balls = [(np.array(o.center), o.radius) for o in problem.obstacles]
@@ -64,7 +68,7 @@ def tube_of(arm: Arm, count: int) -> TrackingTube:
     """Return the tube of so many runs."""
     seen = f"{TARGET['points']} points, {NOISE_PX} px of noise, 30 Hz, 20 ms late"
     source = f"{count} simulated runs on random tasks, {seen}; python -m benchmarks.tracking_tube"
-    return TrackingTube.of(arm.name, carried(arm).tube_parts, list(runs_of(arm, count)), source)
+    return TrackingTube.of(arm.name, carried(arm).tube_parts, list(runs_of(arm, count)), REGULAR, source)
 
 
 def main() -> None:

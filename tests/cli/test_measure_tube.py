@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from tests.cli.calling import call
 
-from omniservo.robots import TrackingTube
+from omniservo.robots import TrackingTube, load_arm
+from omniservo.tasks import load_task
+
+START, WAY = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2]), np.array([0.3, 0.1, 0.0, 0.0, 0.2, 0.0])
 
 
 def log(path, beside, **without):
@@ -18,7 +21,7 @@ def log(path, beside, **without):
         writer = csv.writer(file)
         writer.writerow([without.get(name, name) for name in ("time", *names, *points)])
         for w in np.linspace(0.0, 1.0, 20):
-            planned = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2]) + w * np.array([0.3, 0.1, 0, 0, 0.2, 0])
+            planned = START + w * WAY
             executed = planned + beside * np.eye(6)[3]
             writer.writerow([4 * w, *executed, *planned, 100.0, 50.0, 100.0, 52.0])
     return path
@@ -32,7 +35,12 @@ def test_runs_become_a_tube_that_a_task_can_name(capsys, tmp_path):
     code, said, err = call(capsys, "robot", "measure-tube", "paper-example-1", *runs, "--out", out, "--json")
     assert (code, err) == (0, "")
     assert json.loads(said)["runs"] == 4
+    arm, w = load_arm("rx60"), np.linspace(0.0, 1.0, 20)
+    mount = load_task("paper-example-1").arm.flange_T_camera.transform
+    jacobians = [arm.scaled_camera_jacobian(START + s * WAY, mount) for s in w]
     tube = TrackingTube.load(out).at(0.2)
+    least = np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()
+    assert tube.singular_value == pytest.approx(least, rel=1e-6)
     assert tube.joints[3] == pytest.approx(4e-3, rel=1e-4)
     assert tube.image == pytest.approx(2.0, rel=0.2)  # all runs had the same; scaled with the rest
     assert tube.links["camera"] < 4e-3 * 0.2

@@ -318,3 +318,36 @@ def test_what_cannot_be_judged_for_the_whole_arm_is_refused():
     moving = Sphere(np.ones(3), 0.1, motion=np.array([[0.1, 0.0], [0.0, 0.0], [0.0, 0.0]]))
     with pytest.raises(InputError, match="obstacle 0: it moves"):
         plan_with_arm(replace(problem, obstacles=(moving,)), setting)
+
+
+@pytest.mark.parametrize("seed", [24, 59, 96])
+def test_an_arm_keeps_as_far_from_singular_postures_as_is_asked(seed):
+    arm = load_arm("rx60")
+    problem, setting = random_task(arm, np.random.default_rng([515, seed]))
+    wide = replace(setting, singular_value=0.1)
+
+    def least(found):
+        postures = found.branch(np.linspace(0.0, 1.0, 401))
+        jacobians = [arm.scaled_camera_jacobian(q, setting.flange_T_camera) for q in postures]
+        return np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()
+
+    assert least(plan_with_arm(problem, setting)) < 0.07
+    found = plan_with_arm(problem, wide)
+    assert found.certified, found.plan.reason
+    assert least(found) > 0.1 - 2e-3
+
+
+def test_a_start_that_is_more_singular_than_asked_is_named():
+    problem, setting = random_task(load_arm("rx60"), np.random.default_rng([515, 2]))
+    assert plan_with_arm(problem, setting).certified
+    found = plan_with_arm(problem, replace(setting, singular_value=0.1))
+    assert found.plan.status == "infeasible"
+    assert "start pose" in found.plan.reason
+    assert "smallest singular value 0.0444; at least 0.1" in found.plan.reason
+
+
+@pytest.mark.parametrize("wrong", [0.01, np.nan])
+def test_a_singular_value_that_no_arm_could_be_inverted_at_is_refused(wrong):
+    _, setting = random_task(load_arm("rx60"), np.random.default_rng([515, 2]))
+    with pytest.raises(InputError, match="singular_value"):
+        replace(setting, singular_value=wrong)

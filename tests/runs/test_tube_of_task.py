@@ -19,7 +19,7 @@ def folder(tmp_path):
     arm = load_arm("rx60")
     parts = ArmBodies(arm, mounted=CAMERA_HOUSING).tube_parts
     shape = [*[SHAPE["joints"]] * 6, *[SHAPE["links"]] * len(parts), 0.003, 0.01, 1.5]
-    TrackingTube("rx60", parts, np.array(shape), np.linspace(0.01, 1.0, 199), "made up").save(
+    TrackingTube("rx60", parts, np.array(shape), np.linspace(0.01, 1.0, 199), 0.07, "made up").save(
         tmp_path / "tube.json"
     )
     return tmp_path
@@ -48,6 +48,7 @@ def test_the_tube_is_added_to_every_margin_whatever_the_units_of_the_task_are(fo
     assert problem.visibility_margin == pytest.approx(asked.visibility_margin + share * 1.5, rel=1e-2)
     setting = arm_setting_of(task, scene_of_task(task))
     assert setting.limit_reserve == pytest.approx(share * 0.03, rel=1e-2)
+    assert setting.singular_value == 0.07
     bodies = setting.bodies(problem.obstacles)
     assert bodies.asked(0.005, 0.0) == pytest.approx(
         np.where([bodies.is_around(i) for i in range(len(bodies.pairs))], 0.005, 0.0) + share * 0.004,

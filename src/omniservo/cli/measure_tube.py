@@ -37,6 +37,7 @@ def measure_tube(
     output.line(
         f"{'camera':<14} {1e3 * tube.position:.2f} mm, {1e3 * tube.rotation:.2f} mrad, {tube.image:.2f} px"
     )
+    output.line(f"{'paths':<14} whose smallest singular value is {tube.singular_value:.3f} or more")
     for name, most in tube.links.items():
         output.line(f"{'link':<14} {name:<24} {1e3 * most:6.2f} mm")
     output.line(f"{'written':<14} {out}")

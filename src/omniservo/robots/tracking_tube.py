@@ -16,7 +16,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
-FORMAT = "omniservo.tracking-tube/1"
+FORMAT = "omniservo.tracking-tube/2"
 
 _SHAPE = 0.9
 """Quantile of the runs by which links, joints and camera are weighed against each other."""
@@ -46,6 +46,8 @@ class Tube:
     """the camera's turn [rad]"""
     image: float
     """any point in the image [px]"""
+    singular_value: float
+    """of the paths that it holds for, see `TrackingTube`"""
     share: float
     """of runs that may leave it, as asked"""
 
@@ -72,6 +74,9 @@ class TrackingTube:
     """(n + links + 3,) s: joints [rad], links [m], `PARTS` of the camera, read-only"""
     ratios: FloatArray
     """(N,) ρ of every run, ascending, read-only"""
+    singular_value: float
+    """the paths' postures had at least this smallest singular value, and so must those of a path that the
+    tube is used for: what the camera strays makes joints and links stray by its inverse"""
     source: str
     """what was run, in words"""
 
@@ -81,12 +86,22 @@ class TrackingTube:
             if not len(values) or values.min() < 0.0:
                 raise InputError(f"{name}: legal: numbers ≥ 0, at least one")
             object.__setattr__(self, name, frozen(np.sort(values) if name == "ratios" else values))
+        finite_number("singular_value", self.singular_value, minimum=0.0)
         if len(self.shape) <= len(self.links) + len(PARTS):
             raise InputError(f"shape: {len(self.shape)} numbers given; joints, links and camera need more")
 
     @classmethod
-    def of(cls, arm: str, links: tuple[str, ...], strayed: npt.ArrayLike, source: str) -> Self:
+    def of(
+        cls,
+        arm: str,
+        links: tuple[str, ...],
+        strayed: npt.ArrayLike,
+        singular_value: float,
+        source: str,
+    ) -> Self:
         """Return the tube of runs that strayed by (N, k), as `strayed` finds it of each.
+
+        Their paths had at least this singular value.
 
         Raises:
             InputError: wrong shape, not finite, or negative.
@@ -99,7 +114,7 @@ class TrackingTube:
         for part in (shape[:dof], shape[dof : -len(PARTS)]):
             np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
         shape = np.maximum(shape, _LEAST)
-        return cls(arm, links, shape, (most / shape).max(axis=1), source)
+        return cls(arm, links, shape, (most / shape).max(axis=1), singular_value, source)
 
     @property
     def runs(self) -> int:
@@ -128,6 +143,7 @@ class TrackingTube:
             position=camera[0],
             rotation=camera[1],
             image=camera[2],
+            singular_value=self.singular_value,
             share=share,
         )
 
@@ -142,6 +158,7 @@ class TrackingTube:
             "arm": self.arm,
             "links": list(self.links),
             "source": self.source,
+            "singular_value": self.singular_value,
             "shape": [float(f"{x:.6g}") for x in self.shape],
             "ratios": [float(f"{x:.6g}") for x in self.ratios],
         }
@@ -155,14 +172,16 @@ class TrackingTube:
             InputError: another file.
         """
         document: Any = read_document(Path(path))
-        known = {"format", "arm", "links", "source", "shape", "ratios"}
+        known = {"format", "arm", "links", "source", "singular_value", "shape", "ratios"}
         if not isinstance(document, dict) or document.get("format") != FORMAT or set(document) != known:
             raise InputError(f"{path}: no tracking tube: format {FORMAT!r} with {', '.join(sorted(known))}")
         arm, links, source = (document[name] for name in ("arm", "links", "source"))
         if not isinstance(links, list) or not all(isinstance(x, str) for x in (arm, source, *links)):
             raise InputError(f"{path}: arm, links, source: text is needed")
         try:
-            return cls(arm, tuple(links), document["shape"], document["ratios"], source)
+            return cls(
+                arm, tuple(links), document["shape"], document["ratios"], document["singular_value"], source
+            )
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
 

@@ -34,14 +34,16 @@ def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
         raise InputError("runs: none given; at least one log is needed")
     arm, mount = load_arm(task.arm.model, tool=task.arm.tool), task.arm.flange_T_camera.transform
     bodies = ArmBodies(arm, mounted=[solid.moved(mount) for solid in CAMERA_HOUSING])
-    most = []
+    most, regular = [], []
     for path in logs:
         columns = _columns(path)
         planned, executed = (_stacked(columns, name, arm.dof, path) for name in ("planned_joints", "joints"))
         if not np.isfinite(planned).all():
             raise InputError(f"{path}: planned_joints: not finite; runs that follow a plan are needed")
+        jacobians = [arm.scaled_camera_jacobian(q, mount) for q in planned]
+        regular.append(float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()))
         most.append(strayed(bodies, mount, planned, executed, _image(columns, path)))
-    return TrackingTube.of(arm.name, bodies.tube_parts, most, f"{len(logs)} logged runs")
+    return TrackingTube.of(arm.name, bodies.tube_parts, most, min(regular), f"{len(logs)} logged runs")
 
 
 def _columns(path: Path) -> dict[str, FloatArray]:

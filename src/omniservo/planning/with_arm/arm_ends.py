@@ -12,7 +12,6 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies
-from omniservo.robots.arm import SINGULAR_VALUE
 
 
 def violation_at_start(setting: ArmSetting, bodies: ArmBodies) -> str:
@@ -78,10 +77,10 @@ def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[f
             f"{math.degrees(setting.limit_reserve):g} deg kept at both ends"
         )
     values = np.linalg.svd(setting.arm.scaled_camera_jacobian(q, setting.flange_T_camera), compute_uv=False)
-    if values[-1] < SINGULAR_VALUE:
-        return SINGULAR_VALUE - float(values[-1]), (
-            f"the arm is singular: smallest singular value {values[-1]:.4f}; at least {SINGULAR_VALUE:g} is "
-            "needed"
+    if values[-1] < setting.singular_value:
+        return setting.singular_value - float(values[-1]), (
+            f"the arm is singular: smallest singular value {values[-1]:.4f}; at least "
+            f"{setting.singular_value:g} is needed"
         )
     bodies.place(q)
     asked = bodies.asked(setting.clearance_around, setting.self_clearance)

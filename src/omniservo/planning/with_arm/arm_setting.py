@@ -14,6 +14,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid, Tube
+from omniservo.robots.arm import SINGULAR_VALUE
 
 LIMIT_RESERVE = math.radians(1.0)
 """What joints keep to the ends of their ranges [rad], where nothing else is asked for."""
@@ -44,13 +45,18 @@ class ArmSetting:
     """of the arm's parts to each other [m]"""
     limit_reserve: float = LIMIT_RESERVE
     """of every joint to the ends of its range [rad]; at least what the joints stray by, if a tube says so"""
+    singular_value: float = SINGULAR_VALUE
+    """of the camera Jacobian, linear rows divided by `LENGTH_SCALE`: postures keep at least this, and what a
+    tube was measured at, if there is one"""
     tube: Tube | None = None
     """how far a run strays from its path: what links stray is added to every clearance. None: it does not"""
 
     def __post_init__(self) -> None:
         for name in ("clearance", "self_clearance", "limit_reserve"):
             finite_number(name, 0.0 if (value := getattr(self, name)) is None else value, minimum=0.0)
+        finite_number("singular_value", self.singular_value, minimum=SINGULAR_VALUE)
         if self.tube is not None:
+            object.__setattr__(self, "singular_value", max(self.singular_value, self.tube.singular_value))
             most = np.asarray(self.tube.joints)
             if most.shape != (self.arm.dof,):
                 raise InputError(f"tube: of {len(most)} joints; {self.arm.name} has {self.arm.dof}")

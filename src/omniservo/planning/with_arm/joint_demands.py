@@ -36,7 +36,7 @@ class JointDemands:
     """Dimensionless constraints g ≥ 0 of a posture.
 
     Room to the ends of each joint's range beyond the reserve [rad]; smallest singular value of the camera
-    Jacobian beyond `SINGULAR_VALUE`; gap of each pair of bodies beyond its clearance over a length ℓ.
+    Jacobian beyond what is asked; gap of each pair of bodies beyond its clearance over a length ℓ.
     """
 
     def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
@@ -64,6 +64,7 @@ class JointDemands:
             self._setting.arm.chain,
             self._to_camera,
             self._rooms,
+            self._setting.singular_value,
             joints,
             near.posture,
             (near.gap - self._asked[near.pair]) / self._ell,

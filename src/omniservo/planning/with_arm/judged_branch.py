@@ -37,7 +37,7 @@ class JudgedBranch:
 def judged_branch(
     setting: ArmSetting, bodies: ArmBodies, branch: JointPath, *, worst: bool = True
 ) -> JudgedBranch:
-    """Return the first of these that fails: the branch itself, the reserve to its limits, its clearance.
+    """Return what fails first: the branch, the reserve to its limits, its singular value, its clearance.
 
     ``worst``: see `arm_clearance`.
     """
@@ -51,6 +51,13 @@ def judged_branch(
             f"range than the {math.degrees(setting.limit_reserve):g} deg that are kept, at w = {w:.3f}"
         )
         return JudgedBranch(branch, None, reason, w)
+    place = int(branch.singular_values.argmin())
+    if branch.singular_values[place] < setting.singular_value:
+        reason = (
+            f"the arm is close to singular at w = {branch.w[place]:.3f}: smallest singular value "
+            f"{branch.singular_values[place]:.4f}; at least {setting.singular_value:g} is needed"
+        )
+        return JudgedBranch(branch, None, reason, float(branch.w[place]))
     found = arm_clearance(
         bodies,
         branch,

@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
-from omniservo.robots.chain import SINGULAR_VALUE, Chain
+from omniservo.robots.chain import Chain
 from omniservo.robots.posture import sensitivities
 
 LIMITS, SINGULARITY, CLEARANCE = range(3)
@@ -19,6 +19,7 @@ def write_pulls(
     chain: Chain,
     to_camera: FloatArray,
     rooms: FloatArray,
+    regular: float,
     joints: FloatArray,
     posture: IntArray,
     gaps: FloatArray,
@@ -34,6 +35,7 @@ def write_pulls(
         chain: of n joints.
         to_camera: see `sensitivities`.
         rooms: see `write_pull`.
+        regular: likewise.
         joints: (m, n) [rad]
         posture: (k,) of each gap, ascending.
         gaps: (k,) g of pairs that are near.
@@ -49,7 +51,9 @@ def write_pulls(
         while end < posture.shape[0] and posture[end] == i:
             end += 1
         near, slopes = gaps[begin:end], gap_slopes[begin:end]
-        costs[i] = write_pull(chain, to_camera, rooms, joints[i], near, slopes, targets, systems[i], least[i])
+        costs[i] = write_pull(
+            chain, to_camera, rooms, regular, joints[i], near, slopes, targets, systems[i], least[i]
+        )
 
 
 @kernel
@@ -57,6 +61,7 @@ def write_pull(
     chain: Chain,
     to_camera: FloatArray,
     rooms: FloatArray,
+    regular: float,
     q: FloatArray,
     gaps: FloatArray,
     gap_slopes: FloatArray,
@@ -70,6 +75,7 @@ def write_pull(
         chain: of n joints.
         to_camera: see `sensitivities`.
         rooms: (n, 2) lowest and highest position that leaves the reserve [rad].
+        regular: the smallest singular value that is asked for.
         q: (n,) [rad]
         gaps: (k,) g of pairs that are near.
         gap_slopes: (k, n) ∂g/∂q.
@@ -82,7 +88,7 @@ def write_pull(
     """
     n = q.shape[0]
     to_joints, slope, row = np.empty((n, 6)), np.empty(n), np.zeros(n)
-    value = sensitivities(held(chain), to_camera, q, to_joints, slope) - SINGULAR_VALUE
+    value = sensitivities(held(chain), to_camera, q, to_joints, slope) - regular
     for i in range(6):
         for k in range(7):
             system[i, k] = 0.0
