@@ -7,6 +7,10 @@ lengths and principal point are each off by 2% (1σ); the camera's mount by 2 mm
 structure come from the pictures, their scale from the arm's joint readings and that mount. Half of the risk
 is the tracking's (the shipped tube), a quarter the camera's demands', a quarter the links'.
 
+With ``--rendered`` the points are dots, found in rendered pictures from the first two on, which dot is which
+told by the truth in these two; the noise is added to where they are found. Tasks in which fewer than
+`LEAST_FOUND` are found in both are left out.
+
 The plan is followed on projected pixels with 0.5 px of noise at 30 frames a second, 20 ms late, by simulated
 drives with acceleration limits. Judged is the truth: MuJoCo's distances of all bodies every 10 ms (10 mm are
 asked to the balls, 2 mm of the arm's own parts), the camera's centre to the balls (20 mm), the true points
@@ -22,7 +26,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from benchmarks.arm_runs import FAR, NOISE_PX, TARGET, ArmRun, Gaps, Truth, execute
+from benchmarks.arm_runs import (
+    FAR,
+    NOISE_PX,
+    TARGET,
+    ArmRun,
+    Gaps,
+    Truth,
+    dots_of,
+    execute,
+    found_in_picture,
+)
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import beta
 from tests.planning.arm_scenes import random_task
@@ -30,7 +44,7 @@ from tests.planning.arm_scenes import random_task
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning import (
     ArmSetting,
     PlanningProblem,
@@ -50,6 +64,8 @@ MEASURED = ["rx60", "ur5e"]
 """arms whose tubes are shipped"""
 
 SEED = 2026
+LEAST_FOUND = 15
+
 AT_GOAL_PX = 5.0
 """rms of the true points to the goal image; a run that ends farther off, and that nothing stopped,
 diverged"""
@@ -61,6 +77,8 @@ class Known:
 
     camera: UnifiedCamera
     flange_T_camera: RigidTransform
+    rows: IntArray
+    """of the true points that are in both pictures"""
     pictures: tuple[FloatArray, FloatArray]
     estimate: TwoViewEstimate
     camera_covariance: FloatArray
@@ -72,7 +90,7 @@ class Outcome:
     """What became of one task."""
 
     status: str
-    """"executed", "no estimate", "no plan" """
+    """"executed", "no estimate", "no plan", "not found" in a rendered picture"""
     failures: tuple[str, ...] = ()
     stop: str = ""
     kept: float = np.nan
@@ -83,8 +101,24 @@ class Outcome:
     """least that any pair of bodies had left, executed [m]"""
 
 
-def known_of(truth: Truth, problem: PlanningProblem, random: np.random.Generator) -> Known:
-    """Return what pictures, calibration and hand-eye calibration say."""
+def projected(
+    truth: Truth, problem: PlanningProblem, random: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the two pictures' pixels, with noise."""
+    ends = [truth.points, problem.initial_T_goal.inv().apply(truth.points)]
+    first, second = (
+        truth.camera.project(c)[0] + NOISE_PX * random.standard_normal((len(c), 2)) for c in ends
+    )
+    return first, second
+
+
+def known_of(
+    truth: Truth,
+    problem: PlanningProblem,
+    random: np.random.Generator,
+    pictures: tuple[FloatArray, FloatArray],
+) -> Known:
+    """Return what pictures, calibration and hand-eye calibration say; NaN in pictures: not found."""
     camera = truth.camera
     own = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     wrong = own * (1.0 + INTRINSICS * random.standard_normal(4))
@@ -93,8 +127,8 @@ def known_of(truth: Truth, problem: PlanningProblem, random: np.random.Generator
     sigma = np.repeat([MOUNT_M, MOUNT_RAD], 3) / np.sqrt(3.0)
     error = sigma * random.standard_normal(6)
     mount = truth.flange_T_camera * RigidTransform.from_exp_coords(np.concatenate([error[3:], error[:3]]))
-    ends = [truth.points, problem.initial_T_goal.inv().apply(truth.points)]
-    first, second = (camera.project(c)[0] + NOISE_PX * random.standard_normal((len(c), 2)) for c in ends)
+    rows = np.flatnonzero(np.isfinite(np.hstack(pictures)).all(axis=1))
+    first, second = (picture[rows] for picture in pictures)
     flange = truth.base_T_initial * problem.initial_T_goal * truth.flange_T_camera.inv()
     begin = truth.arm.base_T_flange(truth.start)
     way = (flange * mount).translation - (begin * mount).translation
@@ -104,7 +138,7 @@ def known_of(truth: Truth, problem: PlanningProblem, random: np.random.Generator
         stated, first, second, scale=length, calibration_covariance=lens,
         scale_sigma=float(np.linalg.norm(turned)) * sigma[0] / length,
     )  # fmt: skip
-    return Known(stated, mount, (first, second), estimate, lens, np.diag(sigma**2))
+    return Known(stated, mount, rows, (first, second), estimate, lens, np.diag(sigma**2))
 
 
 def planned(
@@ -131,16 +165,26 @@ def planned(
     return answer, stated
 
 
-def outcome(arm: Arm, measured: TrackingTube, seed: int) -> Outcome | None:
+def outcome(arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = False) -> Outcome | None:
     """Return what becomes of a task; None where it has no plan though everything is known."""
     random = np.random.default_rng([SEED, seed])
     problem, setting = random_task(arm, random, **TARGET)
-    if setting.start is None or not plan_with_arm(problem, setting).certified:
+    if setting.start is None or (exact := plan_with_arm(problem, setting)).branch is None:
+        return None
+    if not exact.certified:
         return None
     balls = [(np.array(o.center), o.radius) for o in problem.obstacles]
     truth = Truth(arm, setting.start, setting.flange_T_camera, problem.camera, problem.points, balls)
+    dots = dots_of(truth, problem.initial_T_goal) if rendered else None
+    if dots is None:
+        pictures = projected(truth, problem, random)
+    else:
+        ends = exact.branch(np.array([0.0, 1.0]))
+        pictures = tuple(found_in_picture(truth, q, dots, random)[0] for q in ends)
+        if np.isfinite(np.hstack(pictures)).all(axis=1).sum() < LEAST_FOUND:
+            return Outcome("not found")
     try:
-        known = known_of(truth, problem, random)
+        known = known_of(truth, problem, random, pictures)
     except InputError:  # a noisy pixel outside the domain of the camera that was stated
         return Outcome("no estimate")
     if known.estimate.status != "ok":
@@ -153,12 +197,12 @@ def outcome(arm: Arm, measured: TrackingTube, seed: int) -> Outcome | None:
     if not answer.ok or path is None:
         return Outcome("no plan")
     branch = follow_path(arm, path, stated.base_T_initial, stated.flange_T_camera, start=truth.start).best
-    rows = np.flatnonzero(known.estimate.inliers)
-    followed = replace(truth, points=truth.points[rows])
-    pictures = known.pictures[0][rows], known.pictures[1][rows]
+    inliers = np.flatnonzero(known.estimate.inliers)
+    followed = replace(truth, points=truth.points[known.rows[inliers]])
+    pictures = known.pictures[0][inliers], known.pictures[1][inliers]
     run = execute(
         followed, answer.plan, branch, random,
-        camera=known.camera, flange_T_camera=known.flange_T_camera, pictures=pictures,
+        camera=known.camera, flange_T_camera=known.flange_T_camera, pictures=pictures, dots=dots,
     )  # fmt: skip
     return _judged(followed, problem, stated, branch, answer, run)
 
@@ -192,14 +236,14 @@ def _judged(
     return Outcome("executed", tuple(k for k, bad in failures.items() if bad), run.stop, kept, used, left)
 
 
-def outcomes(arms: list[str], count: int, first: int) -> Iterator[tuple[str, Outcome]]:
+def outcomes(arms: list[str], count: int, first: int, *, rendered: bool) -> Iterator[tuple[str, Outcome]]:
     """Yield what becomes of tasks, arm by arm in turn, until so many were executed."""
     loaded = {name: (load_arm(name), shipped_tube(name)) for name in arms}
     seed, executed = first, 0
     while executed < count:
         seed += 1
         for name, (arm, measured) in loaded.items():
-            found = outcome(arm, measured, seed)
+            found = outcome(arm, measured, seed, rendered=rendered)
             if found is not None:
                 executed += found.status == "executed"
                 yield name, found
@@ -237,13 +281,16 @@ def main() -> None:
     parser.add_argument("--arm", choices=shipped_arms(), action="append")
     parser.add_argument("--first", type=int, default=0, help="seed to begin after")
     parser.add_argument("--every", type=int, default=0, help="print the table after so many tasks, too")
+    parser.add_argument("--rendered", action="store_true", help="dots in rendered pictures")
     asked = parser.parse_args()
     found: list[tuple[str, Outcome]] = []
     head = (
         "| arm | tasks | no estimate | no plan at 1% | executed | stopped by name | failed (95% interval) |"
         " margin kept, median [mm] | used, median / 99% [mm] |"
     )
-    for number, one in enumerate(outcomes(asked.arm or MEASURED, asked.count, asked.first), 1):
+    for number, one in enumerate(
+        outcomes(asked.arm or MEASURED, asked.count, asked.first, rendered=asked.rendered), 1
+    ):
         found.append(one)
         if asked.every and number % asked.every == 0:
             print(*report(found), sep="\n", flush=True)

@@ -1,4 +1,4 @@
-"""Closed loops of a whole simulated arm on projected pixels, and how near to everything it really came."""
+"""Closed loops of a whole simulated arm, on projected or rendered pixels; how near to everything it came."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.perception import DotTracker, FeatureTracker
 from omniservo.planning import Plan
 from omniservo.reporting.image_distance import image_distance
 from omniservo.robots import CAMERA_HOUSING, Arm, JointPath, Solid
 from omniservo.safety import Step, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import PathLimits, RestToRestLaw
-from omniservo.simulation import Ball, Scene, Sensor, SimulatedRobot
+from omniservo.simulation import Ball, Dots, Scene, Sensor, SimulatedRobot
+from omniservo.simulation.unified_renderer import UnifiedRenderer
+from omniservo.simulation.world import World
 from omniservo.tracking import PathTracker, TrackerOptions
 
 JOINT_SHARE, LEAST_DURATION = 0.5, 4.0
@@ -30,6 +33,9 @@ TARGET = {"points": 20, "spread": 0.15, "depth": 1.0}
 NOISE_PX = 0.5
 TOLERANCE_PX = 2.0
 """rms distance to the goal image at which a run may end: the noise alone is 0.7 px"""
+
+DOT_RADIUS = 0.008
+"""[m] of a rendered point"""
 
 SETTLING = 1.5
 """[s] that a run may take longer than its time law"""
@@ -87,13 +93,17 @@ class ArmRun:
     """(m/24, 3) of the camera, in the initial camera frame [m]"""
     image_px: float
     """the most that a true point strayed in the image from where the plan has it at the nearest place [px]"""
+    contacts: frozenset[tuple[str, str]]
+    """what touched, at any millisecond"""
 
 
 class _Projected:
     """The target's true projections with noise."""
 
-    def __init__(self, robot: SimulatedRobot, truth: Truth, random: np.random.Generator) -> None:
-        self._robot, self._truth, self._random = robot, truth, random
+    def __init__(
+        self, robot: SimulatedRobot, truth: Truth, random: np.random.Generator, noise_px: float
+    ) -> None:
+        self._robot, self._truth, self._random, self._noise_px = robot, truth, random, noise_px
         self._initial_T_base = truth.base_T_initial.inv()
 
     def update(self, image: ByteArray, predicted: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -104,9 +114,54 @@ class _Projected:
         pose = self._initial_T_base * self._robot.world_T_camera(newest.time)
         pixels, valid = self._truth.camera.project(pose.inv().apply(self._truth.points))
         valid = valid & self._truth.camera.in_image(np.where(valid[:, None], pixels, 0.0))
-        noisy = pixels + NOISE_PX * self._random.standard_normal(pixels.shape)
+        noisy = pixels + self._noise_px * self._random.standard_normal(pixels.shape)
         seen = valid & self._truth.camera.unproject(np.where(valid[:, None], noisy, 0.0))[1]
         return np.where(seen[:, None], noisy, np.nan), seen
+
+
+class _Rendered:
+    """The target's dots, found in rendered pictures, with noise added to where they are found."""
+
+    def __init__(self, camera: UnifiedCamera, random: np.random.Generator, noise_px: float) -> None:
+        self._tracker, self._random, self._noise_px = DotTracker(camera), random, noise_px
+        self._camera = camera
+
+    def update(self, image: ByteArray, predicted: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return where the newest frame shows the points."""
+        pixels, seen = self._tracker.update(image, predicted)
+        noisy = pixels + self._noise_px * self._random.standard_normal(pixels.shape)
+        seen = seen & self._camera.unproject(np.where(seen[:, None], noisy, 0.0))[1]
+        return np.where(seen[:, None], noisy, np.nan), seen
+
+
+def dots_of(truth: Truth, initial_T_goal: RigidTransform) -> Dots:
+    """Return discs at the points, each turned half way between the two views."""
+    towards = [pose.translation - truth.points for pose in (RigidTransform.identity(), initial_T_goal)]
+    normals = sum(way / np.linalg.norm(way, axis=1, keepdims=True) for way in towards)
+    place = truth.base_T_initial
+    return Dots(place.apply(truth.points), place.rotation.apply(normals), DOT_RADIUS)
+
+
+def scene_of(truth: Truth, dots: Dots | None) -> Scene:
+    """Return the simulator's world, its origin at the arm's base."""
+    balls = (Ball(f"ball {i}", truth.base_T_initial.apply(c), r) for i, (c, r) in enumerate(truth.balls))
+    return Scene(
+        truth.arm, RigidTransform.identity(), truth.flange_T_camera, truth.camera, truth.start, Sensor(),
+        obstacles=tuple(balls), dots=dots,
+    )  # fmt: skip
+
+
+def found_in_picture(
+    truth: Truth, joints: FloatArray, dots: Dots, random: np.random.Generator
+) -> tuple[FloatArray, BoolArray]:
+    """Return where a rendered picture shows the points (n, 2) [px], noise added, and which are found (n,).
+
+    Which dot is which is told by where the points are.
+    """
+    image = UnifiedRenderer(World(scene_of(truth, dots))).photograph(joints, random)
+    pose = truth.initial_T_camera(joints[None])
+    expected = _views(truth, pose)[0][0]
+    return _Rendered(truth.camera, random, NOISE_PX).update(image, expected)
 
 
 def execute(
@@ -118,6 +173,8 @@ def execute(
     camera: UnifiedCamera | None = None,
     flange_T_camera: RigidTransform | None = None,
     pictures: tuple[FloatArray, FloatArray] | None = None,
+    noise_px: float = NOISE_PX,
+    dots: Dots | None = None,
 ) -> ArmRun:
     """Follow a plan in the closed loop.
 
@@ -130,15 +187,12 @@ def execute(
         flange_T_camera: likewise.
         pictures: the points (m, 2) in the initial and in the goal image [px]; None: the goal is where the
             plan ends.
+        noise_px: of every point in every frame [px].
+        dots: what frames are rendered of; None: points are projected.
     """
-    arm, sensor = truth.arm, Sensor()
-    scene = Scene(
-        arm, RigidTransform.identity(), truth.flange_T_camera, truth.camera, truth.start, sensor,
-        obstacles=tuple(
-            Ball(f"ball {i}", truth.base_T_initial.apply(c), r) for i, (c, r) in enumerate(truth.balls)
-        ),
-    )  # fmt: skip
-    robot = SimulatedRobot(scene, rendered=False)
+    arm, scene = truth.arm, scene_of(truth, dots)
+    sensor = scene.sensor
+    robot = SimulatedRobot(scene, rendered=dots is not None)
     known = truth.camera if camera is None else camera
     mount = truth.flange_T_camera if flange_T_camera is None else flange_T_camera
     limits = PathLimits(branch, JOINT_SHARE * arm.joint_speed, JOINT_SHARE * arm.joint_acceleration)
@@ -162,16 +216,26 @@ def execute(
         del step
 
     supervisor = Supervisor(robot, arm, mount, wait=wait)
+    features: FeatureTracker = _Projected(robot, truth, random, noise_px)
+    if dots is not None:
+        features = _Rendered(known, random, noise_px)
     stop = servo(
-        supervisor, tracker, _Projected(robot, truth, random), VisibilityFilter(known, delay=sensor.latency),
+        supervisor, tracker, features, VisibilityFilter(known, delay=sensor.latency),
         on_step=nothing, time_limit=law.duration + SETTLING, posture=posture,
     )  # fmt: skip
     reason = "" if stop is None or stop.reason == "time_limit" else stop.reason
-    return _seen(truth, np.array(trace), branch(np.linspace(0.0, 1.0, PLACES)), reason, plan, goal)
+    path = branch(np.linspace(0.0, 1.0, PLACES))
+    return _seen(truth, np.array(trace), path, reason, plan, goal, robot.contacts())
 
 
 def _seen(
-    truth: Truth, joints: FloatArray, path: FloatArray, stop: str, plan: Plan, goal: FloatArray | None
+    truth: Truth,
+    joints: FloatArray,
+    path: FloatArray,
+    stop: str,
+    plan: Plan,
+    goal: FloatArray | None,
+    contacts: frozenset[tuple[str, str]],
 ) -> ArmRun:
     """Say what the true camera saw on the way."""
     poses = truth.initial_T_camera(joints[::SPARSE])
@@ -183,9 +247,8 @@ def _seen(
     gaps = [float(((row - planned) ** 2).sum(axis=2).max(axis=1).min()) for row in pixels]
     aim = planned[-1] if goal is None else goal
     error = float(np.sqrt(np.mean(((pixels[-1] - aim) ** 2).sum(axis=1))))
-    return ArmRun(
-        joints, path, stop, float(distances.min()), error, poses.translation, math.sqrt(np.nanmax(gaps))
-    )
+    image = math.sqrt(np.nanmax(gaps))
+    return ArmRun(joints, path, stop, float(distances.min()), error, poses.translation, image, contacts)
 
 
 def _views(truth: Truth, initial_T_camera: RigidTransform) -> tuple[FloatArray, BoolArray]:

@@ -89,11 +89,11 @@ def main() -> None:
             links = ", ".join(
                 f"{name} {1e3 * most:.1f}" for name, most in tube.links.items() if "&" not in name
             )
-            camera = f"{1e3 * tube.position:.1f} | {1e3 * tube.rotation:.0f} | {tube.image:.1f}"
-            yield f"{name} | {measured.runs} | {joints} | {links} | {camera} | {1e3 * half[-3]:.1f}"
+            camera = f"{1e3 * tube.position:.1f} | {tube.image:.1f}"
+            yield f"{name} | {measured.runs} | {joints} | {links} | {camera} | {1e3 * half[-2]:.1f}"
 
     print_table(
-        "| arm | runs | joints [mrad] | links [mm] | camera [mm] | [mrad] | image [px] | camera, half of the "
+        "| arm | runs | joints [mrad] | links [mm] | camera [mm] | image [px] | camera, half of the "
         "runs [mm] |",
         rows(),
     )

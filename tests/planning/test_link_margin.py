@@ -128,7 +128,7 @@ def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
     problem, setting, _ = planned
     parts = setting.bodies(problem.obstacles).tube_parts
     strays = dict.fromkeys(parts, 0.004) | {"camera": 0.006, "camera & forearm": 0.003}
-    tube = Tube(np.full(6, 0.01), strays, 0.006, 0.01, 1.0, 0.02, 0.01)
+    tube = Tube(np.full(6, 0.01), strays, 0.006, 1.0, 0.02, 0.01)
     strayed = replace(setting, tube=tube)
     bodies, plain = strayed.bodies(problem.obstacles), setting.bodies(problem.obstacles)
     more = bodies.asked(0.01, 0.002) - plain.asked(0.01, 0.002)
@@ -152,7 +152,7 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
         plan_links_at_risk(problem, setting, 0.05, mount_covariance=np.full((6, 6), np.nan))
     with pytest.raises(InputError, match="risk"):
         plan_links_at_risk(problem, setting, 0.0)
-    tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 0.01, 1.0, 0.02, 0.01)
+    tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 1.0, 0.02, 0.01)
     with pytest.raises(InputError, match="strays"):
         replace(setting, tube=tube).bodies(problem.obstacles)
 

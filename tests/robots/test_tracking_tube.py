@@ -49,7 +49,7 @@ def test_two_links_of_the_arm_stray_by_what_is_taken_of_the_gap_between_them(bod
     path = np.array([0.0, 0.4, -2.2, 0.0, -2.0, 0.0]) + np.linspace(0.0, 0.4, 41)[:, None] * np.eye(6)[0]
     q = path[10] + 0.05 * np.eye(6)[4] * np.array([-1.0, 1.0])[:, None]  # the camera to the forearm, and off
     most = strayed(bodies, MOUNT, path[10:12], q, 0.0)
-    parts, nearer = dict(zip(bodies.tube_parts, most[6:-3], strict=True)), 0
+    parts, nearer = dict(zip(bodies.tube_parts, most[6:-2], strict=True)), 0
     for pair in (i for i in range(len(bodies.pairs)) if not bodies.is_around(i)):
         gaps = []
         for posture in (path[10], *q):
@@ -65,26 +65,26 @@ def test_two_links_of_the_arm_stray_by_what_is_taken_of_the_gap_between_them(bod
 def test_the_next_run_leaves_the_tube_as_seldom_as_it_says():
     random, left, count = np.random.default_rng(7), 0, 3000
     for _ in range(count):
-        runs = np.exp(random.standard_normal((60, 5)))  # any distribution will do
+        runs = np.exp(random.standard_normal((89, 5)))  # any distribution will do
         tube = TrackingTube.of("an arm", ("link",), runs[:-1], 0.1, "drawn").at(0.05)
-        needed = runs[-1] / [*tube.joints, *tube.links.values(), tube.position, tube.rotation, tube.image]
+        needed = runs[-1] / [*tube.joints, *tube.links.values(), tube.position, tube.image]
         left += needed.max() > 1.0
     assert left / count == pytest.approx(0.05, abs=0.015)
 
 
 def test_two_links_that_hardly_ever_come_near_do_not_blow_up_the_tube():
-    runs = np.tile([1.0, 4e-3, 0.0, 3e-3, 1e-2, 1.0], (100, 1))
-    runs[7, 2] = 1e-3  # of the gap between two links
+    runs = np.tile([1.0, 4e-3, 0.0, 3e-3, 1.0], (100, 1))
+    runs[[7, 77], 2] = 8e-4  # of the gap between two links
     tube = TrackingTube.of("an arm", ("a", "a & b"), runs, 0.1, "made up").at(0.05)
     assert tube.links["a"] == pytest.approx(4e-3)
     assert tube.position == pytest.approx(3e-3)
 
 
 def test_too_few_runs_promise_nothing_and_say_how_many_are_needed():
-    tube = TrackingTube.of("an arm", (), np.ones((50, 4)), 0.1, "made up")
-    with pytest.raises(InputError, match="99 runs are needed"):
+    tube = TrackingTube.of("an arm", (), np.ones((147, 3)), 0.1, "made up")
+    with pytest.raises(InputError, match="99 are needed"):
         tube.at(0.01)
-    assert TrackingTube.of("an arm", (), np.ones((99, 4)), 0.1, "made up").at(0.01).joints == pytest.approx(
+    assert TrackingTube.of("an arm", (), np.ones((149, 3)), 0.1, "made up").at(0.01).joints == pytest.approx(
         [1.0]
     )
 
@@ -98,7 +98,7 @@ def test_a_tube_is_read_as_it_was_written_and_other_files_are_refused(tmp_path):
     (tmp_path / "other.json").write_text('{"format": "omniservo.tracking-tube/1"}')
     with pytest.raises(InputError, match="no tracking tube"):
         TrackingTube.load(tmp_path / "other.json")
-    assert again.at(0.1).singular_value == 0.1
+    assert again.singular_value == 0.1
     written = (tmp_path / "tube.json").read_text()
     for wrong in ('"ratios": [-1.0, ', '"ratios": [NaN, ', '"ratios": ["a", ', '"ratios": [[1], '):
         (tmp_path / "wrong.json").write_text(written.replace('"ratios": [', wrong))

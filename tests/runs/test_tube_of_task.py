@@ -11,14 +11,14 @@ from omniservo.runs.plan_task import problem_of
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
-SHAPE = {"joints": 0.03, "links": 0.004, "position": 0.003, "rotation": 0.01, "image": 1.5}
+SHAPE = {"joints": 0.03, "links": 0.004, "position": 0.003, "image": 1.5}
 
 
 @pytest.fixture
 def folder(tmp_path):
     arm = load_arm("rx60")
     parts = ArmBodies(arm, mounted=CAMERA_HOUSING).tube_parts
-    shape = [*[SHAPE["joints"]] * 6, *[SHAPE["links"]] * len(parts), 0.003, 0.01, 1.5]
+    shape = [*[SHAPE["joints"]] * 6, *[SHAPE["links"]] * len(parts), 0.003, 1.5]
     TrackingTube("rx60", parts, np.array(shape), np.linspace(0.01, 1.0, 199), 0.07, "made up").save(
         tmp_path / "tube.json"
     )

@@ -30,15 +30,13 @@ def measure_tube(
     found = measured(load_task(task), logs)
     found.save(out, force=force)
     output = Output(as_json, quiet)
-    output.line(f"{'arm':<14} {found.arm}, {found.runs} runs; the next one leaves the tube of all of them")
+    output.line(f"{'arm':<14} {found.arm}, {len(logs)} runs; the next one leaves the tube of all of them")
     share = 1.0 / (found.runs + 1)
     output.line(f"{'':<14} with a probability of {100 * share:.2g}% at most")
     tube = found.at(share)
-    output.line(
-        f"{'camera':<14} {1e3 * tube.position:.2f} mm, {1e3 * tube.rotation:.2f} mrad, {tube.image:.2f} px"
-    )
+    output.line(f"{'camera':<14} {1e3 * tube.position:.2f} mm, {tube.image:.2f} px")
     output.line(f"{'paths':<14} whose smallest singular value is {tube.singular_value:.3f} or more")
     for name, most in tube.links.items():
         output.line(f"{'link':<14} {name:<24} {1e3 * most:6.2f} mm")
     output.line(f"{'written':<14} {out}")
-    output.result({"arm": found.arm, "runs": found.runs, "least_share": share, "written": str(out)})
+    output.result({"arm": found.arm, "runs": len(logs), "least_share": share, "written": str(out)})

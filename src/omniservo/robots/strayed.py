@@ -45,12 +45,12 @@ def strayed(
     run = finite_array("executed", executed, (None, arm.dof))
     if len(path) < 2 or not len(run):
         raise InputError(f"planned, executed: {len(path)} and {len(run)} rows; at least 2 and 1 are needed")
-    most = np.zeros(arm.dof + len(bodies.tube_parts) + 3)
+    most = np.zeros(arm.dof + len(bodies.tube_parts) + 2)
     most[-1] = finite_number("image_px", image_px, minimum=0.0)
     nearest = _nearest(bodies, path, run)
     most[: arm.dof] = np.abs(run - nearest).max(axis=0)
     shapes = [bodies.shapes_of(link) for link in bodies.links]
-    parts = most[arm.dof : -3]
+    parts = most[arm.dof : -2]
     for q, near in zip(run, nearest, strict=True):
         before, gaps = bodies.corners(near), _own_gaps(bodies, _NEAR)
         moved = np.linalg.norm(bodies.corners(q) - before, axis=2).max(axis=1)
@@ -60,9 +60,9 @@ def strayed(
         for pair, gap in gaps.items():
             i = bodies.tube_parts.index(bodies.part_of(pair))
             parts[i] = max(parts[i], gap - after[pair])
-        apart = (arm.base_T_flange(near) * flange_T_camera).inv() * (arm.base_T_flange(q) * flange_T_camera)
-        most[-3] = max(most[-3], float(np.linalg.norm(apart.translation)))
-        most[-2] = max(most[-2], float(apart.rotation.magnitude()))
+        places = ((arm.base_T_flange(at) * flange_T_camera).translation for at in (near, q))
+        apart = np.subtract(*places)
+        most[-2] = max(most[-2], float(np.linalg.norm(apart)))
     return most
 
 

@@ -18,8 +18,11 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 
 FORMAT = "omniservo.tracking-tube/2"
 
-_SHAPE = 0.9
-"""Quantile of the runs by which links, joints and camera are weighed against each other."""
+_SHAPE = 0.98
+"""Quantile of runs by which links, joints and camera are weighed against each other."""
+
+_SHAPING = 3
+"""One of so many runs, the first ones, shapes the tube."""
 
 _THINNEST = 0.2
 """of the largest joint or link: two links that seldom come near each other hardly ever stray"""
@@ -27,8 +30,8 @@ _THINNEST = 0.2
 _LEAST = 1e-9
 """[rad], [m], [px] no part of a tube is thinner"""
 
-PARTS = ("position", "rotation", "image")
-"""of the camera: its centre [m], its turn [rad], the points in its image [px]"""
+PARTS = ("position", "image")
+"""of the camera: its centre [m], the points in its image [px]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +45,6 @@ class Tube:
     forearm" and the like: how much nearer they are to each other [m]"""
     position: float
     """the camera's centre [m]"""
-    rotation: float
-    """the camera's turn [rad]"""
     image: float
     """any point in the image [px]"""
     singular_value: float
@@ -56,11 +57,12 @@ class Tube:
 class TrackingTube:
     """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
 
-    With d_i (k,) what run i strayed by in joints, links and camera, and s the 90% quantiles (of joints and
-    links at least a fifth of the largest), run i needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share
-    p is ρ s with ρ the (j + 1)-th largest of the N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run
-    like these is as likely to take any place among them, so it exceeds that ρ with that probability at most,
-    whatever the distribution is (conformal prediction).
+    The first third of the runs gives the shape s (k,) of joints, links and camera: 98% quantiles of what they
+    strayed, of joints and links at least a fifth of the largest. Each of the other N, which strayed by d_i,
+    needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the
+    N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among
+    them, so it exceeds that ρ with that probability at most, whatever the distribution is (split conformal
+    prediction; Vovk, Gammerman, Shafer, *Algorithmic learning in a random world*, 2005).
 
     Raises:
         InputError: shapes, numbers that are not finite or negative.
@@ -71,9 +73,9 @@ class TrackingTube:
     links: tuple[str, ...]
     """`ArmBodies.tube_parts`: links and pairs of links"""
     shape: FloatArray
-    """(n + links + 3,) s: joints [rad], links [m], `PARTS` of the camera, read-only"""
+    """(n + links + 2,) s: joints [rad], links [m], `PARTS` of the camera, read-only"""
     ratios: FloatArray
-    """(N,) ρ of every run, ascending, read-only"""
+    """(N,) ρ of every run that had no part in the shape, ascending, read-only"""
     singular_value: float
     """the paths' postures had at least this smallest singular value, and so must those of a path that the
     tube is used for: what the camera strays makes joints and links stray by its inverse"""
@@ -101,24 +103,25 @@ class TrackingTube:
     ) -> Self:
         """Return the tube of runs that strayed by (N, k), as `strayed` finds it of each.
 
-        Their paths had at least this singular value.
+        Their paths had at least this singular value. The order of the runs must not depend on what they did.
 
         Raises:
             InputError: wrong shape, not finite, or negative.
         """
         most = finite_array("strayed", strayed, (None, None))
-        if not len(most) or most.min() < 0.0:
-            raise InputError("strayed: at least one run, and no negative number, is needed")
-        shape = np.quantile(most, _SHAPE, axis=0)
+        if len(most) < 2 or most.min() < 0.0:
+            raise InputError("strayed: at least two runs, and no negative number, are needed")
+        shaping = max(1, len(most) // _SHAPING)
+        shape = np.quantile(most[:shaping], _SHAPE, axis=0)
         dof = len(shape) - len(links) - len(PARTS)
         for part in (shape[:dof], shape[dof : -len(PARTS)]):
             np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
         shape = np.maximum(shape, _LEAST)
-        return cls(arm, links, shape, (most / shape).max(axis=1), singular_value, source)
+        return cls(arm, links, shape, (most[shaping:] / shape).max(axis=1), singular_value, source)
 
     @property
     def runs(self) -> int:
-        """How many were measured."""
+        """How many were measured beside those that shaped it."""
         return len(self.ratios)
 
     def at(self, share: float) -> Tube:
@@ -131,8 +134,8 @@ class TrackingTube:
         beyond = math.floor(share * (self.runs + 1) + 1e-9) - 1
         if beyond < 0:
             raise InputError(
-                f"tracking_tube: {self.runs} runs of {spelled(self.arm)} tell nothing of the worst "
-                f"{100 * share:.3g}%; {math.ceil(1.0 / share) - 1} runs are needed"
+                f"tracking_tube: {self.runs} runs of {spelled(self.arm)}, beside those that shaped it, tell "
+                f"nothing of the worst {100 * share:.3g}%; {math.ceil(1.0 / share) - 1} are needed"
             )
         size = float(self.ratios[self.runs - 1 - beyond]) * self.shape
         links = size[len(size) - len(self.links) - len(PARTS) : -len(PARTS)]
@@ -141,8 +144,7 @@ class TrackingTube:
             frozen(size[: len(size) - len(self.links) - len(PARTS)]),
             dict(zip(self.links, links.tolist(), strict=True)),
             position=camera[0],
-            rotation=camera[1],
-            image=camera[2],
+            image=camera[1],
             singular_value=self.singular_value,
             share=share,
         )

@@ -186,7 +186,9 @@ def _step(
     points = report.initial_T_camera.inv().apply(controller.points)
     watch.check(time, points, valid, report.error_px)
     filtered = visibility.step(points, pixels, valid, twist)
-    passed = supervisor.carry(filtered.twist, None if posture is None else _towards(posture, start))
+    # Six joints leave nothing free.
+    wish = _towards(posture, start) if posture and supervisor.arm.dof > 6 else None
+    passed = supervisor.carry(filtered.twist, wish)
     seconds = perf_counter() - before
     return Step(time, image, state, pixels, valid, filtered, passed, seconds)
 

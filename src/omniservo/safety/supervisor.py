@@ -21,6 +21,9 @@ from omniservo.safety.safety_options import SafetyOptions
 TICK = 5e-3
 """The moving robot is looked at, and its velocity led on towards the command, so often [s]."""
 
+_ROUNDING = 1e-9
+"""[s] of clocks"""
+
 RUNAWAY = 1.25
 """A joint measured to turn faster than this times its speed limit does not do what it is told."""
 
@@ -84,6 +87,7 @@ class Supervisor:
         self._robot, self._wait = robot, wait
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
         self._carried: Callable[[RobotState], FloatArray] | None = None
+        self._carried_time = 0.0
         state = _checked(robot.read(), arm.dof)
         self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
         base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
@@ -123,7 +127,7 @@ class Supervisor:
     def carry(self, twist: npt.ArrayLike, wish: Wish | None = None) -> Passed:
         """Move the camera with this twist (6,) (linear [m/s], angular [rad/s]; camera frame) until told more.
 
-        The joint velocities of it are found anew whenever the robot is looked at, by `Arm.joint_velocities`:
+        The joint velocities of it are found anew every `TICK`, by `Arm.joint_velocities`:
         those of one posture, held for the time between two images, lead the camera astray where the
         Jacobian changes fast, as it does near singular postures.
 
@@ -147,7 +151,7 @@ class Supervisor:
 
             state = self._seen_state()
             passed = self._commanded(self._checked_command(carried(state)), state)
-            self._carried = carried
+            self._carried, self._carried_time = carried, state.time
             return passed
 
     def wait(self, duration: float) -> None:
@@ -164,7 +168,8 @@ class Supervisor:
             if self._sent.any() or self._target.any():
                 with self._braking():
                     state = self._seen_state()
-                    if self._carried is not None:
+                    if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
+                        self._carried_time = state.time
                         self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
                     self._pass(state, self._led_on(state))
 
