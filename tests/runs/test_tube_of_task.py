@@ -59,7 +59,7 @@ def test_the_tube_is_added_to_every_margin_whatever_the_units_of_the_task_are(fo
 def test_a_part_of_the_risk_is_the_trackings(folder):
     tube = arm_setting_of(task := task_with(folder, risk=0.02), scene_of_task(task)).tube
     assert tube.share == TRACKING_PART * 0.02
-    with pytest.raises(InputError, match="199 runs .* 999 runs are needed"):
+    with pytest.raises(InputError, match="199 runs .* 999 are needed"):
         arm_setting_of(rare := task_with(folder, risk=0.002), scene_of_task(rare))
 
 

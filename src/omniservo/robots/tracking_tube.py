@@ -18,9 +18,6 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 
 FORMAT = "omniservo.tracking-tube/2"
 
-_SHAPE = 0.98
-"""Quantile of runs by which links, joints and camera are weighed against each other."""
-
 _SHAPING = 3
 """One of so many runs, the first ones, shapes the tube."""
 
@@ -57,7 +54,7 @@ class Tube:
 class TrackingTube:
     """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
 
-    The first third of the runs gives the shape s (k,) of joints, links and camera: 98% quantiles of what they
+    The first third of the runs gives the shape s (k,) of joints, links and camera: the most that they
     strayed, of joints and links at least a fifth of the largest. Each of the other N, which strayed by d_i,
     needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the
     N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among
@@ -112,7 +109,7 @@ class TrackingTube:
         if len(most) < 2 or most.min() < 0.0:
             raise InputError("strayed: at least two runs, and no negative number, are needed")
         shaping = max(1, len(most) // _SHAPING)
-        shape = np.quantile(most[:shaping], _SHAPE, axis=0)
+        shape = most[:shaping].max(axis=0)
         dof = len(shape) - len(links) - len(PARTS)
         for part in (shape[:dof], shape[dof : -len(PARTS)]):
             np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
