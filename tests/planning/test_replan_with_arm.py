@@ -7,8 +7,21 @@ import pytest
 from tests.planning.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Sphere, plan_with_arm, replan_with_arm
+from omniservo.planning import (
+    Box,
+    Capsule,
+    Cloud,
+    HalfSpace,
+    Mesh,
+    Sphere,
+    Workspace,
+    plan_with_arm,
+    replan_with_arm,
+)
+from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.widened import widened
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
+from omniservo.planning.with_arm.replan_with_arm import with_room
 from omniservo.robots import load_arm
 from omniservo.verification import verify_plan
 
@@ -63,6 +76,26 @@ def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():
         elsewhere += np.linalg.norm((found.plan.path(w) * rest.plan.path(0.5)).translation - old) > 1e-3
     assert certified >= 4
     assert elsewhere >= 1
+
+
+def test_demands_with_room_are_those_of_obstacles_that_ask_for_more(planned):
+    problem, _, _ = planned
+    vertices = [[0.4, 0, 0], [0.5, 0, 0], [0.4, 0.1, 0], [0.4, 0, 0.1]]
+    obstacles = (
+        Sphere([0.1, 0.5, 0.2], 0.03),
+        HalfSpace([0.0, 1.0, 0.0], -0.8),
+        Box([0.3, 0.4, 0.0], [0.02, 0.03, 0.04], [0, 0, 0, 1], clearance=0.005),
+        Capsule([0.5, 0.5, 0.1], [0.5, 0.6, 0.1], 0.02),
+        Mesh(vertices),
+        Cloud(np.random.default_rng(0).uniform(0.6, 0.7, (30, 3)), 0.01),
+    )
+    walls = Workspace([-2, -2, -2], [2, 2, 2], (HalfSpace([1.0, 0.0, 0.0], -1.5),))
+    asked = replace(problem, obstacles=obstacles, workspace=walls)
+    more = widened(asked, {f"clearance obstacle {i}": 0.02 for i in range(len(obstacles))}, 0.0)
+    found = with_room(ProblemSearch.of(asked).demands, 1, 0.02)
+    for own, other in zip(found, ProblemSearch.of(more).demands, strict=True):
+        for mine, theirs in zip(own, other, strict=True) if isinstance(own, tuple) else [(own, other)]:
+            np.testing.assert_allclose(mine, theirs, atol=1e-12)
 
 
 def test_a_way_that_is_shut_is_said_with_what_shuts_it(planned):

@@ -356,6 +356,26 @@ def test_joint_limit_is_named_with_joint_place_and_amount(load):
     np.testing.assert_allclose(own(1.0)[1:], q[1:], atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["ur5e", "panda"])
+def test_a_path_that_sways_all_the_way_is_followed_in_short_steps_to_its_end(load, name):
+    """Six millimetres to and fro ten times: no step half as long as usual will do anywhere."""
+    arm, turns = load(name), 20.0 * np.pi
+    base_T_initial = arm.base_T_flange(STARTS[name]) * FLANGE_T_CAMERA
+
+    def path(w, order=0):
+        w = np.asarray(w, dtype=float)
+        sway = 0.006 * turns**order * (np.sin, np.cos, lambda x: -np.sin(x))[order](turns * w)
+        along = np.multiply.outer(sway, [1.0, 0.0, 0.0])
+        return RigidTransform.from_translation(along) if order == 0 else np.pad(along, [(0, 0), (0, 3)])
+
+    start = STARTS[name]
+    branch = follow_path(arm, path, base_T_initial, FLANGE_T_CAMERA, start=start).best
+    assert branch.feasible
+    assert np.diff(branch.w).max() < 1 / 30
+    for w in np.linspace(0.0, 1.0, 301):
+        assert camera_error(arm, base_T_initial, branch(w), w, path) < 1e-6
+
+
 def test_path_into_the_stretched_elbow_is_named_with_joint_place_and_value(load):
     arm = load("ur5e")
     base_T_initial = arm.base_T_flange(STARTS["ur5e"]) * FLANGE_T_CAMERA

@@ -59,18 +59,18 @@ class CameraPath:
         flat = np.ascontiguousarray(at.reshape(-1))
         if order == 0:
             poses = np.empty((len(flat), 4, 4))
-            write_poses(*self._powers, flat, poses)
+            write_poses(*self.powers, flat, poses)
             # They are rotations but for rounding; SciPy's own way to compose them takes ten times as long.
             return RigidTransform(poses.reshape(*at.shape, 4, 4), normalize=False)
         if order not in (1, 2):
             raise InputError(f"order: {order!r} given; legal: 0, 1, 2")
         twists = np.empty((len(flat), 6))
-        write_twists(*self._powers, flat, order, twists)
+        write_twists(*self.powers, flat, order, twists)
         return twists.reshape(*at.shape, 6)
 
     @cached_property
-    def _powers(self) -> tuple[FloatArray, FloatArray]:
-        """Both arrays as compiled code takes them."""
+    def powers(self) -> tuple[FloatArray, FloatArray]:
+        """Both arrays as compiled code takes them: not to be written to."""
         return np.array(self.rotation, order="C"), np.array(self.translation, order="C")
 
     def positions(self, w: npt.ArrayLike) -> FloatArray:
@@ -97,9 +97,10 @@ class CameraPath:
     def seen_in(self, frame_T_initial: RigidTransform) -> CameraPath:
         """Return the same path in another frame: w ↦ frame_T_initial · path(w)."""
         x, y, z, w = frame_T_initial.rotation.as_quat()
+        matrix = frame_T_initial.as_matrix()
         turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ self.rotation
-        moved = frame_T_initial.rotation.as_matrix() @ self.translation
-        moved[:, -1] += frame_T_initial.translation
+        moved = matrix[:3, :3] @ self.translation
+        moved[:, -1] += matrix[:3, 3]
         return CameraPath(turned, moved)
 
 

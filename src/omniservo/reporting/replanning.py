@@ -45,13 +45,18 @@ def replanning(result: RunResult) -> Drawing | None:
     for i, name in enumerate("xyz"):
         panels["twist"].plot(time, 1e3 * twist[:, i], ".-", ms=3, color=THREE[i], lw=1.3, label=name)
     for i in range(joints.shape[1]):
-        panels["joints"].plot(time, joints[:, i], ".-", ms=3, color=SEVEN[i], lw=1.3)
+        panels["joints"].plot(
+            time, joints[:, i], ".-", ms=3, color=SEVEN[i], lw=1.3, label=f"{i + 1}" if i else "joint 1"
+        )
     for axes in (panels["twist"], panels["joints"]):
         _mark(axes, result)
     panels["twist"].set_ylabel("camera [mm/s]")
     panels["joints"].set_ylabel("joints [deg/s]")
     panels["joints"].set_xlabel("time [s]")
     panels["twist"].legend(loc="upper left", ncols=3, fontsize=8)
+    low, high = panels["joints"].get_ylim()
+    panels["joints"].set_ylim(low, high + 0.25 * (high - low))  # room for the legend
+    panels["joints"].legend(loc="upper left", ncols=joints.shape[1], fontsize=8, columnspacing=1.0)
     legend_below(figure, panels["above"], 6)
     return Drawing(
         "replanning",

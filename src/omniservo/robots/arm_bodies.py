@@ -152,10 +152,11 @@ class ArmBodies:
             model.geom_size[shape] = shapes.sizes[shape] = solid.mujoco_size
             model.geom_rbound[shape] = shapes.radii[shape] = radius
             model.geom_aabb[shape] = 0.0, 0.0, 0.0, *half
-            model.geom_pos[shape] = shapes.places[shape] = solid.pose.translation
-            model.geom_quat[shape] = solid.pose.rotation.as_quat(scalar_first=True)
+            pose = solid.pose.as_matrix()
+            model.geom_pos[shape] = shapes.places[shape] = pose[:3, 3]
+            shapes.axes[shape] = pose[:3, :3].ravel()
+            mujoco.mju_mat2Quat(model.geom_quat[shape], shapes.axes[shape])
             model.geom_sameframe[shape] = 0  # it stood where its body's middle was
-            shapes.axes[shape] = solid.pose.as_matrix()[:3, :3].ravel()
         self.shapes = shapes._replace(first_between=first_joints_between(shapes, self._hinges))
         self._solids = tuple(surroundings)
         return True

@@ -37,8 +37,9 @@ class LeadOver:
         value, slope = np.zeros_like(self._changes[0][1]), np.zeros_like(self._changes[0][1])
         for begin, change in self._changes:
             rise, growth = _rise(w, begin)
-            value += rise * change
-            slope += growth * change
+            if rise != 0.0:
+                value += rise * change
+                slope += growth * change
         return value, slope
 
 

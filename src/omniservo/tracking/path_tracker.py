@@ -333,8 +333,7 @@ def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]
     """Return w, ẇ, pose (7,) and twist (6,) of a leg at ``time`` [s]."""
     s, speed = leg.law(time)
     pose, twist = np.empty(7), np.empty(6)
-    rotation, translation = (
-        np.array(rows, dtype=np.float64, order="C") for rows in (leg.path.rotation, leg.path.translation)
-    )
-    path_state(rotation, translation, s, pose, twist)
-    return *leg.w(time), pose, speed * twist
+    path_state(*leg.path.powers, s, pose, twist)
+    twist *= speed
+    left = 1.0 - leg.begin
+    return leg.begin + left * s, left * speed, pose, twist

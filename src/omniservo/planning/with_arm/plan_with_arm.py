@@ -45,6 +45,9 @@ AIMS = 8
 _SAMPLES = 15
 _HIGHER = 1.5
 
+HOPELESS = 8
+"""On the way: so many camera paths in a row at whose end the arm cannot stand, and the next will not help"""
+
 _FARTHER = 0.02
 """What a descent adds at least to how far the arm gets; else another start is taken."""
 
@@ -130,20 +133,22 @@ class ArmPlanner:
                         return self._arm_plan(plan, attempt, number)
         return None
 
-    def ends_freely(self, path: CameraPath) -> bool:
-        """Return whether the arm, if it gets to the end of a camera path, can stand there."""
+    def stands_at_end(self, path: CameraPath) -> bool | None:
+        """Return whether the arm can stand where a camera path leads it; None: it does not get there."""
         branches = [attempt.judged.branch for attempt in self._unmoved(path)]
         ends = [self._joint_demands.values(b.positions[-1]) for b in branches if b.w[-1] >= 1.0]
-        return any(bool((least >= 0.0).all()) for least in ends)
+        return any(bool((least >= 0.0).all()) for least in ends) if ends else None
 
     def plan(self, first: CameraPath | None = None, budget: TimeBudget | None = None) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
-        attempts, best = 0, None
+        attempts, ends, best = 0, 0, None
         self._budget = budget
         for path, missing in islice(self._paths(first), ATTEMPTS):
-            if missing or (attempts and self._late):
+            if missing or (attempts and self._late) or ends == HOPELESS:
                 break
             attempts += 1
+            if self._aims_given is not None:
+                ends = ends + 1 if self.stands_at_end(path) is False else 0
             for attempt in self._attempts(path):
                 if not attempt.judged.reason:
                     plan = judged_plan(self._problem, attempt.path, self._begin, "certified", "")

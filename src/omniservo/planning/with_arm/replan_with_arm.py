@@ -12,14 +12,15 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan
+from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.replan import path_near_rest, rest_of_plan
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
-from omniservo.planning.widened import widened
 from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
@@ -80,10 +81,11 @@ def replan_with_arm(
     planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims, velocity=velocity)
     near = path_near_rest(planner.search, old, w, pose)
     if near is not None:
-        found = planner.as_they_are(chain([near], _with_room(rest, old, w, pose)))
+        planes = sum(isinstance(obstacle, HalfSpace) for obstacle in rest.obstacles)
+        found = planner.as_they_are(chain([near], _with_room(planner.search, planes, old, w, pose)))
         if found is not None:
             return found
-    if here.arm.has_closed_form and (near is None or not planner.ends_freely(near)):
+    if here.arm.has_closed_form and (near is None or not planner.stands_at_end(near)):
         reason = violation_at_goal(rest, here, bodies)
         if reason:
             return _nothing(rest, budget, reason)
@@ -96,16 +98,33 @@ def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
 
 
 def _with_room(
-    rest: PlanningProblem, old: CameraPath, w: float, pose: RigidTransform
+    search: ProblemSearch, planes: int, old: CameraPath, w: float, pose: RigidTransform
 ) -> Iterator[CameraPath]:
-    """Yield camera paths near the old one that leave the bodies behind the camera more and more room."""
-    names = [f"clearance obstacle {i}" for i in range(len(rest.obstacles))]
+    """Yield camera paths near the old one that leave the bodies behind the camera more and more room.
+
+    ``planes``: so many of the half-spaces in the search are obstacles.
+    """
     for room in ROOMS:
-        wider = ProblemSearch.of(widened(rest, dict.fromkeys(names, room), 0.0))
-        path = path_near_rest(wider, old, w, pose)
+        farther = replace(search, demands=with_room(search.demands, planes, room))
+        path = path_near_rest(farther, old, w, pose)
         if path is None:
             return
         yield path
+
+
+def with_room(demands: Demands, planes: int, room: float) -> Demands:
+    """Return demands that ask for so much more clearance [m] to every obstacle.
+
+    ``planes``: so many of the half-spaces, the first ones, are obstacles.
+    """
+    obstacles, bodies, clouds, sides = (
+        rows.copy() for rows in (demands.obstacles, demands.bodies, demands.clouds, demands.planes)
+    )
+    obstacles[:, 4] += room
+    bodies[:, 16] += room
+    clouds[:, 5] += room
+    sides[:planes, 3:5] += room
+    return demands._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)
 
 
 def _on_pose(arm: Arm, q: FloatArray, base_T_flange: FloatArray) -> FloatArray:
