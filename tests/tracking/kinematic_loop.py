@@ -45,6 +45,10 @@ class Path:
     rotation: np.ndarray
     translation: np.ndarray
 
+    @property
+    def powers(self):
+        return np.array(self.rotation, order="C"), np.array(self.translation, order="C")
+
     def __call__(self, w):
         quaternion = [np.polyval(row, w) for row in self.rotation]
         position = [np.polyval(row, w) for row in self.translation]
