@@ -32,6 +32,8 @@ def tail_of(matches: Matches, fit: TwoViewFit, sigma: float) -> tuple[float, int
 
     ``sigma`` is that of a coordinate of weight 1 [px].
     """
+    if fit.members.all():
+        return 0.0, 0
     misses = near_misses(matches, fit, sigma)
     return float(np.square(misses).sum()), len(misses)
 
