@@ -188,9 +188,10 @@ def wrong_tag(rng: np.random.Generator, tags_are_square: bool = True) -> Answer:
     seen[16:20] = seen[20:24]
     if mistaken:
         initial[16:20] = initial[20:24]
-    if rng.uniform() < 0.5:
-        return judged(estimate_known_target(LENS, tags[:20], initial[:20], seen[:20], noise=0.1), goal)
     squares = np.arange(20).reshape(5, 4) if tags_are_square else None
+    if rng.uniform() < 0.5:
+        pixels = initial[:20], seen[:20]
+        return judged(estimate_known_target(LENS, tags[:20], *pixels, noise=0.1, squares=squares), goal)
     found, matches = estimated(LENS, initial[:20], seen[:20], 0.1, squares)
     return judged(found, goal, matches)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,14 @@ from omniservo.estimation.estimate_pose import known_pixels, pose_residuals, pos
 from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.pose_estimate import pose_of
 from omniservo.estimation.pose_evidence import NEGLIGIBLE, far_rival, noise_of, odds_of, refusal, variance_of
-from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
 
 PICTURES = ("initial", "goal")
+
+HALF = 2
+"""of a square's corners"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,7 @@ def estimate_known_target(
     robust: bool = True,
     noise: float | npt.ArrayLike | None = None,
     scale_sigma: float = 0.0,
+    squares: IntArray | None = None,
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, metric, from two pictures of a known target.
 
@@ -68,6 +72,8 @@ def estimate_known_target(
         robust: reject points that do not agree with the others.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in either picture.
         scale_sigma: relative standard deviation of the target's size: how well it was printed or measured.
+        squares: (m, 4) points that are found together, as the corners of a tag: where half of them do not
+            agree, none counts. None: every point stands for itself.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal noise.
@@ -91,11 +97,28 @@ def estimate_known_target(
         if use.sum() < LEAST_POINTS:
             words = f"{PICTURES[place]} picture: {use.sum()} points; at least {LEAST_POINTS} are needed"
             return TwoViewEstimate.without_pose(n, "too_few_points", words, started)
-        views.append(_View(known, fit_pose(known, robust), use))
+        views.append(_of_whole_squares(_View(known, fit_pose(known, robust), use), squares, robust))
     refused = _refused(views)
     if refused is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
     return _with_pose(target, views, seen, relative, started)
+
+
+def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _View:
+    """Return the view without the squares of which half of the corners or more were rejected."""
+    if squares is None or not robust or view.fit.members.all():
+        return view
+    agree = ~view.rows
+    agree[view.rows] = view.fit.members
+    lost = squares[np.count_nonzero(agree[squares], axis=1) <= HALF]
+    wrong = np.zeros(len(view.rows), dtype=np.bool_)
+    wrong[lost] = True
+    kept = ~wrong[view.rows]
+    if not (view.fit.members & ~kept).any() or kept.sum() < CHECKED_POINTS:
+        return view
+    fit, members = fit_pose(view.known.where(kept), robust), np.zeros(len(kept), dtype=np.bool_)
+    members[kept] = fit.members
+    return _View(view.known, replace(fit, members=members), view.rows)
 
 
 def _checked_visible(visible: Any, n: int) -> BoolArray:

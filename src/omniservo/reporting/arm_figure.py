@@ -38,7 +38,7 @@ def draw_arm(arm: Arm, q: FloatArray) -> list[Drawing]:
         _mark_joints(picture, view, data)
         _mark_flange(picture, view, arm.base_T_flange(q), _AXIS * math.dist(viewpoint.eye, viewpoint.focus))
         _draw_ranges(ranges, arm)
-    posture = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(q))
+    posture = ", ".join(f"{angle:z.0f}" for angle in np.rad2deg(q))
     caption = (
         f"Joints {posture} deg. Numbers: joints, from the base outwards. Lines from the flange: x red, "
         "y green, z blue. Bars: ranges, with the speed at their ends."
@@ -109,4 +109,4 @@ def _draw_ranges(axes: Axes, arm: Arm) -> None:
 
 
 def _degrees(angle: float) -> str:
-    return f"{angle:.0f}°".replace("-", "−")
+    return f"{angle:z.0f}°".replace("-", "−")

@@ -74,7 +74,7 @@ def _branches(motion: PlannedMotion) -> Markup:
     others = [branch for branch in motion.others.branches if not motion.is_own(branch)]
     rows: list[list[Cell]] = []
     for branch in (motion.joints, *others):
-        start = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(branch.positions[0])).replace("-", "−")
+        start = ", ".join(f"{angle:z.0f}" for angle in np.rad2deg(branch.positions[0])).replace("-", "−")
         own = branch is motion.joints
         rows.append([joined([start, tag("span", "its own", class_="badge")]) if own else start])
         rows[-1] += _verdict(branch)

@@ -71,7 +71,9 @@ def estimate_on_target(
     if not known.all():
         stranger = int(matched.ids[int(np.argmin(known))]) // 4
         raise AnswerIsNo(f"tag {stranger} is in both images, but the target has no such tag")
-    return estimate_known_target(camera, points, matched.initial, matched.goal, noise=matched.noise)
+    return estimate_known_target(
+        camera, points, matched.initial, matched.goal, noise=matched.noise, squares=matched.squares
+    )
 
 
 def _with_pose(estimate: TwoViewEstimate) -> TwoViewEstimate:
