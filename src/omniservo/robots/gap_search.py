@@ -117,24 +117,27 @@ def widen(
         count = _reduce(simplex, count + 1)
         if count == 0:
             return widest, math.inf
-        px, py, pz = 0.0, 0.0, 0.0
-        for k in range(count):
-            px += simplex[k, 6] * simplex[k, 0]
-            py += simplex[k, 6] * simplex[k, 1]
-            pz += simplex[k, 6] * simplex[k, 2]
+        px, py, pz = _weighted(simplex, count, 0)
         length = math.sqrt(px * px + py * py + pz * pz)
-        if not length > _ON_TOP:
-            return widest, math.inf
-        if not length < nearest:
-            break
+        if not _ON_TOP < length < nearest:
+            return widest, nearest if length > _ON_TOP else math.inf
         nearest = length
-        for c in range(3):
-            ends[c] = places[i, c]
-            for k in range(count):
-                ends[c] += simplex[k, 6] * simplex[k, 3 + c]
+        ax, ay, az = _weighted(simplex, count, 3)
+        ends[0], ends[1], ends[2] = places[i, 0] + ax, places[i, 1] + ay, places[i, 2] + az
         ends[3], ends[4], ends[5] = ends[0] + px, ends[1] + py, ends[2] + pz
         x, y, z = px / length, py / length, pz / length
     return widest, nearest
+
+
+@leaf
+def _weighted(simplex: FloatArray, count: int, first: int) -> tuple[float, float, float]:
+    """Return the weighted sum of what stands in three columns."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(count):
+        x += simplex[k, 6] * simplex[k, first]
+        y += simplex[k, 6] * simplex[k, first + 1]
+        z += simplex[k, 6] * simplex[k, first + 2]
+    return x, y, z
 
 
 @leaf

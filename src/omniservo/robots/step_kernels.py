@@ -174,20 +174,18 @@ def _differentiate(
     value's derivative is uᵀJ̇v.
     """
     n = state.shape[1]
-    J = np.empty((6, n))
+    J, grown = np.empty((6, n)), np.empty((6, n))
     turned(rule.to_camera, flange_J, J)
     sigma, left = singular_values(J)
     q, slope, bend = state[0], state[1], state[2]
-    right, weights, grown = np.empty(6), np.empty(6), np.empty((6, n))
-    wish, wish_growth = np.empty(n), np.empty(n)
-    u = min(w / FADED, 1.0)
-    left_over, fading = (1.0 - u) ** 2 * (1.0 + 2.0 * u), -6.0 * u * (1.0 - u) / FADED
+    right, weights, wish, wish_growth = np.empty(6), np.empty(6), np.empty(n), np.empty(n)
+    fade, fading = _faded(min(w / FADED, 1.0))
     for j in range(n):
         half = 0.5 * (chain.ranges[j, 1] - chain.ranges[j, 0])
         off = (q[j] - 0.5 * (chain.ranges[j, 0] + chain.ranges[j, 1])) / half
         along = rule.line[1, j] - rule.line[0, j]
         aside = rule.line[0, j] + w * along - q[j]
-        wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5 + left_over * rule.departure[j]
+        wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5 + fade * rule.departure[j]
         wish_growth[j] = -rule.pull[0] - 5.0 * rule.push[0] * off**4
     for i in range(6):
         right[i] = motion[0, i]
@@ -200,8 +198,8 @@ def _differentiate(
             slope[j] += J[i, j] * weights[i]
     grow_twists(J, slope, grown)
     for j in range(n):
-        bend[j] = wish_growth[j] * slope[j] + rule.pull[0] * (rule.line[1, j] - rule.line[0, j])
-        bend[j] += fading * rule.departure[j]
+        along = rule.line[1, j] - rule.line[0, j]
+        bend[j] = wish_growth[j] * slope[j] + rule.pull[0] * along + fading * rule.departure[j]
         for i in range(6):
             bend[j] += grown[i, j] * weights[i]
     for i in range(6):
@@ -219,6 +217,12 @@ def _differentiate(
             across += left[i, 0] * grown[i, j]
             along += left[i, 0] * J[i, j]
         values[SLOPE] += across * along / max(sigma[0], _TINY)
+
+
+@leaf
+def _faded(u: float) -> tuple[float, float]:
+    """Return f = (1 − u)²(1 + 2u), and df/dw."""
+    return (1.0 - u) ** 2 * (1.0 + 2.0 * u), -6.0 * u * (1.0 - u) / FADED
 
 
 @kernel
