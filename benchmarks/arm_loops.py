@@ -64,7 +64,7 @@ MEASURED = ["rx60", "ur5e"]
 """arms whose tubes are shipped"""
 
 SEED = 2026
-LEAST_FOUND = 15
+LEAST_FOUND = 10
 
 AT_GOAL_PX = 5.0
 """rms of the true points to the goal image; a run that ends farther off, and that nothing stopped,

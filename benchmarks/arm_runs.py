@@ -34,7 +34,7 @@ NOISE_PX = 0.5
 TOLERANCE_PX = 2.0
 """rms distance to the goal image at which a run may end: the noise alone is 0.7 px"""
 
-DOT_RADIUS = 0.008
+DOT_RADIUS = 0.01
 """[m] of a rendered point"""
 
 SETTLING = 1.5

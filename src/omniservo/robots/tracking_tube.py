@@ -22,7 +22,7 @@ _SHAPING = 3
 """One of so many runs, the first ones, shapes the tube."""
 
 _THINNEST = 0.2
-"""of the largest joint or link: two links that seldom come near each other hardly ever stray"""
+"""of the largest joint, link or pair of links: what hardly strayed in a few runs may in the next"""
 
 _LEAST = 1e-9
 """[rad], [m], [px] no part of a tube is thinner"""
@@ -55,7 +55,8 @@ class TrackingTube:
     """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
 
     The first third of the runs gives the shape s (k,) of joints, links and camera: the most that they
-    strayed, of joints and links at least a fifth of the largest. Each of the other N, which strayed by d_i,
+    strayed; of joints, links and pairs of links at least a fifth of the largest, of pairs that never came
+    nearer to each other a fifth of the largest link's. Each of the other N, which strayed by d_i,
     needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the
     N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among
     them, so it exceeds that ρ with that probability at most, whatever the distribution is (split conformal
@@ -68,7 +69,7 @@ class TrackingTube:
     arm: str
     """its name"""
     links: tuple[str, ...]
-    """`ArmBodies.tube_parts`: links and pairs of links"""
+    """`ArmBodies.tube_parts`: links, then pairs of links"""
     shape: FloatArray
     """(n + links + 2,) s: joints [rad], links [m], `PARTS` of the camera, read-only"""
     ratios: FloatArray
@@ -111,8 +112,12 @@ class TrackingTube:
         shaping = max(1, len(most) // _SHAPING)
         shape = most[:shaping].max(axis=0)
         dof = len(shape) - len(links) - len(PARTS)
-        for part in (shape[:dof], shape[dof : -len(PARTS)]):
+        single = sum("&" not in name for name in links)
+        joints, alone, pairs = np.split(shape[: -len(PARTS)], [dof, dof + single])
+        never = pairs == 0.0
+        for part in (joints, alone, pairs):
             np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
+        pairs[never] = _THINNEST * alone.max(initial=0.0)
         shape = np.maximum(shape, _LEAST)
         return cls(arm, links, shape, (most[shaping:] / shape).max(axis=1), singular_value, source)
 
