@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 
@@ -14,7 +15,7 @@ def write_poses(rotation: FloatArray, translation: FloatArray, w: FloatArray, po
     phi = np.empty((3, 4))
     for k in range(w.shape[0]):
         _derive(rotation, w[k], phi)
-        _write_matrix(phi[0], poses[k])
+        matrix_from_quaternion(phi[0, 0], phi[0, 1], phi[0, 2], phi[0, 3], poses[k, :3, :3])
         for i in range(3):
             poses[k, i, 3] = _value(translation, i, w[k], 0)
             poses[k, 3, i] = 0.0
@@ -26,10 +27,10 @@ def write_twists(
     rotation: FloatArray, translation: FloatArray, w: FloatArray, order: int, twists: FloatArray
 ) -> None:
     """Write the camera's twist (m, 6) at w (m,), or of order 2 its derivative; see `CameraPath`."""
-    phi, turn, t = np.empty((3, 4)), np.empty((4, 4)), np.empty((2, 3))
+    phi, turn, t = np.empty((3, 4)), np.empty((3, 3)), np.empty((2, 3))
     for k in range(w.shape[0]):
         _derive(rotation, w[k], phi)
-        _write_matrix(phi[0], turn)
+        matrix_from_quaternion(phi[0, 0], phi[0, 1], phi[0, 2], phi[0, 3], turn)
         for i in range(3):
             t[0, i], t[1, i] = _value(translation, i, w[k], 1), _value(translation, i, w[k], 2)
         square, growth = 0.0, 0.0
@@ -67,28 +68,6 @@ def _value(coefficients: FloatArray, row: int, w: float, order: int) -> float:
             factor *= n - k - d
         value = value * w + factor * coefficients[row, k]
     return value
-
-
-@leaf
-def _write_matrix(phi: FloatArray, matrix: FloatArray) -> None:
-    """Write Λ(φ)/‖φ‖² into the upper left of a matrix (≥ 3, ≥ 3); φ (4,) of any length."""
-    x, y, z, w = phi[0], phi[1], phi[2], phi[3]
-    f = 2.0 / (x * x + y * y + z * z + w * w)
-    matrix[0, 0], matrix[0, 1], matrix[0, 2] = (
-        1.0 - f * (y * y + z * z),
-        f * (x * y - z * w),
-        f * (x * z + y * w),
-    )
-    matrix[1, 0], matrix[1, 1], matrix[1, 2] = (
-        f * (x * y + z * w),
-        1.0 - f * (x * x + z * z),
-        f * (y * z - x * w),
-    )
-    matrix[2, 0], matrix[2, 1], matrix[2, 2] = (
-        f * (x * z - y * w),
-        f * (y * z + x * w),
-        1.0 - f * (x * x + y * y),
-    )
 
 
 @leaf
