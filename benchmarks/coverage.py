@@ -53,7 +53,7 @@ def coverage(name: str, n: int, noise: float, given: bool, scenes: int) -> dict[
         if plain.initial_T_goal is None:
             continue
         hits["ok"] += 1
-        hits["motion, 5"] += _covered(_error(plain, scene, factor), _motion(plain))
+        hits["motion, 5"] += covered(_error(plain, scene, factor), motion_law(plain))
         error = (plain.points - scene.points / factor).ravel()
         law = plain.uncertainty
         assert law is not None
@@ -63,7 +63,7 @@ def coverage(name: str, n: int, noise: float, given: bool, scenes: int) -> dict[
         metric = _estimate(camera, scene, noise if given else None, known, 0.0)
         if metric.initial_T_goal is not None:
             hits["with length"] += 1
-            hits["motion, 6"] += _covered(_error(metric, scene, 1.0), _motion(metric, 6))
+            hits["motion, 6"] += covered(_error(metric, scene, 1.0), motion_law(metric, 6))
             hits["length of t"] += _length_covered(metric, scene)
     return {
         k: v / (hits["with length"] if k in ("motion, 6", "length of t") else hits["ok"])
@@ -93,7 +93,7 @@ def _error(estimate: TwoViewEstimate, scene: Scene, factor: float) -> FloatArray
     return np.concatenate((pose.translation - truth.translation / factor, turn))
 
 
-def _motion(estimate: TwoViewEstimate, size: int = 5) -> tuple[FloatArray, FloatArray, float]:
+def motion_law(estimate: TwoViewEstimate, size: int = 5) -> tuple[FloatArray, FloatArray, float]:
     """Return a basis of what is free, the noise's scale matrix in it, and its degrees of freedom."""
     law, pose = estimate.uncertainty, estimate.initial_T_goal
     assert law is not None
@@ -107,10 +107,11 @@ def _motion(estimate: TwoViewEstimate, size: int = 5) -> tuple[FloatArray, Float
     return basis, rows.T @ rows, law.freedom
 
 
-def _covered(error: FloatArray, law: tuple[FloatArray, FloatArray, float]) -> bool:
+def covered(error: FloatArray, law: tuple[FloatArray, FloatArray, float], level: float = LEVEL) -> bool:
+    """Tell whether an error lies in the ellipsoid of a law of `motion_law`."""
     basis, matrix, freedom = law
     inner = basis.T @ error
-    return _square(inner, matrix) < _quantile(len(inner), freedom)
+    return _square(inner, matrix) < _quantile(len(inner), freedom, level)
 
 
 def _square(error: FloatArray, matrix: FloatArray) -> float:
@@ -152,10 +153,10 @@ def _length_covered(estimate: TwoViewEstimate, scene: Scene) -> bool:
     return gap * gap < _quantile(1, law.freedom) * float(along @ along)
 
 
-def _quantile(size: int, freedom: float) -> float:
+def _quantile(size: int, freedom: float, level: float = LEVEL) -> float:
     if math.isinf(freedom):
-        return float(chdtri(size, 1.0 - LEVEL))
-    return float(size * fdtri(size, freedom, LEVEL))
+        return float(chdtri(size, 1.0 - level))
+    return float(size * fdtri(size, freedom, level))
 
 
 NAMES = ("motion, 5", "motion, 6", "length of t", "structure, 3n", "points", "stated scale")

@@ -111,10 +111,11 @@ def estimated(
     goal: FloatArray,
     noise: FloatArray | float,
     squares: IntArray | None = None,
+    windows: FloatArray | None = None,
 ) -> tuple[TwoViewEstimate, Matches]:
     """Return the estimate of two views, and the matches as it saw them."""
     pixels, sigmas = np.concatenate((initial, goal), axis=1), np.broadcast_to(noise, (len(goal), 2))
-    found = estimate_two_view(camera, initial, goal, noise=noise, squares=squares)
+    found = estimate_two_view(camera, initial, goal, noise=noise, squares=squares, windows=windows)
     return found, Matches.of_pixels(camera, pixels, np.array(sigmas))
 
 
@@ -124,7 +125,8 @@ def from_pictures(
     """Return what natural features of two pictures say."""
     try:
         matched = NaturalKind().match(camera, initial, goal)
-        found, matches = estimated(camera, matched.initial, matched.goal, matched.noise)
+        pixels = matched.initial, matched.goal
+        found, matches = estimated(camera, *pixels, matched.noise, windows=matched.window)
     except (AnswerIsNo, InputError) as error:
         return str(error).split(":")[1 if isinstance(error, AnswerIsNo) else 0].strip()[:40], False
     return judged(found, truth, matches)

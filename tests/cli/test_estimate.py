@@ -1,6 +1,7 @@
 """``omniservo estimate`` on image files: tags and natural features in pictures of a fisheye."""
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,7 +11,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
 from omniservo.cli.main import main
+from omniservo.estimation import estimate_two_view
 from omniservo.perception import tag_cells, tag_picture
+from omniservo.runs import estimate_images
 
 CAMERA = preset("fe185")
 GOAL = RigidTransform.from_components([0.06, -0.04, 0.05], Rotation.from_rotvec([0.03, -0.06, 0.1]))
@@ -88,6 +91,14 @@ def test_natural_features_of_crates_give_the_motion(crates, capsys):
     assert (code, answer["status"]) == (0, "ok")
     turn, swing, _ = errors(answer)
     assert (turn < 0.2) & (swing < 1.0)
+
+
+def test_natural_features_tell_less_than_as_many_that_err_alone(crates):
+    found = estimate_images("fe185", Path(crates[1]), Path(crates[3]), features="natural")
+    matched = found.seen.matched
+    alone = estimate_two_view(CAMERA, matched.initial, matched.goal, noise=matched.noise)
+    ratio = np.trace(found.estimate.covariance) / np.trace(alone.covariance)
+    assert 1.5 < ratio < 6.0
 
 
 def test_identical_pictures_hold_no_motion(crates, capsys):

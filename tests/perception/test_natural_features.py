@@ -9,7 +9,7 @@ from textured_scenes import Plate, facing_plate, picture, pose, relief, rough_te
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.perception import find_features, match_features, match_images
+from omniservo.perception import NaturalKind, find_features, match_features, match_images
 from omniservo.perception.match_features import FeatureMatch
 from omniservo.perception.refine_matches import refine_matches
 
@@ -52,6 +52,17 @@ def test_the_stated_covariance_is_about_the_true_one(scene):
     unlike = match.correlation[right] < 0.95  # the shape differs after all, and so does more than noise
     assert unlike.sum() > 25
     assert 0.5 < np.median(squared[unlike]) / 1.386 < 1.5
+
+
+def test_a_match_says_how_wide_its_window_is(scene):
+    _, initial, goal, match = scene
+    matched = NaturalKind().match(CAMERA, initial, goal)
+    np.testing.assert_array_equal(matched.window, match.window)
+    # Patches of 17 samples, a pixel apart at least, more for features of a larger scale.
+    assert match.window.min() == pytest.approx(0.55 * 8, rel=0.2)
+    assert match.window.max() < 3.0 * match.window.min()
+    chosen = np.array([5, 2])
+    np.testing.assert_array_equal(matched.where(chosen).window, match.window[chosen])
 
 
 def test_few_pairs_among_many_features_are_too_few(scene):

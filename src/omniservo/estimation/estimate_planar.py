@@ -170,7 +170,8 @@ def _law(
 ) -> JointUncertainty | None:
     freedom = 2 * members.size - UNKNOWNS
     noise = Noise.of(solution.blocks.cost, freedom, members.noise_px or None)
-    return planar_law(members, *solution, noise, request.length(inside), request.lens)
+    windows = request.windows_of(inside)
+    return planar_law(members, *solution, noise, windows, request.length(inside), request.lens)
 
 
 def _ambiguity(one: PlanarMotion, other: PlanarMotion, law: JointUncertainty) -> str:

@@ -65,6 +65,7 @@ def estimate_two_view(
     scale_sigma: float = 0.0,
     calibration_covariance: npt.ArrayLike | None = None,
     squares: npt.ArrayLike | None = None,
+    windows: npt.ArrayLike | None = None,
 ) -> TwoViewEstimate:
     """Return the pose of the goal camera and the points, from the same points' pixels in two images.
 
@@ -92,10 +93,13 @@ def estimate_two_view(
         squares: (m, 4) matches that are the corners of a square of unknown size, as of a tag, in order round
             it. Where they are no square under the motion, one was taken for another: it is left out. Method
             "homography" does not use them. None: nothing is known of the target.
+        windows: (n,) standard deviation [px] of the Gaussian window in the initial image that each match was
+            measured in, as `MatchedPoints.window`: matches whose windows overlap err alike, and tell less of
+            the motion than as many that err each by itself. None: they do.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
-            virtual-plane image), an illegal scale, noise, covariance, squares or option.
+            virtual-plane image), an illegal scale, noise, covariance, squares, windows or option.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
@@ -106,7 +110,8 @@ def estimate_two_view(
             raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
     matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
     lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
-    request = TwoViewRequest(kind, between, length, scale_sigma, lens, _checked_squares(squares, len(pixels)))
+    marked, measured_in = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
+    request = TwoViewRequest(kind, between, length, scale_sigma, lens, marked, measured_in)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
@@ -172,6 +177,18 @@ def _checked_squares(squares: npt.ArrayLike | None, n: int) -> IntArray:
     if len(np.unique(places)) < places.size:
         raise InputError("squares: a match stands twice; it is a corner of one square")
     return places.astype(np.int64)
+
+
+def _checked_windows(windows: npt.ArrayLike | None, n: int) -> FloatArray | None:
+    """Return the standard deviation of each match's window (n,) [px]."""
+    if windows is None:
+        return None
+    widths = finite_array("windows", windows, (None,))
+    if len(widths) != n:
+        raise InputError(f"windows: {len(widths)} numbers given; {n} are needed, one for each match")
+    if widths.min() <= 0.0:
+        raise InputError(f"windows: {widths.min():g} given; legal: > 0")
+    return widths
 
 
 def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:
@@ -270,7 +287,8 @@ def _with_pose(
     def law() -> JointUncertainty:
         noise = np.tile(np.eye(2).ravel(), (members.size, 2)) if plane is None else plane[1][fit.members]
         response = linear_response(*arrays, noise, *solution, length.between)
-        return two_view_uncertainty(members, rivals, response, solution, known, length, request.lens)
+        sigmas = known, known.shared_by(response.motion, members, request.windows_of(fit.members))
+        return two_view_uncertainty(members, rivals, response, solution, *sigmas, length, request.lens)
 
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)

@@ -19,6 +19,7 @@ def planar_law(
     rays: FloatArray,
     blocks: PlanarBlocks,
     noise: Noise,
+    windows: FloatArray | None,
     length: Length,
     lens: Lens,
 ) -> JointUncertainty | None:
@@ -34,6 +35,8 @@ def planar_law(
         rows = np.linalg.cholesky(spread).T
     except np.linalg.LinAlgError:
         return None
+    pulls = np.swapaxes(blocks.to_motion - blocks.to_ray @ follow, 1, 2)
+    together = noise.shared_by(spread @ pulls, members, windows)
     to_motion, to_ray = _structure_slopes(motion, rays, blocks)
     shared = _joined(motion, rows, blocks, to_motion - to_ray @ follow)
     own = to_ray @ inverse @ np.swapaxes(to_ray, 1, 2)
@@ -42,7 +45,7 @@ def planar_law(
     if len(lens.directions):
         solution = Solution(motion.rotation, motion.translation, points)
         moved = -lens.pixels(solution) * np.repeat(members.weights, 2, axis=1)
-        gradient = np.einsum("nij,qni->qj", blocks.to_motion - blocks.to_ray @ follow, moved)
+        gradient = np.einsum("nji,qni->qj", pulls, moved)
         calibration = _joined(motion, gradient @ spread, blocks, to_motion - to_ray @ follow)
         turns = np.einsum("nij,qnj->qni", inverse @ np.swapaxes(blocks.to_ray, 1, 2), moved)
         calibration[:, 6:] += np.einsum("nij,qnj->qni", to_ray, turns).reshape(len(moved), -1)
@@ -52,7 +55,7 @@ def planar_law(
     unit = np.full(6 + 3 * n, metres)
     unit[3:6] = 1.0
     return JointUncertainty(
-        math.sqrt(noise.variance) * unit * shared,
+        math.sqrt(together.variance) * unit * shared,
         noise.variance * metres**2 * own,
         noise.freedom,
         unit * calibration,

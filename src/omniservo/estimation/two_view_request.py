@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from omniservo.estimation.two_view_uncertainty import Length, Lens
-from omniservo.geometry.arrays import BoolArray, IntArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 class TwoViewRequest(NamedTuple):
@@ -20,10 +20,16 @@ class TwoViewRequest(NamedTuple):
     lens: Lens
     squares: IntArray
     """(m, 4) matches that are the corners of a square"""
+    windows: FloatArray | None
+    """(n,) standard deviation of the window that each match was measured in [px]; None: all err alone"""
 
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""
         return next((i for i in self.between or () if not members[i]), None)
+
+    def windows_of(self, members: BoolArray) -> FloatArray | None:
+        """Return the members' windows (m,) [px]; None: they err alone."""
+        return None if self.windows is None else self.windows[members]
 
     def length(self, members: BoolArray) -> Length:
         """Return what fixes the scale, among the members."""

@@ -16,6 +16,7 @@ from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.likelihood_region import motion_offsets, stretches
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.motion_search import Minimum
+from omniservo.estimation.shared_errors import shared_error_factor
 from omniservo.estimation.structure_size import size_variance
 from omniservo.estimation.uncertainty import LinearResponse
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -38,6 +39,12 @@ class Noise(NamedTuple):
         if stated is None or weighted > stated**2 * float(chdtri(freedom, PROBABLE)):
             return cls(weighted / freedom, float(freedom))
         return cls(stated**2, math.inf)
+
+    def shared_by(self, response: FloatArray, members: Matches, windows: FloatArray | None) -> Noise:
+        """Return the noise of the motion, whose matches share errors; see `shared_error_factor`."""
+        if windows is None:
+            return self
+        return self._replace(variance=self.variance * shared_error_factor(response, members.pixels, windows))
 
 
 class Length(NamedTuple):
@@ -94,6 +101,7 @@ def two_view_uncertainty(
     response: LinearResponse,
     solution: Solution,
     noise: Noise,
+    together: Noise,
     length: Length,
     lens: Lens,
 ) -> JointUncertainty:
@@ -108,7 +116,8 @@ def two_view_uncertainty(
             looked at.
         response: at the optimum.
         solution: the optimum.
-        noise: of the pixels.
+        noise: of the pixels of one match.
+        together: what counts as theirs where all matches act on the motion.
         length: what fixes the scale.
         lens: how well the camera is known.
     """
@@ -116,20 +125,19 @@ def two_view_uncertainty(
     metres = length.of_translation(solution.points)
     unit = np.full(rows.shape[1], metres)
     unit[3:6] = 1.0
-    noisy = math.sqrt(noise.variance) * unit * rows
+    noisy = math.sqrt(together.variance) * unit * rows
     sigma = None
     if rivals is not None:
-        stretched = _stretched(members, rivals, response, solution, noise, length)
+        stretched = _stretched(members, rivals, response, solution, together, length)
         noisy = np.concatenate((noisy, stretched))
-        sigma = math.sqrt(noise.variance) / members.weights if len(stretched) else None
+        sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
     calibration = np.empty((0, rows.shape[1]))
     if len(lens.directions):
         weights = np.repeat(members.weights, 2, axis=1)
         calibration = np.array([response.answer(-weights * moves) for moves in lens.pixels(solution)])
     own = noise.variance * metres**2 * own
-    size = size_variance(
-        members, solution.rotation, solution.translation, noise.variance * response.unscaled, length.between
-    )
+    spread = together.variance * response.unscaled
+    size = size_variance(members, solution.rotation, solution.translation, spread, length.between)
     return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma, size)
 
 

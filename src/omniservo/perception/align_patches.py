@@ -17,6 +17,8 @@ _END = 0.003
 """[samples] a step smaller than this is the last"""
 LEAST_NORM = 1.0
 """[grey values] of a patch that is not flat"""
+WINDOW = 0.55
+"""[half sides of a patch] standard deviation of the Gaussian weights of its samples"""
 _LARGEST_TURN = 0.3
 """of the patch in one step: none turns it inside out"""
 _LONGEST_STEP = 2.0
@@ -66,7 +68,7 @@ class Alignment:
 
 def window(half: int) -> FloatArray:
     """Weights ((2·half + 1)²,) of a patch's samples, a Gaussian; their sum is 1."""
-    weight = np.exp(-0.5 * (grid(half) ** 2).sum(1) / (0.55 * half) ** 2)
+    weight = np.exp(-0.5 * (grid(half) ** 2).sum(1) / (WINDOW * half) ** 2)
     return np.asarray(weight / weight.sum())
 
 

@@ -30,6 +30,9 @@ class MatchedPoints:
     """(n, 2) σ of a coordinate in the initial and in the goal picture [px]; None: not known beforehand"""
     ids: IntArray | None = None
     """(n,) which corners of which tags they are, 4·tag + corner as in `omniservo.targets`; None: no tags"""
+    window: FloatArray | None = None
+    """(n,) standard deviation [px] of the Gaussian window in the initial picture that each was measured in:
+    points whose windows overlap err alike; None: every point errs by itself"""
 
     def __len__(self) -> int:
         return len(self.initial)
@@ -47,7 +50,8 @@ class MatchedPoints:
         """Return the chosen rows."""
         noise = None if self.noise is None else self.noise[rows]
         ids = None if self.ids is None else self.ids[rows]
-        return MatchedPoints(self.initial[rows], self.goal[rows], noise, ids)
+        window = None if self.window is None else self.window[rows]
+        return MatchedPoints(self.initial[rows], self.goal[rows], noise, ids, window)
 
 
 class FeatureTracker(Protocol):

@@ -36,7 +36,8 @@ class NaturalKind:
             words = f"{match.status}: {match.reason}"
             raise AnswerIsNo(f"the natural features of the two images cannot be matched: {words}")
         variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
-        return MatchedPoints(match.initial.pixels, match.goal.pixels, np.sqrt(np.stack(variances, axis=1)))
+        noise = np.sqrt(np.stack(variances, axis=1))
+        return MatchedPoints(match.initial.pixels, match.goal.pixels, noise, window=match.window)
 
     def tracker(
         self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints

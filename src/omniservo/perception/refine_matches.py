@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, frozen
-from omniservo.perception.align_patches import Alignment, align, make_templates
+from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_features import LEAST_PAIRS, FeatureMatch, Status
@@ -49,6 +49,8 @@ class ImageMatch:
     that variance"""
     correlation: FloatArray
     """(m,) of the two patches, at most 1"""
+    window: FloatArray
+    """(m,) standard deviation [px] of the Gaussian window of the patch, in the initial picture"""
     status: Status
     """as of `match_features`; "too_few" also where fewer patches fit than eight, or than `LEAST_SHARE`; of
     `match_images`, "blurred": a picture is smeared by motion"""
@@ -57,6 +59,7 @@ class ImageMatch:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "correlation", frozen(self.correlation))
+        object.__setattr__(self, "window", frozen(self.window))
 
     def __len__(self) -> int:
         return len(self.initial)
@@ -117,13 +120,14 @@ def refine_matches(
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
     )
-    return ImageMatch(one_picture, the_other, found.correlation[good], "ok", f"{count} pairs")
+    window = WINDOW * HALF * pitch / pixel
+    return ImageMatch(one_picture, the_other, found.correlation[good], window[good], "ok", f"{count} pairs")
 
 
 def refused(status: Status, reason: str) -> ImageMatch:
     """Return no match, and why."""
     none = ImagePoints(np.zeros((0, 2)), np.zeros((0, 2, 2)))
-    return ImageMatch(none, none, np.zeros(0), status, reason)
+    return ImageMatch(none, none, np.zeros(0), np.zeros(0), status, reason)
 
 
 def _errors(camera: UnifiedCamera, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:

@@ -83,6 +83,7 @@ def estimate_images(
         noise=matched.noise,
         method=method,
         squares=matched.squares,
+        windows=matched.window,
     )
     return EstimatedImages(seen, found)
 

@@ -52,6 +52,7 @@ def estimate_task(
             noise=matched.noise,
             scale_sigma=task.scale.sigma,
             squares=matched.squares,
+            windows=matched.window,
         )
     )
 
