@@ -1,10 +1,10 @@
 """Do the ellipsoids of motions from natural features cover what they say?
 
 Run: ``python -m benchmarks.picture_coverage [PAIRS]``. Pairs of rendered pictures of three textured faces,
-through a small fisheye, the same with three times the sensor noise, a perspective lens, and a fisheye of twice
-the size; natural features are found and matched in them as `omniservo estimate` does. Counted is how often the
-truth lies in the 50% and the 95% ellipsoid of the motion (rotation and direction, 5 numbers): of matches that
-are taken to err each by itself, and of such that share what their windows do, as `omniservo` has it.
+through a small fisheye, the same with three times the sensor noise, a perspective lens, and a larger
+fisheye; natural features are found and matched in them as `omniservo estimate` does. Counted is how
+often the truth lies in the 50% and the 95% ellipsoid of the motion (rotation and direction, 5 numbers): of
+matches taken to err each by itself, and of such that share what their windows do.
 """
 
 from __future__ import annotations

@@ -93,29 +93,30 @@ def estimate_two_view(
         squares: (m, 4) matches that are the corners of a square of unknown size, as of a tag, in order round
             it. Where they are no square under the motion, one was taken for another: it is left out. Method
             "homography" does not use them. None: nothing is known of the target.
-        windows: (n,) standard deviation [px] of the Gaussian window in the initial image that each match was
-            measured in, as `MatchedPoints.window`: matches whose windows overlap err alike, and tell less of
-            the motion than as many that err each by itself. None: they do.
+        windows: (n,) standard deviation [px] of the window in the initial image that each match was measured
+            in (`MatchedPoints.window`); where they overlap, matches err alike. None: each errs by itself.
 
     Raises:
-        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain (or without
-            virtual-plane image), an illegal scale, noise, covariance, squares, windows or option.
+        InputError: shapes, illegal numbers, a pixel outside the camera's domain or without virtual image.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
-    between, length = _checked_scale(scale, len(pixels))
-    finite_number("scale_sigma", scale_sigma, minimum=0.0, maximum=0.0 if scale is None else 1.0)
-    for name, given, legal in (("method", method, METHODS), ("rotation", rotation, tuple(ROTATIONS))):
-        if given not in legal:
-            raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
+    fixed = _checked_scale(scale, scale_sigma, len(pixels))
+    _check_choice("method", method, METHODS)
+    _check_choice("rotation", rotation, tuple(ROTATIONS))
     matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
-    lens, kind = Lens.of(camera, calibration_covariance), ROTATIONS[rotation]
-    marked, measured_in = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
-    request = TwoViewRequest(kind, between, length, scale_sigma, lens, marked, measured_in)
+    known = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
+    lens = Lens.of(camera, calibration_covariance)
+    request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
     return _estimate_general(matches, plane, robust, request, started)
+
+
+def _check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
+    if given not in legal:
+        raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
 
 
 def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
@@ -146,8 +147,9 @@ def _checked_noise(noise: Any, n: int) -> FloatArray | None:
     return sigmas
 
 
-def _checked_scale(scale: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
+def _checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
     """Return the pair of points and the length that fix the scale."""
+    finite_number("scale_sigma", sigma, minimum=0.0, maximum=0.0 if scale is None else 1.0)
     legal = "legal: None, metres between the camera centres, or ((i, j), metres) between two points"
     if scale is None:
         return None, None
