@@ -129,6 +129,22 @@ def test_random_commands_of_half_a_minute_lose_no_point(name):
     assert lost
 
 
+@pytest.mark.parametrize("name", ["perspective", "fisheye"])
+def test_half_a_pixel_of_noise_and_distances_that_are_off_lose_no_point(name):
+    camera = CAMERAS[name]
+    for seed in range(8):
+        rng = np.random.default_rng([6, seed])
+        points, _ = seen_points(camera, rng, 8)
+        visibility = VisibilityFilter(camera)
+        for step in range(240):
+            if step % 30 == 0:
+                wanted = rng.normal(size=6) * [0.1, 0.1, 0.1, 0.3, 0.3, 0.3]
+            pixels, valid = camera.project(points)
+            assert camera.in_image(pixels).all(), (seed, step)
+            seen = pixels + 0.5 * rng.normal(size=pixels.shape)
+            points = moved(points, visibility.step(1.05 * points, seen, valid, wanted).twist, 1 / 30)
+
+
 def test_a_point_outside_is_brought_back_and_none_inside_is_given_up_for_it():
     points, pixels = np.array([[0.0, 0.0, 0.5], [-0.37, 0.0, 0.5], [0.382, 0.1, 0.5]]), None
     pixels, valid = PERSPECTIVE.project(points)
@@ -138,6 +154,18 @@ def test_a_point_outside_is_brought_back_and_none_inside_is_given_up_for_it():
     slope = rates(PERSPECTIVE, points, answer.twist)
     assert slope[2, 1] > 0.0
     assert (slope[:2] >= -OPTIONS.visibility_rate * height[:2] - 1e-3).all()
+
+
+def test_a_point_so_far_beyond_the_lens_circle_that_it_has_no_projection_is_brought_back():
+    bearing = np.array([math.sin(math.radians(95.0)), 0.0, math.cos(math.radians(95.0))])
+    points = np.array([0.5 * bearing, [0.0, 0.1, 0.5]])
+    pixels, valid = FISHEYE.project(points)
+    assert valid.tolist() == [False, True]
+    visibility = VisibilityFilter(FISHEYE, options=OPTIONS)
+    answer = visibility.step(points, np.nan_to_num(pixels), valid, np.array([0, 0, 0, 0, -0.5, 0]))
+    angle = [math.atan2(c[0], c[2]) for c in (points[0], moved(points, answer.twist, 0.01)[0])]
+    assert angle[1] < angle[0]
+    assert answer.least_height_px < 0.0
 
 
 def test_the_delay_carries_the_points_on_by_the_last_twist():
@@ -169,7 +197,9 @@ def test_speed_limits_hold_whatever_is_wanted():
         )
         assert np.linalg.norm(answer.twist[:3]) <= OPTIONS.max_linear_speed * (1 + 1e-12)
         assert np.linalg.norm(answer.twist[3:]) <= OPTIONS.max_angular_speed * (1 + 1e-12)
-        assert (rates(FISHEYE, points, answer.twist) >= -5.0 * heights(FISHEYE, points) - 1e-2).all()
+        assert (
+            rates(FISHEYE, points, answer.twist) >= -OPTIONS.visibility_rate * heights(FISHEYE, points) - 1e-2
+        ).all()
 
 
 @pytest.mark.parametrize(

@@ -47,9 +47,10 @@ class SafetyOptions:
     """The image error may grow freely below this [px];"""
     growing_time: float = 1.0
     """above it, an error that grew from third to third of this time stops the robot [s]."""
-    visibility_margin: float = 1.0
-    """Distance to every image limit that the visibility filter keeps [px]"""
-    visibility_rate: float = 5.0
+    visibility_margin: float = 2.0
+    """Distance to every image limit that the visibility filter keeps [px]; noise of the pixels, and what the
+    points' distances are off, take of it"""
+    visibility_rate: float = 10.0
     """κ: a point at h px from that margin may come nearer to it by κ h px/s [1/s]; keep κ · frame period
     well below 1"""
 

@@ -149,9 +149,14 @@ def _write_limits(
     heights: FloatArray,
     count: int,
 ) -> tuple[int, bool]:
-    """Append the rows ∂ḣ/∂(v, ω) and heights h [px] of one point; False without a projection."""
+    """Append the rows ∂ḣ/∂(v, ω) and heights h [px] of one point; False without a projection.
+
+    What is too far beyond the lens's circle to have a projection has the row of that circle alone.
+    """
     u, v, ux, uy, uz, vx, vy, vz, ok = project_point_jacobian(parameters, x, y, z)
     if not ok:
+        if limits[RADIUS] < math.inf and _has_radius(parameters[5], x, y, z):
+            count = _append_rim(parameters[5], limits, x, y, z, rows, heights, count)
         return count, False
     du, dv = np.empty(6), np.empty(6)
     _write_flow(ux, uy, uz, x, y, z, du)
@@ -203,6 +208,13 @@ def _append(
     for k in range(6):
         rows[count, k] = a * du[k] + b * dv[k]
     return count + 1
+
+
+@leaf
+def _has_radius(xi: float, x: float, y: float, z: float) -> bool:
+    """Whether √(X² + Y²)/(Z + ξρ) exists and grows outwards: Z > −ξρ, for ξ > 1 Z > −ρ/ξ."""
+    rho = math.sqrt(x * x + y * y + z * z)
+    return z > -rho * (xi if xi <= 1.0 else 1.0 / xi)
 
 
 @leaf
