@@ -21,8 +21,9 @@ from omniservo.planning import (
     plan_with_arm,
 )
 from omniservo.robots import CAMERA_HOUSING, load_arm
-from omniservo.servoing import PathLimits, RestOfLaw, RestToRestLaw
+from omniservo.servoing import PathLimits, RestOfLaw, RestToRestLaw, feature_named
 from omniservo.tracking import FollowingArm, Leg, PathTracker, Replanner, ReplanOptions
+from omniservo.tracking.goal_image import GoalImage
 
 CAMERA = preset("fe185")
 POINTS = np.array([[x, y, 0.5 + 0.05 * abs(x)] for x in (-0.08, 0.0, 0.09) for y in (-0.08, 0.0, 0.1)])
@@ -248,10 +249,14 @@ def test_an_estimate_that_leaves_its_tube_is_planned_for_again(time):
     tracker = PathTracker(PLAN, CAMERA, time_law=LAW, goal_pixels=pixels)
     replanner = Replanner(tracker, PLAN, options=ReplanOptions(tube=0.01))
     assert replanner.change == pytest.approx(0.012, abs=1e-4)
+    assert np.abs(tracker.goal.offsets).max() > 1e-3
     event = replanner.look(time)
     assert (event.cause, event.outcome) == ("estimate", "replanned")
     assert (tracker.legs[-1].path(1.0).inv() * there).as_matrix() == pytest.approx(np.eye(4), abs=1e-6)
     assert replanner.look(time + 0.03) is None
+    assert np.abs(tracker.goal.offsets).max() < 1e-6
+    again = GoalImage.of(CAMERA, feature_named("bearing"), event.leg.path, POINTS, pixels)
+    assert tracker.goal.pose == pytest.approx(again.pose, abs=1e-9)
     seen = [tracker.predict(event.leg.time + d)[0] for d in (-1e-7, 0.0)]
     assert seen[0] == pytest.approx(seen[1], abs=1e-3)
 

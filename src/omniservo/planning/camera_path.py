@@ -12,7 +12,8 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
-from omniservo.planning.pose_kernels import write_poses, write_twists
+from omniservo.planning.pose_kernels import write_states
+from omniservo.planning.quick_poses import quaternion_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +57,19 @@ class CameraPath:
             InputError: w is not finite, or another order.
         """
         at = finite_array("w", w, np.shape(w))
-        flat = np.ascontiguousarray(at.reshape(-1))
+        if order not in (0, 1, 2):
+            raise InputError(f"order: {order!r} given; legal: 0, 1, 2")
+        poses, motions = self.sampled(np.ascontiguousarray(at.reshape(-1)))
         if order == 0:
-            poses = np.empty((len(flat), 4, 4))
-            write_poses(*self.powers, flat, poses)
             # They are rotations but for rounding; SciPy's own way to compose them takes ten times as long.
             return RigidTransform(poses.reshape(*at.shape, 4, 4), normalize=False)
-        if order not in (1, 2):
-            raise InputError(f"order: {order!r} given; legal: 0, 1, 2")
-        twists = np.empty((len(flat), 6))
-        write_twists(*self.powers, flat, order, twists)
-        return twists.reshape(*at.shape, 6)
+        return motions[:, order - 1].reshape(*at.shape, 6)
+
+    def sampled(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return poses (m, 4, 4), and twists with their derivatives (m, 2, 6), at w (m,), finite."""
+        poses, motions = np.empty((len(w), 4, 4)), np.empty((len(w), 2, 6))
+        write_states(*self.powers, w, poses, motions)
+        return poses, motions
 
     @cached_property
     def powers(self) -> tuple[FloatArray, FloatArray]:
@@ -96,7 +99,7 @@ class CameraPath:
 
     def seen_in(self, frame_T_initial: RigidTransform) -> CameraPath:
         """Return the same path in another frame: w ↦ frame_T_initial · path(w)."""
-        x, y, z, w = frame_T_initial.rotation.as_quat()
+        x, y, z, w = quaternion_of(frame_T_initial)
         matrix = frame_T_initial.as_matrix()
         turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ self.rotation
         moved = matrix[:3, :3] @ self.translation

@@ -18,6 +18,7 @@ from omniservo.planning.planning_problem import (
     PlanningProblem,
     Workspace,
 )
+from omniservo.planning.quick_poses import composed
 
 FREE_DEGREE = 3
 """A path that leaves with a given velocity has freedom from this degree on."""
@@ -51,7 +52,7 @@ def problem_from(
     return replace(
         problem,
         points=here.apply(problem.points),
-        initial_T_goal=here * problem.initial_T_goal,
+        initial_T_goal=composed(here, problem.initial_T_goal),
         obstacles=tuple(seen_from(o, here, w) for o in problem.obstacles),
         workspace=None if problem.workspace is None else _workspace(problem.workspace, here),
         degrees=Degrees(sigma, tau),

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
 from omniservo.planning.search.prove_path import prove_path
 
 
@@ -21,6 +19,6 @@ def keeps_problem(problem: PlanningProblem, path: CameraPath) -> bool:
     Raises:
         InputError: the visibility margin leaves nothing of the image.
     """
-    demands = ProblemSearch.of(problem).demands
-    status, _ = prove_path(demands, np.array(path.rotation, order="C"), np.array(path.translation, order="C"))
+    demands = demands_of(problem, image_limits(problem, TIGHTER_PX))
+    status, _ = prove_path(demands, *path.powers)
     return bool(status == PROVEN)

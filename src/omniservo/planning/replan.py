@@ -18,6 +18,7 @@ from omniservo.planning.improving_plans import first_proven, looked
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.quick_poses import quaternion_of
 from omniservo.planning.search.path_family import Ends
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.rest_of_path import settle_rest
@@ -115,7 +116,7 @@ def rest_arguments(
         np.array(old.rotation, order="C"),
         np.array(old.translation, order="C"),
         w,
-        pose.rotation.as_quat(),
+        quaternion_of(pose),
         np.array(pose.translation),
         sigma,
         tau,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from omniservo.robots.arm import LENGTH_SCALE, Arm
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.march_kernel import States
 from omniservo.robots.path_steps import PathSteps, PosePath, Stop
-from omniservo.robots.quintic import quintic_pieces, quintic_values
+from omniservo.robots.quintic import quintic_pieces
 from omniservo.robots.step_kernels import VALUE
 
 _FAMILIES = 8
@@ -23,8 +24,11 @@ _FAMILIES = 8
 _AT_START = 1e-6
 """[m], [rad] from the pose of a stated start to the path's"""
 
-_DENSE = 16
-"""places between two samples at which limits are looked at"""
+_SHARES = np.arange(16) / 16.0
+"""places between two samples at which limits are looked at, and"""
+
+_BASIS = np.array([math.comb(5, k) * _SHARES**k * (1.0 - _SHARES) ** (5 - k) for k in range(6)]).T
+"""(16, 6) the quintic Bernstein polynomials there"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +69,7 @@ def follow_path(
 
     Args:
         arm: six or seven joints.
-        path: of w (m,) and an order: 0: initial_T_camera(w), 1: the camera's twist (m, 6) per unit w in its
-            own frame, 2: that twist's derivative. `omniservo.planning.CameraPath` is one.
+        path: of the camera, see `PosePath`; `omniservo.planning.CameraPath` is one.
         base_T_initial: the frame that the path is stated in.
         flange_T_camera: how the camera sits in the hand.
         start: (n,) [rad], where the arm stands: only the branch that goes on from there is followed, with
@@ -125,9 +128,9 @@ def _joint_path(arm: Arm, states: States, stop: Stop | None, *, turns: bool) -> 
     q, slope, bend = (np.ascontiguousarray(states.joints[:, order]) for order in range(3))
     fine, dense = w, q
     if len(w) > 1:
-        shares = np.arange(_DENSE) / _DENSE
-        fine = np.append((w[:-1, None] + np.diff(w)[:, None] * shares).ravel(), w[-1])
-        dense = quintic_values(w, quintic_pieces(w, q, slope, bend), fine, 0)
+        fine = np.append((w[:-1, None] + np.diff(w)[:, None] * _SHARES).ravel(), w[-1])
+        inside = _BASIS @ quintic_pieces(w, q, slope, bend)
+        dense = np.concatenate([inside.reshape(-1, q.shape[1]), q[-1:]])
     if turns:
         middle = 0.5 * (dense.min(axis=0) + dense.max(axis=0))
         turn = 2.0 * np.pi * np.round((arm.joint_range.mean(axis=1) - middle) / (2.0 * np.pi))

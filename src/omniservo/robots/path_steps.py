@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -16,9 +15,20 @@ from omniservo.robots.march_kernel import LONGEST, MORE, States, Table, march
 from omniservo.robots.step_kernels import LEAST, LOST, SINGULAR, TAKEN, Rule, advance
 from omniservo.robots.twist_matrix import twist_matrix
 
-PosePath: TypeAlias = Callable[..., Any]
-"""``path(w, order)``: order 0: RigidTransform of the camera; 1: its twist (…, 6) [m], [rad] per unit w in its
-own frame; 2: that twist's derivative. `omniservo.planning.CameraPath` is one."""
+_SCALE = np.array([1.0 / LENGTH_SCALE] * 3 + [1.0] * 3)
+
+
+class PosePath(Protocol):
+    """A camera's way: `omniservo.planning.CameraPath` is one."""
+
+    def sampled(self, w: FloatArray, /) -> tuple[FloatArray, FloatArray]:
+        """Return poses and motions at w (m,) in [0, 1].
+
+        initial_T_camera (m, 4, 4); and the camera's twist [m], [rad] per unit w in its own frame, with its
+        derivative, (m, 2, 6).
+        """
+        ...
+
 
 _FINER = 16
 """A table of places nearer together begins with so many in a step,"""
@@ -138,11 +148,10 @@ class PathSteps:
 
     def _look_up(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return base_T_flange (m, 4, 4), and the camera's twist with its derivative (m, 2, 6), at w (m,)."""
-        poses = self._base_T_initial @ self._path(w).as_matrix() @ self._camera_T_flange
-        finite_array("path(w)", poses, (len(w), 4, 4))
-        scale = np.array([1.0 / LENGTH_SCALE] * 3 + [1.0] * 3)
-        orders = [finite_array(f"path(w, {order})", self._path(w, order), (len(w), 6)) for order in (1, 2)]
-        return poses, scale * np.stack(orders, axis=1)
+        poses, motions = self._path.sampled(w)
+        poses = finite_array("path: poses", poses, (len(w), 4, 4))
+        motions = finite_array("path: motions", motions, (len(w), 2, 6))
+        return self._base_T_initial @ poses @ self._camera_T_flange, _SCALE * motions
 
 
 def _standing(q: FloatArray) -> FloatArray:

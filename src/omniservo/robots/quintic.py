@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 
 
 @kernel
@@ -30,7 +30,7 @@ def quintic_pieces(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatA
 
 @kernel
 def quintic_values(w: FloatArray, pieces: FloatArray, at: FloatArray, order: int) -> FloatArray:
-    """Return the values (k, n), or derivatives of order 1 or 2, at places (k,) within w, by de Casteljau.
+    """Return the values (k, n), or derivatives of order 1 or 2, at places (k,) within w.
 
     Args:
         w: (m,) where pieces begin and end, ascending.
@@ -39,19 +39,36 @@ def quintic_values(w: FloatArray, pieces: FloatArray, at: FloatArray, order: int
         order: 0, 1 or 2.
     """
     n = pieces.shape[2]
-    found, work = np.empty((at.shape[0], n)), np.empty(6)
+    found, basis = np.empty((at.shape[0], n)), np.empty(6)
+    i, last = 0, pieces.shape[0] - 1
     for k in range(at.shape[0]):
-        i = min(max(int(np.searchsorted(w, at[k], side="right")) - 1, 0), pieces.shape[0] - 1)
+        if at[k] < w[i]:
+            i = 0
+        while i < last and w[i + 1] <= at[k]:
+            i += 1
         h = w[i + 1] - w[i]
         u = (at[k] - w[i]) / h
+        basis[0] = 1.0
+        for degree in range(1, 6 - order):
+            basis[degree] = 0.0
+            for c in range(degree, 0, -1):
+                basis[c] = (1.0 - u) * basis[c] + u * basis[c - 1]
+            basis[0] *= 1.0 - u
+        scale = 1.0 if order == 0 else 5.0 / h if order == 1 else 20.0 / (h * h)
         for j in range(n):
-            for c in range(6):
-                work[c] = pieces[i, c, j]
-            for d in range(order):
-                for c in range(5 - d):
-                    work[c] = (5.0 - d) * (work[c + 1] - work[c]) / h
-            for level in range(5 - order):
-                for c in range(5 - order - level):
-                    work[c] = (1.0 - u) * work[c] + u * work[c + 1]
-            found[k, j] = work[0]
+            value = 0.0
+            for c in range(6 - order):
+                value += basis[c] * _difference(pieces, i, c, j, order)
+            found[k, j] = scale * value
     return found
+
+
+@leaf
+def _difference(pieces: FloatArray, i: int, c: int, j: int, order: int) -> float:
+    """Return the difference of an order 0, 1 or 2 between coefficients from c on."""
+    if order == 0:
+        return float(pieces[i, c, j])
+    first = pieces[i, c + 1, j] - pieces[i, c, j]
+    if order == 1:
+        return float(first)
+    return float((pieces[i, c + 2, j] - pieces[i, c + 1, j]) - first)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
@@ -43,27 +45,47 @@ class GoalImage:
                 unproject or that has no such feature, or a point that the path's end does not see.
         """
         initial_T_end = path(1.0)
-        ends = initial_T_end.inv().apply(points)
-        projected, visible = camera.project(ends)
+        projected, visible = camera.project(initial_T_end.inv().apply(points))
         if pixels is None and not visible.all():
             j = int(np.argmin(visible))
             raise InputError(f"goal_pixels: missing, and the plan's end does not see point {j}")
         wanted = finite_array("goal_pixels", projected if pixels is None else pixels, (len(points), 2))
-        bearings, seen = camera.unproject(wanted)
-        goals, exist = feature.value(np.where(seen[:, None], bearings, 0.0))
-        planned, planned_exist = feature.value(ends)
-        if not (exist & planned_exist).all():
-            j = int(np.argmin(exist & planned_exist))
-            raise InputError(
-                f"goal_pixels: row {j}, {wanted[j]}: no such direction in the camera's domain, or none with "
-                "Z > 0 as virtual-plane features need"
-            )
-        offsets = np.zeros((len(points), 3))
-        if pixels is not None:
-            offsets[:, : feature.width] = goals - planned
+        offsets = _offsets(camera, feature, initial_T_end, points, wanted)
+        if pixels is None:
+            offsets[:] = 0.0
         # Where the goal image determines no pose (points on one line) the plan's end must do; the
         # interaction matrix will say at the first step that such points cannot be servoed on.
         refined = refine_pose(camera, points, wanted, initial_T_end)
         initial_T_goal = initial_T_end if refined.reference_T_camera is None else refined.reference_T_camera
         pose = np.concatenate((initial_T_goal.rotation.as_quat(), initial_T_goal.translation))
         return cls(frozen(wanted), frozen(offsets), frozen(pose))
+
+    def beyond(self, camera: UnifiedCamera, feature: Feature, path: CameraPath, points: FloatArray) -> Self:
+        """Return the same image as seen from the end of another path; points (n, 3) and pose are the same.
+
+        Raises:
+            InputError: the path's end does not see a point.
+        """
+        return replace(self, offsets=frozen(_offsets(camera, feature, path(1.0), points, self.pixels)))
+
+
+def _offsets(
+    camera: UnifiedCamera,
+    feature: Feature,
+    initial_T_end: RigidTransform,
+    points: FloatArray,
+    pixels: FloatArray,
+) -> FloatArray:
+    """Return features of the goal image minus those that the plan's end sees (n, 3)."""
+    bearings, seen = camera.unproject(pixels)
+    goals, exist = feature.value(np.where(seen[:, None], bearings, 0.0))
+    planned, planned_exist = feature.value(initial_T_end.inv().apply(points))
+    if not (exist & planned_exist).all():
+        j = int(np.argmin(exist & planned_exist))
+        raise InputError(
+            f"goal_pixels: row {j}, {pixels[j]}: no such direction in the camera's domain, or none with "
+            "Z > 0 as virtual-plane features need"
+        )
+    offsets = np.zeros((len(points), 3))
+    offsets[:, : feature.width] = goals - planned
+    return offsets

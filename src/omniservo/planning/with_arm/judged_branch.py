@@ -12,7 +12,7 @@ from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
 from omniservo.robots.gap_kernels import halves_of
 
 _HALVINGS = 3
-"""of each piece of the joint path: its Bernstein coefficients then lie close to it"""
+"""of each piece of the joint path at most: its Bernstein coefficients then lie close to it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +73,16 @@ def judged_branch(
 def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:
     """Return w, by how much the reserve is missed there at most [rad] (≤ 0: kept for all w), and the joint.
 
-    A polynomial lies within the range of its Bernstein coefficients.
+    A polynomial lies within the range of its Bernstein coefficients: those of shorter pieces are looked at
+    where it needs them.
     """
     knots, pieces = branch.bernstein_pieces()
-    for _ in range(_HALVINGS):
-        knots, pieces = np.sort(np.append(knots, 0.5 * (knots[:-1] + knots[1:]))), halves_of(pieces)
     low, high = setting.arm.joint_range.T
-    short = setting.limit_reserve - np.minimum(pieces - low, high - pieces)
+    for halvings in range(_HALVINGS + 1):
+        if halvings:
+            knots, pieces = np.sort(np.append(knots, 0.5 * (knots[:-1] + knots[1:]))), halves_of(pieces)
+        short = setting.limit_reserve - np.minimum(pieces - low, high - pieces)
+        if short.max() <= 0.0:
+            break
     place, _, joint = np.unravel_index(int(np.argmax(short)), short.shape)
     return float(0.5 * (knots[place] + knots[place + 1])), float(short.max()), int(joint)

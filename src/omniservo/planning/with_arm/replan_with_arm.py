@@ -18,6 +18,7 @@ from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.quick_poses import composed
 from omniservo.planning.replan import path_near_rest, rest_of_plan
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
@@ -69,7 +70,7 @@ def replan_with_arm(
     budget = TimeBudget(time_budget)
     finite_number("seed", seed, minimum=0)
     old, pose, rest = rest_of_plan(plan, w, problem)
-    base_T_here = setting.base_T_initial * pose
+    base_T_here = composed(setting.base_T_initial, pose)
     goal = base_T_here.as_matrix() @ setting.camera_T_flange.as_matrix()
     here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies

@@ -1,0 +1,19 @@
+"""Poses read and joined on the way, where SciPy's own checks take longer than all that is done with them."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.estimation.rotation_parameters import quaternion_from_matrix
+from omniservo.geometry.arrays import FloatArray
+
+
+def composed(a_T_b: RigidTransform, b_T_c: RigidTransform) -> RigidTransform:
+    """Return a_T_c of two single poses: to rounding a rotation, not made one again."""
+    return RigidTransform(a_T_b.as_matrix() @ b_T_c.as_matrix(), normalize=False)
+
+
+def quaternion_of(a_T_b: RigidTransform) -> FloatArray:
+    """Return the unit quaternion (4,) of a single pose, (x, y, z, w) with w ≥ 0."""
+    return quaternion_from_matrix(np.ascontiguousarray(a_T_b.as_matrix()[:3, :3]))
