@@ -169,6 +169,11 @@ def test_another_camera_that_nearly_all_matches_agree_with_is_told_by_its_focal_
     assert one_case(("another camera", 3173))[2] == ("not_converged", False)
 
 
+def test_another_camera_is_told_by_what_hangs_together_where_few_rejected_matches_are_alike():
+    """Of its 319 matches 258 agree, and 23 of those far off are like the one beside them: no more than 8%."""
+    assert one_case(("another camera", 12284))[2] == ("not_converged", False)
+
+
 def test_more_than_forty_matches_of_blurred_pictures_count_the_badly_found_as_noise():
     """Nearly a plane: with the members' noise alone its second motion would be the only one."""
     words, wrong = one_case(("motion blur", 6425))[2]
