@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
-from omniservo.geometry.kernel import inlined, kernel
+from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import copy_into
 from omniservo.robots.chain import Chain, carry
 from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
@@ -125,15 +125,21 @@ def place_all(chain: Chain, shapes: Shapes, q: FloatArray, scene: Scene) -> None
             scene.anchors[j, k], scene.directions[j, k] = anchor, direction
     for g in range(shapes.places.shape[0]):
         f = scene.frames[shapes.carried[g]]
-        for k in range(3):
-            place = f[k, 3]
-            for m in range(3):
-                place += f[k, m] * shapes.places[g, m]
-                total = 0.0
-                for i in range(3):
-                    total += f[k, i] * shapes.axes[g, 3 * i + m]
-                scene.axes[g, 3 * k + m] = total
-            scene.places[g, k] = place
+        place_shape(f, shapes.places[g], shapes.axes[g], scene.places[g], scene.axes[g])
+
+
+@leaf
+def place_shape(
+    moved: FloatArray, place: FloatArray, axes: FloatArray, new_place: FloatArray, new_axes: FloatArray
+) -> None:
+    """Write place (3,) and axes (9,) of a shape whose carrier has moved by a turn and a shift (3, 4)."""
+    for k in range(3):
+        new_place[k] = moved[k, 3]
+        for m in range(3):
+            new_place[k] += moved[k, m] * place[m]
+            new_axes[3 * k + m] = 0.0
+            for i in range(3):
+                new_axes[3 * k + m] += moved[k, i] * axes[3 * i + m]
 
 
 @inlined

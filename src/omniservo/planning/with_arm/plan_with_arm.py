@@ -29,6 +29,7 @@ from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.planning.with_arm.judged_branch import JudgedBranch, judged_branch
 from omniservo.robots import ArmBodies, FollowedPath, JointPath, follow_path
+from omniservo.robots.carried_bodies import carried_too_close
 
 ATTEMPTS = 16
 """Camera paths from different starts at most."""
@@ -41,6 +42,9 @@ BRANCHES = 3
 
 AIMS = 8
 """postures at the goal that seven joints are led to, where they do not find there by themselves"""
+
+_LOOKED_AT = np.linspace(0.0, 1.0, 33)
+"""where a camera path is looked at before the arm is led along it"""
 
 _SAMPLES = 15
 _HIGHER = 1.5
@@ -126,12 +130,21 @@ class ArmPlanner:
     def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
         """Return the plan of the first camera path that the arm can follow unmoved; None: of none."""
         for number, path in enumerate(paths, start=1):
+            if self._hits(path):
+                continue
             for attempt in self._unmoved(path):
                 if not attempt.judged.reason:
                     plan = judged_plan(self._problem, path, self._begin, "certified", "")
                     if plan.status == "certified":
                         return self._arm_plan(plan, attempt, number)
         return None
+
+    def _hits(self, path: CameraPath) -> bool:
+        """Return whether what the flange carries is too close to something at one of a few places."""
+        setting, (poses, _) = self._setting, path.sampled(_LOOKED_AT)
+        flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
+        asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
+        return carried_too_close(self._bodies, flange, asked)
 
     def stands_at_end(self, path: CameraPath) -> bool | None:
         """Return whether the arm can stand where a camera path leads it; None: it does not get there."""

@@ -29,7 +29,7 @@ from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
 from omniservo.robots.step_kernels import settle
 
-ROOMS = (0.02, 0.05)
+ROOMS = (0.015, 0.03, 0.05, 0.08)
 """[m] more than is asked from camera centre to obstacles: so bent a path is found in a fraction of the time
 that moving it for the arm takes"""
 
