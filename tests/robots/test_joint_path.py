@@ -1,5 +1,7 @@
 """Joint paths: on the camera's path, with true derivatives, on every branch, and failing where it is said."""
 
+from math import comb
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -380,6 +382,22 @@ def test_path_and_poses_that_are_not_finite_are_refused(load):
     astray = Stated(lambda w, order=0: CURVE(w, order) if not order else np.full((len(w), 6), np.nan))
     with pytest.raises(InputError, match="path: motions: nan"):
         follow_path(arm, astray, start, FLANGE_T_CAMERA)
+
+
+def test_pieces_between_two_places_are_the_same_motion(followed):
+    branch, random = max(followed[2].branches, key=lambda b: b.w[-1]), np.random.default_rng(1)
+    for _ in range(20):
+        begin, end = np.sort(random.uniform(0.0, branch.w[-1], 2))
+        knots, pieces = branch.bernstein_pieces(begin, end)
+        assert (knots[0], knots[-1]) == (begin, end)
+        np.testing.assert_array_equal(knots[1:-1], branch.w[(branch.w > begin) & (branch.w < end)])
+        for low, high, piece in zip(knots[:-1], knots[1:], pieces, strict=True):
+            u = random.uniform(0.0, 1.0)
+            value = sum(comb(5, k) * u**k * (1.0 - u) ** (5 - k) * piece[k] for k in range(6))
+            np.testing.assert_allclose(value, branch((1.0 - u) * low + u * high), atol=1e-11)
+    whole = branch.bernstein_pieces()
+    for part, all_of_it in zip(branch.bernstein_pieces(0.0, 1.0), whole, strict=True):
+        np.testing.assert_array_equal(part, all_of_it)
 
 
 def test_joint_path_is_not_read_beyond_its_end(followed):

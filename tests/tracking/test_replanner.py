@@ -195,6 +195,45 @@ def test_a_way_that_is_still_proven_is_kept():
     assert len(tracker.legs) == 1
 
 
+def test_what_was_said_last_is_what_camera_and_arm_are_judged_among(arm):
+    plan, carried = arm
+    tracker, replanner = following(arm=carried, plan=plan)
+    setting, random = carried.setting, np.random.default_rng(4)
+    replanner.set_obstacles([in_the_way(random, LAW(1.0)[0])])
+    replanner.set_obstacles([replace(AWAY, radius=0.021)])
+    assert replanner.look(1.0).outcome == "kept"
+    replanner.set_obstacles([replace(AWAY, radius=0.021), AWAY])
+    assert replanner.look(1.03).outcome == "kept"
+    bodies = setting.bodies(())
+    forearm = bodies.corners(carried.joints(0.8))[bodies.shapes_of("forearm")].mean(axis=(0, 1))
+    ball = Sphere(setting.base_T_initial.inv().apply(forearm), 0.02)
+    assert replanner.look(1.06) is None
+    assert ball.distance(plan.path.positions(np.linspace(0.0, 1.0, 50))).min() > 0.03
+    replanner.set_obstacles([AWAY, ball])
+    with pytest.raises(Blocked, match="forearm and obstacle 1 are"):
+        replanner.look(1.09)
+    assert len(tracker.legs) == 1
+
+
+def test_obstacles_said_before_a_better_estimate_and_after_it_all_count():
+    there = GOAL * RigidTransform.from_translation([0.012, 0.0, 0.0])
+    pixels, _ = CAMERA.project(there.inv().apply(POINTS))
+    tracker = PathTracker(PLAN, CAMERA, time_law=LAW, goal_pixels=pixels)
+    replanner = Replanner(tracker, PLAN, options=ReplanOptions(tube=0.01))
+    ball = in_the_way(np.random.default_rng(4), 0.1)
+    replanner.set_obstacles([AWAY, ball])
+    first = replanner.look(0.8)
+    assert (first.cause, first.outcome) == ("obstacles", "replanned")
+    again = Sphere(first.leg.path(0.5).translation, 0.005)
+    replanner.set_obstacles([AWAY, ball, again])
+    second = replanner.look(0.9)
+    assert (second.cause, second.outcome) == ("obstacles", "replanned")
+    assert second.problem.obstacles == (AWAY, ball, again)
+    for event in (first, second):
+        np.testing.assert_allclose(event.problem.initial_T_goal.translation, there.translation, atol=1e-6)
+        assert (event.leg.path(1.0).inv() * there).as_matrix() == pytest.approx(np.eye(4), abs=1e-6)
+
+
 def test_what_lies_behind_does_not_matter():
     _, replanner = following()
     replanner.set_obstacles([Sphere(PLAN.path(0.05).translation, 0.001, clearance=0.02)])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
-from omniservo.planning.pose_kernels import write_states
+from omniservo.planning.pose_kernels import powers_along, write_states
 from omniservo.planning.quick_poses import quaternion_of
 
 
@@ -95,7 +95,8 @@ class CameraPath:
         It stays in the same frame, so it does not start at the identity.
         """
         line = finite_number("begin", begin), finite_number("end", end) - begin
-        return CameraPath(_along(self.rotation, *line), _along(self.translation, *line))
+        rotation, translation = self.powers
+        return CameraPath(powers_along(rotation, *line), powers_along(translation, *line))
 
     def seen_in(self, frame_T_initial: RigidTransform) -> CameraPath:
         """Return the same path in another frame: w ↦ frame_T_initial · path(w)."""
@@ -105,13 +106,3 @@ class CameraPath:
         moved = matrix[:3, :3] @ self.translation
         moved[:, -1] += matrix[:3, 3]
         return CameraPath(turned, moved)
-
-
-def _along(coefficients: FloatArray, begin: float, step: float) -> FloatArray:
-    """Return the powers of p(begin + step·s), highest first, of polynomials (m, n+1), by Horner."""
-    found = coefficients[:, :1]
-    zero = np.zeros_like(found)
-    for column in coefficients.T[1:]:
-        found = step * np.hstack([found, zero]) + begin * np.hstack([zero, found])
-        found[:, -1] += column
-    return found

@@ -37,6 +37,19 @@ def write_states(
         _write_motion(phi, turn, t, motions[k])
 
 
+@kernel
+def powers_along(coefficients: FloatArray, begin: float, step: float) -> FloatArray:
+    """Return the powers of p(begin + step·s), highest first, of polynomials (m, n+1) likewise, by Horner."""
+    m, n = coefficients.shape
+    found = np.zeros((m, n))
+    for r in range(m):
+        for k in range(n):
+            for c in range(n - 1 - k, n - 1):
+                found[r, c] = step * found[r, c + 1] + begin * found[r, c]
+            found[r, n - 1] = begin * found[r, n - 1] + coefficients[r, k]
+    return found
+
+
 @leaf
 def _write_motion(phi: FloatArray, turn: FloatArray, t: FloatArray, motion: FloatArray) -> None:
     """Write twist and derivative (2, 6) from φ (3, 4) and t (3, 3), each with two derivatives, and Λ/‖φ‖²."""

@@ -66,6 +66,15 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     )
 
 
+def searched_demands(problem: PlanningProblem) -> Demands:
+    """Return what a path must keep in a search: a little more than is asked.
+
+    Raises:
+        InputError: the visibility margin leaves nothing of the image.
+    """
+    return demands_of(problem, image_limits(problem, TIGHTER_PX))
+
+
 class Asked(NamedTuple):
     """A problem as asked, without anything tightened."""
 
@@ -153,7 +162,9 @@ def _clearance_kind(obstacle: Obstacle) -> int:
 
 def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:
     """Return the cones of the mask's edges (`image_mask`): n·p ≥ b is (Kᵀ(−n, b))·c ≤ −ξ (Kᵀ(−n, b))₃ ρ."""
-    lines = np.vstack([np.empty((0, 3)), *limits.mask]) * [-1.0, -1.0, 1.0]
+    if not limits.mask:
+        return np.zeros((0, 5))
+    lines = np.vstack(limits.mask) * [-1.0, -1.0, 1.0]
     normals = lines @ camera.matrix
     lengths = np.linalg.norm(normals, axis=1)
     edges = np.column_stack([normals, -camera.xi * normals[:, 2], lengths**2])
@@ -183,14 +194,15 @@ def _planes(problem: PlanningProblem) -> FloatArray:
 def _clouds(problem: PlanningProblem) -> tuple[FloatArray, BallTree]:
     found = zip(problem.obstacles, motion_indices(problem), strict=True)
     clouds = [(o, motion) for o, motion in found if isinstance(o, Cloud)]
+    if not clouds:
+        return np.zeros((0, 7)), BallTree(np.zeros((0, 3)), np.zeros((0, 7)))
     points, nodes = [o.tree.points for o, _ in clouds], [o.tree.nodes for o, _ in clouds]
     ends = np.cumsum([(0, 0)] + [(len(k), len(p)) for k, p in zip(nodes, points, strict=True)], axis=0)
     rows = [
         (begin[0], end[0], begin[1], end[1], o.radius, o.radius + clearance_of(problem, o), motion)
         for begin, end, (o, motion) in zip(ends[:-1], ends[1:], clouds, strict=True)
     ]
-    joined = BallTree(np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 7)), *nodes]))
-    return np.array(rows, dtype=np.float64).reshape(-1, 7), joined
+    return np.array(rows, dtype=np.float64), BallTree(np.concatenate(points), np.concatenate(nodes))
 
 
 def optics_of(problem: PlanningProblem) -> FloatArray:

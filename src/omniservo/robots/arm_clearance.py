@@ -88,6 +88,7 @@ def arm_clearance(
     *,
     clearance: float,
     self_clearance: float = SELF_CLEARANCE,
+    span: tuple[float, float] = (0.0, 1.0),
     worst: bool = True,
 ) -> ArmClearance:
     """Prove that every pair of bodies keeps its clearance on the whole path, or show where not.
@@ -102,6 +103,7 @@ def arm_clearance(
         path: of that arm.
         clearance: of the arm, and of what it carries, to what stands around [m], ≥ 0.
         self_clearance: of the arm's parts to each other [m], ≥ 0.
+        span: of w, the part of the path that is looked at.
         worst: a path that is too close is looked at again for the worst place; False: the first one will do.
 
     Raises:
@@ -110,11 +112,12 @@ def arm_clearance(
     finite_number("clearance", clearance, minimum=0.0)
     finite_number("self_clearance", self_clearance, minimum=0.0)
     asked = bodies.asked(clearance, self_clearance)
-    knots, pieces = path.bernstein_pieces()
+    knots, pieces = path.bernstein_pieces(*span)
     work = _work_for(pieces, len(bodies.pairs))
     status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
     if status == "too_close" and worst:
-        _look_for_worst(bodies, asked, path, work.found)
+        places = np.linspace(knots[0], knots[-1], _SCANNED)
+        _look_for_worst(bodies, asked, places, path(places), work.found)
     proven = float(work.found[PROVEN]) if status == "clear" else -math.inf
     closest = _closest(bodies, asked, work.found)
     return ArmClearance(status, clearance, self_clearance, closest, proven, int(work.counts[POSTURES]))
@@ -147,11 +150,12 @@ def _proven(
     return "clear" if result == CLEAR else "too_close" if result == TOO_CLOSE else "undecided"
 
 
-def _look_for_worst(bodies: ArmBodies, asked: FloatArray, path: JointPath, found: FloatArray) -> None:
-    """Measure what is nearest at places of a path, as far as it may be worse than what ``found`` knows."""
-    places = np.linspace(path.w[0], path.w[-1], _SCANNED)
-    seen = PostureGaps(bodies, _SCANNED)
-    worst = seen.worst(path(places), asked, float(found[LEAST]))
+def _look_for_worst(
+    bodies: ArmBodies, asked: FloatArray, places: FloatArray, joints: FloatArray, found: FloatArray
+) -> None:
+    """Measure what is nearest at joints (m, n) of places (m,), where it may be worse than ``found`` knows."""
+    seen = PostureGaps(bodies, len(places))
+    worst = seen.worst(joints, asked, float(found[LEAST]))
     if worst is not None:
         posture, pair, gap = worst
         found[LEAST], found[LEAST_W] = gap - asked[pair], places[posture]

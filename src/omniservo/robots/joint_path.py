@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array
-from omniservo.robots.quintic import quintic_pieces, quintic_values
+from omniservo.robots.quintic import pieces_between, quintic_pieces, quintic_values
 
 FailureKind = Literal["limit", "singular", "jump"]
 
@@ -100,14 +100,20 @@ class JointPath:
         values = quintic_values(self.w, self._pieces, np.ascontiguousarray(at.reshape(-1)), order)
         return values.reshape(*at.shape, values.shape[1])
 
-    def bernstein_pieces(self) -> tuple[FloatArray, FloatArray]:
-        """Return where the quintic pieces begin and end (m,), and their coefficients (m − 1, 6, n) [rad].
+    def bernstein_pieces(self, begin: float = 0.0, end: float = 1.0) -> tuple[FloatArray, FloatArray]:
+        """Return where the quintic pieces begin and end (k + 1,), and their coefficients (k, 6, n) [rad].
 
-        Of a path that ends where it begins to be followed (m = 1): one piece that stands still.
+        Of a path that ends where it begins to be followed: one piece that stands still.
+
+        Args:
+            begin: where the first piece begins, if not with the path.
+            end: where the last one ends, ``begin`` < end, if not with the path.
         """
         if len(self.w) == 1:
             return np.repeat(self.w, 2), np.tile(self.positions, (1, 6, 1))
-        return self.w, self._pieces
+        if begin <= self.w[0] and end >= self.w[-1]:
+            return self.w, self._pieces
+        return pieces_between(self.w, self._pieces, max(begin, self.w[0]), min(end, self.w[-1]))
 
     @cached_property
     def _pieces(self) -> FloatArray:

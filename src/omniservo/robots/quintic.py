@@ -29,6 +29,38 @@ def quintic_pieces(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatA
 
 
 @kernel
+def pieces_between(
+    w: FloatArray, pieces: FloatArray, begin: float, end: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return where the pieces between two places of a motion begin and end (k + 1,), and them (k, 6, n).
+
+    Args:
+        w: (m,) where all pieces begin and end, ascending.
+        pieces: (m − 1, 6, n) Bernstein coefficients.
+        begin: w₀ ≤ begin
+        end: begin < end ≤ w of the last.
+    """
+    first = 0
+    while w[first + 1] <= begin:
+        first += 1
+    last = first
+    while w[last + 1] < end:
+        last += 1
+    knots, found = w[first : last + 2].copy(), pieces[first : last + 1].copy()
+    u, k = (begin - knots[0]) / (knots[1] - knots[0]), last - first
+    for level in range(5):
+        for c in range(5 - level):
+            found[0, c] += u * (found[0, c + 1] - found[0, c])
+    knots[0] = begin
+    u = (knots[k + 1] - end) / (knots[k + 1] - knots[k])
+    for level in range(5):
+        for c in range(5, level, -1):
+            found[k, c] += u * (found[k, c - 1] - found[k, c])
+    knots[k + 1] = end
+    return knots, found
+
+
+@kernel
 def quintic_values(w: FloatArray, pieces: FloatArray, at: FloatArray, order: int) -> FloatArray:
     """Return the values (k, n), or derivatives of order 1 or 2, at places (k,) within w.
 

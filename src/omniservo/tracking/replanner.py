@@ -13,12 +13,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import Blocked, InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning import ArmSetting, CameraPath, Plan, PlanningProblem, replan, replan_with_arm
-from omniservo.planning.keeps_problem import keeps_problem
+from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.problem_arrays import searched_demands
+from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
-from omniservo.planning.with_arm.solids_of import solids_of
-from omniservo.robots import ArmBodies, JointPath, arm_clearance
+from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
 from omniservo.servoing import PathLimits, RestOfLaw
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
@@ -117,6 +119,17 @@ class _Fork:
         return self.leg.law(self.time)[0]
 
 
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What is known now, prepared for all that is asked of it."""
+
+    problem: PlanningProblem
+    demands: Demands
+    """of a camera path"""
+    bodies: ArmBodies | None
+    """the arm among the obstacles; None: no arm"""
+
+
 class Replanner:
     """Keeps a tracker on proven ways while obstacles move and the estimate changes.
 
@@ -154,6 +167,7 @@ class Replanner:
             raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
         self._tracker, self._plan, self._arm = tracker, plan, arm
         self._problem = self._asked = plan.problem
+        self._solids: tuple[Solid, ...] = ()
         self._joints = [None if arm is None else arm.joints]
         self._around: ArmBodies | None = None
         self.set_obstacles(plan.problem.obstacles)
@@ -191,12 +205,12 @@ class Replanner:
         Raises:
             InputError: what a problem refuses; or an obstacle with a motion, which runs over a plan's own w.
         """
-        asked = replace(self._asked, obstacles=tuple(obstacles))
+        asked = replace(self._problem, obstacles=tuple(obstacles))
         for i, obstacle in enumerate(asked.obstacles):
             if obstacle.motion is not None:
                 raise InputError(f"obstacles[{i}]: motion given; legal: where it is now, again as it moves")
-        if self._arm is not None and self._arm.setting.clearance is not None:
-            solids_of(asked.obstacles, self._arm.setting.base_T_initial, 1.0)  # refuses what it cannot judge
+        if self._arm is not None:
+            self._solids = self._arm.setting.solids(asked.obstacles)  # refuses what it cannot judge
         self._asked = asked
 
     @property
@@ -238,7 +252,7 @@ class Replanner:
         problem = self._problem
         asked, known = self._asked.obstacles, problem.obstacles
         if len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
-            cause, problem = "obstacles", replace(problem, obstacles=asked)
+            cause, problem = "obstacles", self._asked
         if self.change > self.options.tube:
             cause, pose = cause or "estimate", self._tracker.goal.pose
             goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
@@ -261,19 +275,19 @@ class Replanner:
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
     ) -> Replanning:
         """Return what is to be done; how long that took is told by `look`."""
-        bodies, later = self._bodies(problem), time + self.options.ahead
+        known, later = self._known(problem), time + self.options.ahead
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 
         kept = Replanning(time, cause, "kept", self._at(later)[0].w(later)[0], problem, 0.0)
-        if same_goal and self._is_clear(problem, bodies, time, np.inf):
+        if same_goal and self._is_clear(known, time, np.inf):
             return kept
-        if not self._is_clear(problem, bodies, time, later):
+        if not self._is_clear(known, time, later):
             reason = "what is gone before another way could be taken up is not clear"
             return replace(kept, outcome="blocked", reason=reason)
         fork: _Fork | None = _Fork(*self._at(later), later)
         reason = ""
         while fork is not None and not reason:
-            plan, joints = self._planned(problem, bodies, fork)
+            plan, joints = self._planned(known, fork)
             reason = "" if plan.status == "certified" else plan.reason
             budget = self.options.time_budget
             if budget is not None and perf_counter() - begin > budget:
@@ -285,11 +299,11 @@ class Replanner:
                     legs = (*fork.before, Leg(path, law, fork.time, fork.leg.w(fork.time)[0]))
                     after = (*fork.joints_before, joints)
                     return replace(kept, outcome="replanned", legs=legs, joints=after, plan=plan)
-                fork = None if fork.before else self._slowed(problem, bodies, fork)
+                fork = None if fork.before else self._slowed(known, fork)
         words = "the joints cannot turn into the way found as fast as they move"
         return replace(kept, outcome="blocked", reason=reason or words)
 
-    def _slowed(self, problem: PlanningProblem, bodies: ArmBodies | None, fork: _Fork) -> _Fork | None:
+    def _slowed(self, known: _Known, fork: _Fork) -> _Fork | None:
         """Return a later place to leave the old way from, more slowly; None if the way there is not clear."""
         arm, leg, s = self._arm, fork.leg, fork.s
         if arm is None or arm.limits is None or fork.joints is None:
@@ -300,26 +314,26 @@ class Replanner:
         end = law(fork.time + SLOWING)[0]
         if 1.0 - end < LEAST_REST or not law.keeps(arm.limits(path, joints)):
             return None
-        if not self._keeps(problem, bodies, path, joints, 0.0, max(end, _SHORTEST)):
+        if not self._keeps(known, path, joints, 0.0, max(end, _SHORTEST)):
             return None
         return _Fork(slow, joints, fork.time + SLOWING, (slow,), (joints,))
 
     def _rehearse(self) -> None:
         """Go through all of it once, so that compiling does not delay a twist."""
-        bodies, later = self._bodies(self._problem), self.options.ahead
-        self._is_clear(self._problem, bodies, 0.0, later)
+        known, later = self._known(self._problem), self.options.ahead
+        self._is_clear(known, 0.0, later)
         fork = _Fork(*self._at(later), later)
-        plan, joints = self._planned(self._problem, bodies, fork)
+        plan, joints = self._planned(known, fork)
         if plan.path is not None and plan.status == "certified":
             self._law(fork, plan.path, joints)
 
-    def _bodies(self, problem: PlanningProblem) -> ArmBodies | None:
-        if self._arm is None:
-            return None
-        setting, bodies = self._arm.setting, self._around
-        if bodies is None or not bodies.move_surroundings(setting.solids(problem.obstacles)):
-            self._around = bodies = setting.bodies(problem.obstacles)
-        return bodies
+    def _known(self, problem: PlanningProblem) -> _Known:
+        """Return a problem with the obstacles that were stated last, prepared."""
+        if self._arm is not None and (
+            self._around is None or not self._around.move_surroundings(self._solids)
+        ):
+            self._around = self._arm.setting.bodies(problem.obstacles)
+        return _Known(problem, searched_demands(problem), self._around)
 
     def _law(self, fork: _Fork, path: CameraPath, joints: JointPath | None) -> RestOfLaw | None:
         """Return how another way is gone from there; None: the joints are too fast for it."""
@@ -328,26 +342,23 @@ class Replanner:
             limits = self._arm.limits(path, joints)
         return RestOfLaw.within(fork.leg.law, fork.time, limits)
 
-    def _planned(
-        self, problem: PlanningProblem, bodies: ArmBodies | None, fork: _Fork
-    ) -> tuple[Plan, JointPath | None]:
+    def _planned(self, known: _Known, fork: _Fork) -> tuple[Plan, JointPath | None]:
         seed, budget = self.options.seed, self.options.time_budget
         followed = replace(self._plan, path=fork.leg.path)
         if 1.0 - fork.s < LEAST_REST:
             reason = "it is too near to the goal to plan again"
             return replace(followed, status="not_found", reason=reason), None
         if self._arm is None or fork.joints is None:
-            return replan(followed, fork.s, problem, time_budget=budget, seed=seed), None
+            return replan(followed, fork.s, known.problem, time_budget=budget, seed=seed), None
         setting = self._arm.setting
         found = replan_with_arm(
-            followed, fork.joints, fork.s, problem, setting, bodies=bodies, time_budget=budget, seed=seed
-        )
+            followed, fork.joints, fork.s, known.problem, setting,
+            bodies=known.bodies, time_budget=budget, seed=seed,
+        )  # fmt: skip
         return found.plan, found.branch
 
-    def _is_clear(
-        self, problem: PlanningProblem, bodies: ArmBodies | None, since: float, until: float
-    ) -> bool:
-        """Return whether the way between two times [s] is proven for a problem, camera and arm."""
+    def _is_clear(self, known: _Known, since: float, until: float) -> bool:
+        """Return whether the way between two times [s] is proven for what is known, camera and arm."""
         legs = self._tracker.legs
         for k, (leg, joints) in enumerate(zip(legs, self._joints, strict=True)):
             left = legs[k + 1].time if k + 1 < len(legs) else np.inf
@@ -356,29 +367,26 @@ class Replanner:
                 continue
             begin = leg.law(max(since, leg.time))[0]
             end = 1.0 if last == np.inf else leg.law(last)[0]
-            if not self._keeps(problem, bodies, leg.path, joints, begin, max(end, begin + _SHORTEST)):
+            if not self._keeps(known, leg.path, joints, begin, max(end, begin + _SHORTEST)):
                 return False
         return True
 
     def _keeps(
-        self,
-        problem: PlanningProblem,
-        bodies: ArmBodies | None,
-        path: CameraPath,
-        joints: JointPath | None,
-        begin: float,
-        end: float,
+        self, known: _Known, path: CameraPath, joints: JointPath | None, begin: float, end: float
     ) -> bool:
-        if not keeps_problem(problem, path.part(begin, end)):
+        """Return whether a part of a way is proven for what is known."""
+        if prove_path(known.demands, *path.part(begin, end).powers)[0] != PROVEN:
             return False
-        if self._arm is None or bodies is None or joints is None:
+        if self._arm is None or known.bodies is None or joints is None:
             return True
         setting = self._arm.setting
         found = arm_clearance(
-            bodies,
-            part_of_joints(setting, joints, begin, min(end, 1.0)),
+            known.bodies,
+            joints,
             clearance=setting.clearance_around,
             self_clearance=setting.self_clearance,
+            span=(begin, end),
+            worst=False,
         )
         return found.status == "clear"
 

@@ -12,7 +12,7 @@ from omniservo.geometry.polynomial import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import TIGHTER_PX, demands_of, image_limits
+from omniservo.planning.problem_arrays import searched_demands
 from omniservo.planning.search.path_family import Ends
 from omniservo.planning.search.search import ENERGY, FLOOR, NUMBER, TRIED, WORST, search, starts_in_all
 
@@ -59,7 +59,7 @@ class ProblemSearch:
             InputError: the visibility margin leaves nothing of the image.
         """
         return cls(
-            demands_of(problem, image_limits(problem, TIGHTER_PX)),
+            searched_demands(problem),
             ends_of(problem),
             np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64),
             (seed * GOLDEN_ANGLE) % (2.0 * math.pi),
