@@ -48,7 +48,8 @@ LARGEST_FOCAL_ERROR = 0.05
 SMALL_STEP = 1e-4
 """of φ; longer, so that every pixel stays in the camera's domain"""
 
-CHANCE_ALIKE = 1e-3
+CHANCE_ALIKE = 0.01
+"""of so many alike among the rejected ones, which are few where the camera is the right one"""
 
 FAR_ALIKE = 4.5
 """[standard deviations] by which matches may hang together beyond their windows"""
