@@ -33,7 +33,7 @@ class PosePath(Protocol):
 _FINER = 16
 """A table of places nearer together begins with so many in a step,"""
 
-_PLACES = 65
+_PLACES = 129
 """and has so many."""
 
 _PUSH = 1.0
@@ -63,8 +63,8 @@ class PathSteps:
         self._arm, self._path = arm, path
         self._base_T_initial = base_T_initial.as_matrix()
         self._camera_T_flange = flange_T_camera.inv().as_matrix()
-        self._whole = self._table(0.0, LONGEST / 4.0)
-        way = float(np.linalg.norm(self._whole.motions[::2, 0], axis=1).mean())
+        self._whole = self._table(0.0, LONGEST / 8.0)
+        way = float(np.linalg.norm(self._whole.motions[::4, 0], axis=1).mean())
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])
         none = np.zeros((2, arm.dof))
         to_camera = twist_matrix(flange_T_camera, LENGTH_SCALE)

@@ -72,17 +72,14 @@ class PostureGaps:
     def below(self, joints: FloatArray, within: FloatArray) -> Gaps:
         """Return the pairs that are closer than ``within`` (p,) [m] at joints (m, n), m ≤ ``count``."""
         bodies, postures = self._bodies, self._postures
-        bounds = np.empty((len(joints), len(within)))
-        _write_bounds(bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures, bounds)
-        posture, pair = np.nonzero(bounds < within)
-        gaps, ends = bounds[posture, pair], postures.ends[posture, pair]
-        for k in np.flatnonzero(postures.nearest[posture, pair] == np.inf).tolist():
+        posture, pair, gaps, touching = _below(
+            bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures
+        )
+        for k in touching.tolist():
             i, j = int(posture[k]), int(pair[k])
             bodies.show(postures.places[i], postures.axes[i])
-            gaps[k] = bodies.measure(j, ends[k], postures.normals[i, j])
-        slopes = np.empty((len(pair), joints.shape[1]))
-        _write_slopes(bodies.shapes, postures, posture, pair, ends, slopes)
-        return Gaps(posture, pair, gaps, slopes)
+            gaps[k] = bodies.measure(j, postures.ends[i, j], postures.normals[i, j])
+        return Gaps(posture, pair, gaps, _slopes(bodies.shapes, postures, posture, pair))
 
     def worst(self, joints: FloatArray, asked: FloatArray, least: float) -> tuple[int, int, float] | None:
         """Return posture, pair and gap [m] where least is left of what is asked; None: not below ``least``.
@@ -108,6 +105,32 @@ class PostureGaps:
             if gap - asked[j] < least:
                 least, found = gap - float(asked[j]), (i, j, gap)
         return found
+
+
+@kernel
+def _below(
+    chain: Chain,
+    shapes: Shapes,
+    frames: FloatArray,
+    joints: FloatArray,
+    within: FloatArray,
+    postures: Postures,
+) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
+    """Return posture, pair and gap of what is closer than ``within`` (p,), and which of them may touch."""
+    bounds = np.empty((joints.shape[0], within.shape[0]))
+    _write_bounds(chain, shapes, frames, joints, within, postures, bounds)
+    most, count, touched = bounds.size, 0, 0
+    posture, pair, touching = (np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
+    gaps = np.empty(most)
+    for i in range(joints.shape[0]):
+        for k in range(within.shape[0]):
+            if bounds[i, k] < within[k]:
+                posture[count], pair[count], gaps[count] = i, k, bounds[i, k]
+                if postures.nearest[i, k] == np.inf:
+                    touching[touched] = count
+                    touched += 1
+                count += 1
+    return posture[:count], pair[:count], gaps[:count], touching[:touched]
 
 
 @kernel
@@ -162,15 +185,9 @@ def _write_bounds(
 
 
 @kernel
-def _write_slopes(
-    shapes: Shapes,
-    postures: Postures,
-    posture: IntArray,
-    pair: IntArray,
-    ends: FloatArray,
-    slopes: FloatArray,
-) -> None:
-    """Write ∂gap/∂q (k, n) of pairs in postures, whose nearest points are ``ends`` (k, 6)."""
+def _slopes(shapes: Shapes, postures: Postures, posture: IntArray, pair: IntArray) -> FloatArray:
+    """Return ∂gap/∂q (k, n) of pairs in postures."""
+    slopes = np.empty((pair.shape[0], postures.anchors.shape[1]))
     for k in range(pair.shape[0]):
         i = posture[k]
         write_gap_slope(
@@ -178,7 +195,8 @@ def _write_slopes(
             postures.directions[i],
             shapes.carried,
             shapes.pairs[pair[k]],
-            ends[k],
+            postures.ends[i, pair[k]],
             postures.normals[i, pair[k]],
             slopes[k],
         )
+    return slopes

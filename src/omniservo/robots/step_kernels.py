@@ -147,16 +147,6 @@ def settle(chain: Chain, goal: FloatArray, q: FloatArray, J: FloatArray) -> bool
 
 
 @kernel
-def settle_all(chain: Chain, goals: FloatArray, postures: FloatArray) -> bool:
-    """Lead every row of joints (m, n) onto its goal (m, 4, 4), see `settle`; False: one does not arrive."""
-    chain = held(chain)
-    J, arrived = np.empty((6, postures.shape[1])), True
-    for i in range(postures.shape[0]):
-        arrived = arrived and settle(chain, goals[i], postures[i], J)
-    return arrived
-
-
-@kernel
 def _differentiate(
     chain: Chain,
     rule: Rule,

@@ -17,10 +17,9 @@ from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
 from omniservo.planning.search.path_family import Family, add_sample, unknowns
 from omniservo.planning.search.settle import PULL
-from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations
+from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations, follow_poses
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
-from omniservo.robots.step_kernels import settle_all
 
 TARGETS = np.array([0.03, 0.02, 0.03])
 """What the arm's constraints are pushed to: limits [rad], singular value, gaps over ℓ."""
@@ -125,22 +124,15 @@ class ArmDescent:
                 return None
             joints = followed
         pulls = self._joint_demands.pulls(joints, arm, self._seen)
-        active = np.flatnonzero(pulls.costs > 0.0)
-        if len(active):
-            add_arm(self._family, self._ell, room, active.astype(np.float64), pulls.systems[active], normal)
+        add_arm(self._family, self._ell, room, pulls.costs, pulls.systems, normal)
         arm_least = pulls.least.min(axis=0, initial=1.0)
         return Look(cost + float(pulls.costs.sum()), normal, joints, least, arm_least)
 
     def _followed(self, poses: FloatArray, joints: FloatArray) -> FloatArray | None:
         """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""
-        initial_T_camera = np.zeros((len(poses), 4, 4))
-        initial_T_camera[:, :3, :3] = poses[:, :9].reshape(-1, 3, 3)
-        initial_T_camera[:, :3, 3], initial_T_camera[:, 3, 3] = poses[:, 9:12], 1.0
-        goals = self._base_T_initial @ initial_T_camera @ self._camera_T_flange
-        followed = joints.copy()
-        if not settle_all(self._setting.arm.chain, goals, followed):
-            return None
-        return followed if np.abs(followed - joints).max(initial=0.0) <= _LEAP else None
+        followed, chain = joints.copy(), self._setting.arm.chain
+        frames = self._base_T_initial, poses, self._camera_T_flange
+        return followed if follow_poses(chain, *frames, _LEAP, followed) else None
 
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""

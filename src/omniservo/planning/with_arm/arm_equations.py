@@ -5,23 +5,61 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.descent import Room, linearise, spread
 from omniservo.planning.search.path_family import Family
+from omniservo.robots.chain import Chain
+from omniservo.robots.step_kernels import settle
 
 
 @kernel
 def add_arm(
-    family: Family, ell: float, room: Room, chosen: FloatArray, systems: FloatArray, normal: FloatArray
+    family: Family, ell: float, room: Room, costs: FloatArray, systems: FloatArray, normal: FloatArray
 ) -> None:
-    """Add the systems (m, 6, 7) of the samples ``chosen`` (m,) to the normal equations (nx, nx+1).
+    """Add the systems (m, 6, 7) of the first m samples to the normal equations (nx, nx+1), where they cost.
 
     `linearise` was called before: ``room`` knows where the camera is at the samples.
     """
-    for k in range(systems.shape[0]):
-        s = int(chosen[k])
-        spread(family, ell, s, systems[k], room.poses[s], room.turns[s], room.block, normal)
+    for s in range(costs.shape[0]):
+        if costs[s] > 0.0:
+            spread(family, ell, s, systems[s], room.poses[s], room.turns[s], room.block, normal)
+
+
+@kernel
+def follow_poses(
+    chain: Chain,
+    base_T_initial: FloatArray,
+    poses: FloatArray,
+    camera_T_flange: FloatArray,
+    leap: float,
+    joints: FloatArray,
+) -> bool:
+    """Lead every row of joints (m, n) by Newton's iteration to where the camera is (m, 14), see `push`.
+
+    Returns:
+        False: one does not arrive, or a joint moves by more than ``leap`` [rad].
+    """
+    chain = held(chain)
+    goal, before, J = np.empty((4, 4)), np.empty(joints.shape[1]), np.empty((6, joints.shape[1]))
+    for s in range(joints.shape[0]):
+        for i in range(4):
+            for k in range(4):
+                goal[i, k] = 0.0
+                for j in range(4):
+                    moved = base_T_initial[i, 3] if j == 3 else 0.0
+                    for c in range(3):
+                        moved += base_T_initial[i, c] * poses[s, 9 + c if j == 3 else 3 * c + j]
+                    goal[i, k] += moved * camera_T_flange[j, k]
+        for j in range(before.shape[0]):
+            before[j] = joints[s, j]
+        if not settle(chain, goal, joints[s], J):
+            return False
+        for j in range(before.shape[0]):
+            if not abs(joints[s, j] - before[j]) <= leap:
+                return False
+    return True
 
 
 def camera_equations(
