@@ -8,7 +8,7 @@ from benchmarks.hostile_pictures import KINDS, one_case, wrong_tag
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.estimation import estimate_two_view
+from omniservo.estimation import camera_evidence, estimate_two_view
 from omniservo.estimation.camera_evidence import count_alike, focal_error
 from omniservo.estimation.epipolar_refinement import refine_epipolar
 from omniservo.estimation.heavy_tails import tail_of
@@ -169,14 +169,16 @@ def test_another_camera_that_nearly_all_matches_agree_with_is_told_by_its_focal_
     assert one_case(("another camera", 3173))[2] == ("not_converged", False)
 
 
-def test_another_camera_is_told_by_what_hangs_together_where_few_rejected_matches_are_alike():
-    """Of its 319 matches 258 agree, and 23 of those far off are like the one beside them: no more than 8%."""
+@pytest.mark.parametrize("seed", [12284, 20095, 20253])
+def test_another_camera_that_four_in_five_matches_agree_with_is_told_by_those_rejected(seed):
+    """5 to 11% of the matches are rejected, far off and alike side by side: 20 of 25, say."""
+    assert one_case(("another camera", seed))[2] == ("not_converged", False)
+
+
+def test_another_camera_is_told_by_what_hangs_together(monkeypatch):
+    """Of 12284 also where nothing is said of how many rejected ones are alike."""
+    monkeypatch.setattr(camera_evidence, "CHANCE_ALIKE", 0.0)
     assert one_case(("another camera", 12284))[2] == ("not_converged", False)
-
-
-def test_another_camera_is_told_by_rejected_matches_of_which_three_quarters_are_alike():
-    """22 of 28: by chance that happens once in 500 times, and with the right camera there are not so many."""
-    assert one_case(("another camera", 20095))[2] == ("not_converged", False)
 
 
 def test_more_than_forty_matches_of_blurred_pictures_count_the_badly_found_as_noise():

@@ -39,8 +39,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
-LARGEST_BODY = 0.08
-"""of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one."""
+LARGEST_BODY = 0.05
+"""of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one.
+Rendered pairs of the right camera have up to 4%, real ones 5%, no more than chance brings."""
 
 LARGEST_FOCAL_ERROR = 0.05
 """A calibration is better; temperature and focus change less."""
@@ -65,14 +66,17 @@ def foreign_evidence(
 
     ``sigma`` is the noise of a coordinate of weight 1 [px]; ``windows`` (n,) as of `hang_together`, or None.
     """
-    best = fit.minima[0]
-    if matches.size - np.count_nonzero(fit.members) >= LARGEST_BODY * matches.size:
-        against = _alike(fit, matches, GATE * sigma) or _hanging_together(
-            best, matches, GATE * sigma, windows
-        )
-        if against is not None:
-            return f"{against}: they come from another camera, or not from one rigid scene"
-    members = matches.where(fit.members)
+    if (against := _other_focal(fit, matches)) is not None:
+        return against
+    if matches.size - np.count_nonzero(fit.members) < LARGEST_BODY * matches.size:
+        return None
+    gate = GATE * sigma
+    against = _alike(fit, matches, gate) or _hanging_together(fit.minima[0], matches, gate, windows)
+    return against and f"{against}: they come from another camera, or not from one rigid scene"
+
+
+def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
+    members, best = matches.where(fit.members), fit.minima[0]
     freedom = members.size - MOTION_PARAMETERS - 1
     if freedom < 1:
         return None
@@ -80,7 +84,8 @@ def foreign_evidence(
     if abs(focal) <= LARGEST_FOCAL_ERROR or not spread < math.inf:
         return None
     deviation = spread * max(math.sqrt(cost / freedom), matches.noise_px)
-    if (abs(focal) - LARGEST_FOCAL_ERROR) ** 2 <= float(fdtri(1, freedom, 1.0 - CHANCE_FOCAL)) * deviation**2:
+    limit = float(fdtri(1, freedom, 1.0 - CHANCE_FOCAL)) * deviation**2
+    if (abs(focal) - LARGEST_FOCAL_ERROR) ** 2 <= limit:
         return None
     return (
         f"the matches ask for a focal length {abs(focal):.0%} {'longer' if focal > 0.0 else 'shorter'}"
