@@ -214,6 +214,17 @@ def test_the_same_seed_gives_the_same_plan():
         np.testing.assert_array_equal(first.plan.path.rotation, second.plan.path.rotation)
 
 
+def test_more_starts_solve_what_the_first_do_not():
+    problem, setting = random_task(load_arm("rx60"), np.random.default_rng([2026, 72]))
+    few, more = plan_with_arm(problem, setting), plan_with_arm(problem, setting, attempts=100)
+    assert (few.plan.status, few.attempts) == ("not_found", 16)
+    assert "none of 16 camera paths" in few.plan.reason
+    assert more.certified
+    assert 16 < more.attempts <= 100
+    with pytest.raises(InputError, match="attempts"):
+        plan_with_arm(problem, setting, attempts=0)
+
+
 def certified_task(seed=0):
     arm = load_arm("rx60")
     for k in range(50):

@@ -32,7 +32,7 @@ from omniservo.robots import ArmBodies, FollowedPath, JointPath, follow_path
 from omniservo.robots.carried_bodies import carried_too_close
 
 ATTEMPTS = 16
-"""Camera paths from different starts at most."""
+"""Camera paths from different starts at most, unless more are asked for"""
 
 ROUNDS = 5
 """Descents for one of them."""
@@ -56,7 +56,9 @@ _FARTHER = 0.02
 """What a descent adds at least to how far the arm gets; else another start is taken."""
 
 
-def plan_with_arm(problem: PlanningProblem, setting: ArmSetting, *, seed: int = 0) -> ArmPlan:
+def plan_with_arm(
+    problem: PlanningProblem, setting: ArmSetting, *, seed: int = 0, attempts: int = ATTEMPTS
+) -> ArmPlan:
     """Return a certified camera path that the arm can follow on one branch, clear of everything.
 
     Paths that `plan_path` would find are followed by the arm; one that it cannot follow is moved until it
@@ -67,18 +69,20 @@ def plan_with_arm(problem: PlanningProblem, setting: ArmSetting, *, seed: int = 
         problem: what the camera has to keep; its obstacles count for the whole arm, too.
         setting: the arm, where it stands, and what it has to keep.
         seed: turns the directions in which detours are tried.
+        attempts: camera paths from different starts at most, up to the thousand that `plan_path` tries.
 
     Raises:
         InputError: an obstacle that cannot be judged for the whole arm; or what `plan_path` refuses.
     """
     begin = time.perf_counter()
     finite_number("seed", seed, minimum=0)
+    finite_number("attempts", attempts, minimum=1)
     bodies = setting.bodies(problem.obstacles)
     reason = violation_at_end(problem) or violation_at_start(setting, bodies)
     if not reason and setting.arm.has_closed_form:  # elsewhere that takes longer than most plans
         reason = violation_at_goal(problem, setting, bodies)
     if not reason:
-        found = ArmPlanner(problem, setting, bodies, seed, begin).plan()
+        found = ArmPlanner(problem, setting, bodies, seed, begin).plan(attempts=attempts)
         if found.certified or setting.arm.has_closed_form:
             return found
         reason = violation_at_goal(problem, setting, bodies)
@@ -152,30 +156,35 @@ class ArmPlanner:
         ends = [self._joint_demands.values(b.positions[-1]) for b in branches if b.w[-1] >= 1.0]
         return any(bool((least >= 0.0).all()) for least in ends) if ends else None
 
-    def plan(self, first: CameraPath | None = None, budget: TimeBudget | None = None) -> ArmPlan:
+    def plan(
+        self,
+        first: CameraPath | None = None,
+        budget: TimeBudget | None = None,
+        attempts: int = ATTEMPTS,
+    ) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
-        attempts, ends, best = 0, 0, None
+        tried, ends, best = 0, 0, None
         self._budget = budget
-        for path, missing in islice(self._paths(first), ATTEMPTS):
-            if missing or (attempts and self._late) or ends == HOPELESS:
+        for path, missing in islice(self._paths(first), int(attempts)):
+            if missing or (tried and self._late) or ends == HOPELESS:
                 break
-            attempts += 1
+            tried += 1
             if self._aims_given is not None:
                 ends = ends + 1 if self.stands_at_end(path) is False else 0
             for attempt in self._attempts(path):
                 if not attempt.judged.reason:
                     plan = judged_plan(self._problem, attempt.path, self._begin, "certified", "")
                     if plan.status == "certified":
-                        return self._arm_plan(plan, attempt, attempts)
+                        return self._arm_plan(plan, attempt, tried)
                 elif best is None or attempt.judged.until > best.judged.until:
                     best = attempt
         if best is None:
             plan = judged_plan(self._problem, path, self._begin, "certified", "", missing)
-            return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, attempts)
+            return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, tried)
         plan = judged_plan(self._problem, best.path, self._begin, "certified", "")
         best = replace(best, judged=judged_branch(self._setting, self._bodies, best.judged.branch))
-        why = f"the arm can follow none of {attempts} camera paths; the best attempt: {best.judged.reason}"
-        return self._arm_plan(replace(plan, status="not_found", reason=why), best, attempts)
+        why = f"the arm can follow none of {tried} camera paths; the best attempt: {best.judged.reason}"
+        return self._arm_plan(replace(plan, status="not_found", reason=why), best, tried)
 
     @property
     def _late(self) -> bool:
