@@ -30,6 +30,7 @@ from benchmarks.arm_runs import (
     FAR,
     NOISE_PX,
     TARGET,
+    VISIBLE_PX,
     ArmRun,
     Gaps,
     Truth,
@@ -59,9 +60,6 @@ RISK, TRACKING_PART = 0.01, 0.5
 INTRINSICS = 0.02
 MOUNT_M, MOUNT_RAD = 2e-3, np.radians(0.2)
 """rms of the length of either error"""
-
-MEASURED = ["rx60", "ur5e"]
-"""arms whose tubes are shipped"""
 
 SEED = 2026
 LEAST_FOUND = 10
@@ -157,7 +155,7 @@ def planned(
         flange_T_camera=known.flange_T_camera,
         tube=tube,
     )
-    asked = replace(problem, camera=known.camera, visibility_margin=0.0)
+    asked = replace(problem, camera=known.camera, visibility_margin=VISIBLE_PX)
     answer = plan_arm_with_risk(
         widened_evenly(asked, tube.position, tube.image), stated, known.estimate,
         risk=RISK * (1.0 - TRACKING_PART), mount_covariance=known.mount_covariance, seed=seed,
@@ -289,7 +287,7 @@ def main() -> None:
         " margin kept, median [mm] | used, median / 99% [mm] |"
     )
     for number, one in enumerate(
-        outcomes(asked.arm or MEASURED, asked.count, asked.first, rendered=asked.rendered), 1
+        outcomes(asked.arm or list(shipped_arms()), asked.count, asked.first, rendered=asked.rendered), 1
     ):
         found.append(one)
         if asked.every and number % asked.every == 0:

@@ -17,7 +17,7 @@ from omniservo.perception import DotTracker, FeatureTracker
 from omniservo.planning import Plan
 from omniservo.reporting.image_distance import image_distance
 from omniservo.robots import CAMERA_HOUSING, Arm, JointPath, Solid
-from omniservo.safety import Step, Supervisor, VisibilityFilter, servo
+from omniservo.safety import SafetyOptions, Step, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.simulation import Ball, Dots, Scene, Sensor, SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
@@ -33,6 +33,9 @@ TARGET = {"points": 20, "spread": 0.15, "depth": 1.0}
 NOISE_PX = 0.5
 TOLERANCE_PX = 2.0
 """rms distance to the goal image at which a run may end: the noise alone is 0.7 px"""
+
+VISIBLE_PX = SafetyOptions().visibility_margin
+"""Planned points keep this distance to the image's limits, as the visibility filter does."""
 
 DOT_RADIUS = 0.01
 """[m] of a rendered point"""

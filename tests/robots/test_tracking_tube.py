@@ -119,7 +119,7 @@ def test_a_tube_is_read_as_it_was_written_and_other_files_are_refused(tmp_path):
         TrackingTube.load(tmp_path / "wrong.json")
 
 
-@pytest.mark.parametrize("name", [name for name in shipped_arms() if name != "panda"])
+@pytest.mark.parametrize("name", shipped_arms())
 def test_a_shipped_tube_lets_its_arm_stand_somewhere(name):
     """Parts of an arm that are always close to each other may not be asked for more than there ever is."""
     arm, tube = load_arm(name), shipped_tube(name).at(0.005)
