@@ -1,9 +1,11 @@
 """A plan on the way for the whole arm: joints go on as they move, and everything is proven again."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.planning.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
@@ -104,6 +106,25 @@ def test_a_way_that_is_shut_is_said_with_what_shuts_it(planned):
     rest = replan_with_arm(found.plan, found.branch, 0.4, replace(problem, obstacles=(here,)), setting)
     assert rest.plan.status == "infeasible"
     assert "start pose" in rest.plan.reason
+
+
+def test_a_search_for_a_camera_path_that_there_is_not_ends_with_its_time(planned):
+    """A wall across the way, for the camera alone: with time enough all starts are tried."""
+    problem, setting, found = planned
+    middle = found.plan.path(0.7)
+    way = found.plan.path(0.7 + 1e-6).translation - middle.translation
+    normal = way / np.linalg.norm(way)
+    wall = Box(
+        middle.translation, [5.0, 5.0, 0.001], Rotation.align_vectors([normal], [[0, 0, 1]])[0].as_quat()
+    )
+    shut, alone = replace(problem, obstacles=(wall,), clearance=1e-3), replace(setting, clearance=None)
+    tried = []
+    for seconds in (1e-4, None):
+        rest = replan_with_arm(found.plan, found.branch, 0.2, shut, alone, time_budget=seconds)
+        assert rest.plan.status == "not_found"
+        tried.append(int(re.search(r"no path in (\d+) starts", rest.plan.reason)[1]))
+    assert tried[0] == 1
+    assert tried[1] > 1000
 
 
 def test_joints_that_are_elsewhere_are_refused(planned):

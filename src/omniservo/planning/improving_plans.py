@@ -95,16 +95,19 @@ def _plans_of_more_margin(
             yield candidate
 
 
-def first_proven(search: ProblemSearch, budget: TimeBudget, economised: int = 0) -> tuple[Found, int]:
+def first_proven(
+    search: ProblemSearch, budget: TimeBudget, economised: int = 0, begin: int = 0
+) -> tuple[Found, int]:
     """Return the first proven path, else the best attempt, and how many starts were tried.
 
-    With a bounded budget every start is a call of its own, and the budget is looked at between them.
+    With a bounded budget every start is a call of its own, and the budget is looked at between them. Starts
+    are tried, and counted, from ``begin`` on.
     """
     if not budget.is_bounded:
-        found = search.run(0, search.starts, economised)
+        found = search.run(begin, search.starts, economised)
         return found, found.tried
-    best = search.run(0, 1, economised)
-    tried = 1
+    best = search.run(begin, begin + 1, economised)
+    tried = begin + 1
     while not best.proven and tried < search.starts and not budget.is_used_up:
         found = search.run(tried, tried + 1, economised)
         tried += 1

@@ -14,6 +14,7 @@ from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.geometry.polynomial import PROVEN, bernstein_from_power
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.end_poses import violation_at_end
+from omniservo.planning.improving_plans import first_proven
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
@@ -128,7 +129,7 @@ class ArmPlanner:
         self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
-        self._budget: TimeBudget | None = None
+        self._budget = TimeBudget(None)
         self._known: dict[CameraPath, list[_Attempt]] = {}
 
     def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
@@ -164,7 +165,7 @@ class ArmPlanner:
     ) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
         tried, ends, best = 0, 0, None
-        self._budget = budget
+        self._budget = budget or self._budget
         for path, missing in islice(self._paths(first), int(attempts)):
             if missing or (tried and self._late) or ends == HOPELESS:
                 break
@@ -188,7 +189,7 @@ class ArmPlanner:
 
     @property
     def _late(self) -> bool:
-        return self._budget is not None and self._budget.is_used_up
+        return self._budget.is_used_up
 
     def _paths(self, first: CameraPath | None) -> Iterator[tuple[CameraPath, str]]:
         """Yield proven camera paths, each with ""; where no more are found the best attempt, and words."""
@@ -196,8 +197,8 @@ class ArmPlanner:
             yield first, ""
         number, search = 0, self.search
         while number < search.starts:
-            found = search.run(number, search.starts, int(number == 0))
-            yield found.path, "" if found.proven else f"no path in {found.tried} starts"
+            found, tried = first_proven(search, self._budget, int(number == 0), number)
+            yield found.path, "" if found.proven else f"no path in {tried} starts"
             number = max(number, found.number) + 1 if found.proven else search.starts
 
     def _arm_plan(self, plan: Plan, attempt: _Attempt, attempts: int) -> ArmPlan:
