@@ -194,7 +194,8 @@ def outcome(arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = Fal
     path = answer.plan.path
     if not answer.ok or path is None:
         return Outcome("no plan")
-    branch = follow_path(arm, path, stated.base_T_initial, stated.flange_T_camera, start=truth.start).best
+    frames = stated.base_T_initial, stated.flange_T_camera
+    branch = follow_path(arm, path, *frames, start=truth.start, aim=answer.plan.aim).best
     inliers = np.flatnonzero(known.estimate.inliers)
     followed = replace(truth, points=truth.points[known.rows[inliers]])
     pictures = known.pictures[0][inliers], known.pictures[1][inliers]
