@@ -43,7 +43,7 @@ LARGEST_BODY = 0.05
 """of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one.
 Rendered pairs of the right camera have up to 4%, real ones 5%, no more than chance brings."""
 
-LARGEST_FOCAL_ERROR = 0.05
+LARGEST_FOCAL_ERROR = 0.03
 """A calibration is better; temperature and focus change less."""
 
 SMALL_STEP = 1e-4
