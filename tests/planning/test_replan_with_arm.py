@@ -23,6 +23,7 @@ from omniservo.planning import (
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.widened import widened
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
+from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.planning.with_arm.replan_with_arm import with_room
 from omniservo.robots import load_arm
 from omniservo.verification import verify_plan
@@ -45,6 +46,20 @@ def planned():
     found = plan_with_arm(problem, setting)
     assert found.certified
     return problem, setting, found
+
+
+def test_a_camera_path_is_followed_as_it_is_unless_what_the_flange_carries_hits_something(planned):
+    problem, setting, found = planned
+    path = found.plan.path
+
+    def as_it_is(asked):
+        planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, 0.0)
+        return planner.as_they_are([path])
+
+    assert as_it_is(problem).certified
+    assert as_it_is(problem).attempts == 1
+    in_the_way = Sphere(path(0.5).apply([0.0, 0.0, -0.05]), 0.01)
+    assert as_it_is(replace(problem, obstacles=(in_the_way,))) is None
 
 
 def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omniservo.estimation import estimate_two_view
 from omniservo.planning import CameraPath
 from omniservo.robots import arm_clearance
 from omniservo.runs import estimate_simulated
@@ -39,6 +40,14 @@ def test_the_two_pictures_give_the_taught_motion(prepared):
     assert estimate.inliers.mean() > (0.9 if task.target.textures else 0.999)
     assert np.linalg.norm(error.translation) < 1e-3
     assert error.rotation.magnitude() < np.deg2rad(0.2)
+
+
+def test_natural_features_of_a_run_share_what_their_windows_do():
+    found, camera = estimate_simulated("textured-object"), load_task("textured-object").camera
+    matched = found.seen.matched
+    alone = estimate_two_view(camera, matched.initial, matched.goal, noise=matched.noise)
+    turn, turn_alone = (np.trace(e.covariance[3:, 3:]) for e in (found.estimate, alone))
+    assert turn > 1.3 * turn_alone
 
 
 def test_the_plan_is_certified_and_independently_verified(prepared):
