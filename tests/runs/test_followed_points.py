@@ -18,7 +18,7 @@ def many():
     points = np.array([0.0, 0.0, 0.5]) + rng.uniform(-0.2, 0.2, (150, 3))
     initial, goal = CAMERA.project(points)[0], CAMERA.project(points - [0.1, 0.02, 0.05])[0]
     noisy = [pixels + 0.1 * rng.standard_normal(pixels.shape) for pixels in (initial, goal)]
-    noisy[1][:10] += [20.0, -15.0]
+    noisy[1][:10] += np.outer(np.tile([1.0, -1.0], 5), [20.0, -15.0])
     return noisy[0], estimate_two_view(CAMERA, *noisy, scale=0.1)
 
 
