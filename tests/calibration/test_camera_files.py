@@ -113,6 +113,18 @@ def test_saved_camera_loads_equal(tmp_path, format_name, name, suffix):
     assert load_camera(path) == camera
 
 
+def test_a_camera_written_out_without_its_format_keeps_its_distortion(tmp_path):
+    camera = UnifiedCamera(
+        940.0, 941.0, 352.0, 229.0, 1.0, 752, 480, distortion=(-0.3, 0.2, 1e-4, 0.0), max_angle=0.87
+    )
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(json.loads(json.dumps(camera.to_dict()))))
+    assert load_camera(path) == camera
+    path.write_text(path.read_text() + "k5: 0.1\n")
+    with pytest.raises(InputError, match="k5"):
+        load_camera(path)
+
+
 def test_own_format_holds_skew_and_the_others_refuse_it(tmp_path):
     camera = UnifiedCamera(300, 301, 320, 240, 1.2, 640, 480, skew=0.5)
     save_camera(camera, tmp_path / "own.yaml", "own")

@@ -1,5 +1,7 @@
 """Our own format: the camera of a problem file with ``"format": "omniservo.camera/1"``, JSON or YAML.
 
+Without the format, too, what ``to_dict`` gives is a camera: other formats would leave out half of it.
+
 Any model; ``model`` names it. It keeps everything that a camera says.
 """
 
@@ -9,7 +11,7 @@ from typing import Any
 
 from omniservo.calibration.calibration_file import CalibrationFile
 from omniservo.calibration.formats.spelling import as_json, as_yaml
-from omniservo.cameras.models import CentralModel, camera_from_dict
+from omniservo.cameras.models import MODEL_NAMES, CentralModel, camera_from_dict
 
 KINDS: tuple[type, ...] = ()
 """every model"""
@@ -18,8 +20,11 @@ _FORMAT = "omniservo.camera/1"
 
 
 def recognises(fields: Any) -> bool:
-    """Say whether the fields are of this format, in any version."""
-    return str(fields.get("format", "")).startswith("omniservo.camera/")
+    """Say whether the fields are of this format, in any version, or one of our models and its size."""
+    if "format" in fields:
+        return str(fields["format"]).startswith("omniservo.camera/")
+    model = fields.get("model")
+    return isinstance(model, str) and model in MODEL_NAMES and "width" in fields
 
 
 def names(file: CalibrationFile) -> list[str]:
@@ -33,7 +38,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another version, or a field is missing, unknown or not legal.
     """
-    if file.fields["format"] != _FORMAT:
+    if file.fields.get("format", _FORMAT) != _FORMAT:
         raise file.error(f"{file.fields['format']!r} given; legal: {_FORMAT!r}", "format")
     fields = {key: value for key, value in file.fields.items() if key != "format"}
     model = camera_from_dict(fields, source=file.source)

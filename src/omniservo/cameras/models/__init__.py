@@ -24,6 +24,7 @@ _CLASSES: tuple[type[LensModel], ...] = (
 )
 
 __all__ = [
+    "MODEL_NAMES",
     "CentralModel",
     "DoubleSphere",
     "Equirectangular",
@@ -33,6 +34,9 @@ __all__ = [
     "Pinhole",
     "camera_from_dict",
 ]
+
+MODEL_NAMES = ("unified", *(kind.model for kind in _CLASSES))
+"""what "model" is in `to_dict`"""
 
 
 def camera_from_dict(fields: Mapping[str, Any], source: str = "camera") -> CentralModel:
@@ -50,6 +54,5 @@ def camera_from_dict(fields: Mapping[str, Any], source: str = "camera") -> Centr
         if model == kind.model:
             return kind.from_dict(fields, source)
     if isinstance(fields, Mapping) and "model" in fields and model != "unified":
-        legal = ", ".join(["unified", *(kind.model for kind in _CLASSES)])
-        raise InputError(f"{source}: model: {spelled(model)} given; legal: {legal}")
+        raise InputError(f"{source}: model: {spelled(model)} given; legal: {', '.join(MODEL_NAMES)}")
     return UnifiedCamera.from_dict(fields, source)
