@@ -1,5 +1,6 @@
 """Our own features of real photographs, their camera calibrated here; the reference pose is a board's."""
 
+import numpy as np
 import pytest
 
 from benchmarks import real_pairs
@@ -31,6 +32,23 @@ def test_our_own_features_give_the_boards_pose(camera, found, index):
     assert estimate.status == "ok"
     assert estimate.inliers.mean() > 0.85
     assert estimate.rms_px < 0.15
+    turn, swing = real_pairs.errors_deg(estimate, pair)
+    assert turn <= 0.4
+    assert swing <= 4.0
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_with_the_noise_and_windows_that_they_state_they_are_not_taken_for_another_cameras(
+    camera, found, index
+):
+    pair = real_pairs.read_pairs()[index]
+    (initial, a), (goal, b) = found[pair["image1"]], found[pair["image2"]]
+    match = refine_matches(camera, initial, goal, a, b, match_features(a, b))
+    variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
+    noise = np.sqrt(np.stack(variances, axis=1))
+    pixels = match.initial.pixels, match.goal.pixels
+    estimate = estimate_two_view(camera, *pixels, noise=noise, windows=match.window)
+    assert estimate.status == "ok", estimate.message
     turn, swing = real_pairs.errors_deg(estimate, pair)
     assert turn <= 0.4
     assert swing <= 4.0
