@@ -22,9 +22,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel
 
 SHARED = 0.6
 """of the variance of two matches with one window; fitted to rendered pairs, which show 0.4 to 0.65"""
@@ -35,9 +35,6 @@ BAND = (1.5, 4.0)
 MOST_MATCHES = 1000
 """so many tell whether they hang together; what is told costs their number cubed"""
 
-LEAST_OVERLAP = 1e-4
-"""A correlation smaller than this is none."""
-
 
 def shared_error_factor(response: FloatArray, pixels: FloatArray, windows: FloatArray) -> float:
     """Return λ, by which overlapping windows make the motion's variance larger.
@@ -47,13 +44,13 @@ def shared_error_factor(response: FloatArray, pixels: FloatArray, windows: Float
         pixels: (n, 4) of the matches; where they lie in the initial image tells what overlaps.
         windows: (n,) standard deviation [px] of their windows there.
     """
-    alone = np.einsum("nac,nbc->ab", response, response)
-    between = np.zeros_like(alone)
-    add_shared(response, pixels, windows, between)
+    _, shared = _overlaps(pixels, windows)
+    columns = np.moveaxis(response, 2, 0)
+    alone, joint = (np.einsum("cna,cnb->ab", columns, c) for c in (columns, shared @ columns))
     values, vectors = np.linalg.eigh(alone)
     known = values > 1e-9 * values[-1]
     axes = vectors[:, known] / np.sqrt(values[known])
-    return 1.0 + float(np.mean(np.einsum("ak,ab,bk->k", axes, between, axes)))
+    return float(np.mean(np.einsum("ak,ab,bk->k", axes, joint, axes)))
 
 
 def hang_together(distances: FloatArray, pixels: FloatArray, windows: FloatArray) -> float:
@@ -64,30 +61,18 @@ def hang_together(distances: FloatArray, pixels: FloatArray, windows: FloatArray
         pixels: (n, 4) of the matches.
         windows: (n,) standard deviation of their windows in the initial image [px].
     """
-    c, places, w = distances[:MOST_MATCHES], pixels[:MOST_MATCHES, :2], windows[:MOST_MATCHES]
-    square = w[:, None] ** 2 + w**2
-    apart = np.sum((places[:, None] - places) ** 2, axis=2) / square
-    shared = SHARED * 2.0 * np.outer(w, w) / square * np.exp(-0.5 * apart)
-    np.fill_diagonal(shared, 1.0)
+    c = distances[:MOST_MATCHES]
+    apart, shared = _overlaps(pixels[:MOST_MATCHES], windows[:MOST_MATCHES])
     band = (apart > BAND[0] ** 2) & (apart < BAND[1] ** 2)
     product = band @ (shared * np.outer(np.abs(c), np.abs(c)))
     variance = 2.0 * float(np.sum(product * product.T))
     return float(c @ band @ c - np.trace(product)) / math.sqrt(variance) if variance > 0.0 else 0.0
 
 
-@kernel
-def add_shared(response: FloatArray, pixels: FloatArray, windows: FloatArray, total: FloatArray) -> None:
-    """Add Σ_{j≠k} R_jk G_j G_kᵀ (p, p) to ``total``."""
-    size = total.shape[0]
-    for j in range(response.shape[0]):
-        for k in range(j):
-            square = windows[j] ** 2 + windows[k] ** 2
-            apart = (pixels[j, 0] - pixels[k, 0]) ** 2 + (pixels[j, 1] - pixels[k, 1]) ** 2
-            overlap = SHARED * 2.0 * windows[j] * windows[k] / square * math.exp(-0.5 * apart / square)
-            if overlap < LEAST_OVERLAP:
-                continue
-            one, other = response[j], response[k]
-            for a in range(size):
-                for b in range(size):
-                    for c in range(4):
-                        total[a, b] += overlap * (one[a, c] * other[b, c] + other[a, c] * one[b, c])
+def _overlaps(pixels: FloatArray, windows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return d²/(w_j² + w_k²) and R, (n, n) each."""
+    square = windows[:, None] ** 2 + windows**2
+    apart = cdist(pixels[:, :2], pixels[:, :2], "sqeuclidean") / square
+    shared = SHARED * 2.0 * np.outer(windows, windows) / square * np.exp(-0.5 * apart)
+    np.fill_diagonal(shared, 1.0)
+    return apart, shared
