@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.camera_evidence import FAR_ALIKE
-from omniservo.estimation.shared_errors import SHARED, hang_together, shared_error_factor
+from omniservo.estimation.shared_errors import SHARED, shared_error_factor
 
 SIGMA = 0.03
 WINDOW = 9.0
@@ -71,34 +70,6 @@ def test_the_factor_is_that_of_the_whole_correlation_matrix():
     joint = np.einsum("ajc,jk,bkc->ab", flat, correlation(pixels[:, :2], windows), flat)
     expected = np.trace(np.linalg.solve(alone, joint)) / 6.0
     assert shared_error_factor(response, pixels, windows) == pytest.approx(expected, rel=1e-3)
-
-
-def misses(rng, n=250):
-    """Places, what windows share of their distances, a tenth of them anywhere within the gate."""
-    pixels, windows = 200.0 * rng.uniform(size=(n, 4)), rng.uniform(4.0, 7.0, n)
-    distances = np.linalg.cholesky(correlation(pixels[:, :2], windows)) @ rng.standard_normal(n)
-    wrong = rng.uniform(size=n) < 0.1
-    return np.where(wrong, rng.uniform(-3.5, 3.5, n), distances), pixels, windows
-
-
-def test_what_windows_share_does_not_hang_together_beyond_them():
-    rng = np.random.default_rng(76)
-    deviations = [hang_together(*misses(rng)) for _ in range(200)]
-    assert abs(np.mean(deviations)) < 0.3
-    assert 0.8 < np.std(deviations) < 1.25
-    assert max(deviations) < FAR_ALIKE
-
-
-def test_a_smooth_law_hangs_together_and_a_thousand_matches_tell():
-    rng = np.random.default_rng(77)
-    distances, pixels, windows = misses(rng, 1500)
-    smooth = np.clip(distances + 1.5 * np.sin(pixels[:, 1] / 25.0), -3.5, 3.5)
-    assert hang_together(distances, pixels, windows) < FAR_ALIKE
-    assert hang_together(smooth, pixels, windows) > 2.0 * FAR_ALIKE
-    first = slice(0, 1000)
-    assert hang_together(smooth, pixels, windows) == hang_together(
-        smooth[first], pixels[first], windows[first]
-    )
 
 
 def test_windows_that_do_not_meet_change_nothing_and_a_point_alone_keeps_its_own_error(make_scene):

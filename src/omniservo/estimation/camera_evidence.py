@@ -1,15 +1,12 @@
 """Do the matches come from the camera that is given, and from one rigid scene?
 
 Pictures of another camera obey an epipolar geometry in parts: sampling finds a motion with which half of the
-matches agree to their noise. Three things betray it.
+matches agree to their noise. Two things betray it.
 
 The matches rejected are not wrong ones. A wrong match lies anywhere; two rejected side by side have Sampson
 distances d of one sign, and within a factor of two of each other, with a chance of one half at most (signs
 alike, sizes uniform). Of matches on surfaces that a smooth law puts off their
 epipolar lines nearly all do.
-
-Where the matches say how wide the windows are that they were measured in, all of them together tell more:
-`hang_together`.
 
 The members ask for another focal length, f(1 + φ). φ is a sixth parameter of the distances d, and one step of
 least squares finds it: (motion, φ) = −(JᵀJ)⁻¹Jᵀd with J = ∂d/∂(motion, φ).
@@ -32,8 +29,6 @@ from omniservo.estimation.epipolar_refinement import (
 from omniservo.estimation.essential_matrix import bearings_of_pixels
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.members import GATE, MOTION_PARAMETERS
-from omniservo.estimation.motion_search import Minimum
-from omniservo.estimation.shared_errors import hang_together
 from omniservo.estimation.two_view_fit import TwoViewFit
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
@@ -52,27 +47,16 @@ SMALL_STEP = 1e-4
 CHANCE_ALIKE = 0.01
 """of so many alike among the rejected ones, which are few where the camera is the right one"""
 
-FAR_ALIKE = 4.5
-"""[standard deviations] by which matches may hang together beyond their windows"""
-
 CHANCE_FOCAL = 1e-4
 """Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
 
 
-def foreign_evidence(
-    fit: TwoViewFit, matches: Matches, sigma: float, windows: FloatArray | None
-) -> str | None:
+def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float) -> str | None:
     """Return the evidence that the matches come from another camera, or not from one rigid scene.
 
-    ``sigma`` is the noise of a coordinate of weight 1 [px]; ``windows`` (n,) as of `hang_together`, or None.
+    ``sigma`` is the noise of a coordinate of weight 1 [px].
     """
-    if (against := _other_focal(fit, matches)) is not None:
-        return against
-    if matches.size - np.count_nonzero(fit.members) < LARGEST_BODY * matches.size:
-        return None
-    gate = GATE * sigma
-    against = _alike(fit, matches, gate) or _hanging_together(fit.minima[0], matches, gate, windows)
-    return against and f"{against}: they come from another camera, or not from one rigid scene"
+    return _other_focal(fit, matches) or _alike(fit, matches, GATE * sigma)
 
 
 def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
@@ -95,28 +79,15 @@ def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
 
 def _alike(fit: TwoViewFit, matches: Matches, gate: float) -> str | None:
     best, n = fit.minima[0], matches.size
+    if n - np.count_nonzero(fit.members) < LARGEST_BODY * n:
+        return None
     alike, beyond = count_alike(matches, fit.members, best.rotation, best.translation, gate)
     if alike < LARGEST_BODY * n or float(bdtrc(alike - 1, beyond, 0.5)) >= CHANCE_ALIKE:
         return None
-    return f"{alike} of the {n} matches disagree in the same way as the one beside them"
-
-
-def _hanging_together(best: Minimum, matches: Matches, gate: float, windows: FloatArray | None) -> str | None:
-    if windows is None:
-        return None
-    clipped = np.clip(_distances(matches, best), -gate, gate)
-    far = hang_together(clipped, matches.pixels, windows)
-    if far <= FAR_ALIKE:
-        return None
-    return f"the matches miss the best motion alike, farther than they share a window ({far:.1f} σ)"
-
-
-def _distances(matches: Matches, motion: Minimum) -> FloatArray:
-    """Return the Sampson distances (n,) [px] of all matches to a motion."""
-    essential, distances = np.empty((3, 3)), np.empty(matches.size)
-    essential_matrix(motion.rotation, motion.translation, essential)
-    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
-    return distances
+    return (
+        f"{alike} of the {n} matches disagree in the same way as the one beside them: they come from"
+        " another camera, or not from one rigid scene"
+    )
 
 
 @kernel

@@ -236,7 +236,7 @@ def _estimate_general(
     if fit is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
-    status, words = judge(fit, matches, robust, request.windows)
+    status, words = judge(fit, matches, robust)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
     vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust and not by_squares else fit
@@ -245,7 +245,7 @@ def _estimate_general(
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     if vouched is not fit:
         fit = vouched
-        status, words = judge(fit, matches, robust, request.windows)
+        status, words = judge(fit, matches, robust)
     if status != "ok":
         return TwoViewEstimate.without_pose(matches.size, status, words, started)
     return _with_pose(matches, plane, fit, request, started)

@@ -46,7 +46,6 @@ from omniservo.estimation.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.motion_search import LEAST_NOISE_PX, Minimum
 from omniservo.estimation.two_view_estimate import Status
 from omniservo.estimation.two_view_fit import EIGHT_POINTS, SIGNIFICANCE, TwoViewFit
-from omniservo.geometry.arrays import FloatArray
 
 PLAUSIBLE_NOISE_PX = 0.6
 LARGEST_NOISE_PX = 5.0
@@ -82,11 +81,8 @@ OTHER_DIRECTION = math.radians(5.0)
 """likewise of fits to different members; smaller, because no uncertainty reaches from one to the other"""
 
 
-def judge(fit: TwoViewFit, matches: Matches, robust: bool, windows: FloatArray | None) -> tuple[Status, str]:
-    """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose.
-
-    ``windows`` (n,) [px] are those that the matches were measured in; None: each errs by itself.
-    """
+def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]:
+    """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
     members = matches.where(fit.members)
     freedom = members.size - MOTION_PARAMETERS
     variance = noise_variance(fit.cost, freedom, members.noise_px)
@@ -104,7 +100,7 @@ def judge(fit: TwoViewFit, matches: Matches, robust: bool, windows: FloatArray |
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
     sigma = math.sqrt(variance)
-    against = foreign_evidence(fit, matches, sigma, windows) or badly_found(matches, fit, sigma)
+    against = foreign_evidence(fit, matches, sigma) or badly_found(matches, fit, sigma)
     if against is not None:
         return "not_converged", against
     return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
