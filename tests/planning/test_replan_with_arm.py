@@ -21,11 +21,12 @@ from omniservo.planning import (
     replan_with_arm,
 )
 from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.widened import widened
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
 from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.planning.with_arm.replan_with_arm import with_room
-from omniservo.robots import load_arm
+from omniservo.robots import arm_clearance, load_arm
 from omniservo.verification import verify_plan
 
 
@@ -53,13 +54,29 @@ def test_a_camera_path_is_followed_as_it_is_unless_what_the_flange_carries_hits_
     path = found.plan.path
 
     def as_it_is(asked):
-        planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, 0.0)
+        planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, TimeBudget(None))
         return planner.as_they_are([path])
 
     assert as_it_is(problem).certified
     assert as_it_is(problem).attempts == 1
     in_the_way = Sphere(path(0.5).apply([0.0, 0.0, -0.05]), 0.01)
     assert as_it_is(replace(problem, obstacles=(in_the_way,))) is None
+
+
+def test_a_path_in_which_the_housing_hits_is_moved_from_joints_near_those_that_follow_it(planned):
+    problem, setting, found = planned
+    path = found.plan.path
+    beside = Sphere(path(0.5).apply([-0.06, 0.0, -0.05]), 0.01)
+    asked = replace(problem, obstacles=(*problem.obstacles, beside))
+    planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, TimeBudget(None))
+    assert planner.hits(path)
+    led = planner.moved(path, found.branch)
+    assert led.certified
+    np.testing.assert_allclose(led.branch.positions[0], setting.start, atol=1e-9)
+    assert np.abs(led.branch(0.5) - found.branch(0.5)).max() < 0.5
+    bodies = setting.bodies(asked.obstacles)
+    assert arm_clearance(bodies, led.branch, clearance=setting.clearance_around).status == "clear"
+    assert verify_plan(led.plan).status == "certified"
 
 
 def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():

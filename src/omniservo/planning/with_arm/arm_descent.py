@@ -73,7 +73,7 @@ class ArmDescent:
         Args:
             x: offsets to begin with.
             places: (m,) w of the samples, ascending.
-            joints: (k, n) at the first k ≤ m samples [rad]: as far as the arm can follow the path of x.
+            joints: (k, n) near those at the first k ≤ m samples [rad]: as far as the arm can follow the path.
             end_least: (GROUPS,) smallest g of the arm at its end postures, which no path can improve.
             higher: factor of the targets.
         """
@@ -84,14 +84,14 @@ class ArmDescent:
             add_sample(self._family, float(w))
         room = room_for(len(places), self._demands.points.shape[0])
         self._seen = self._joint_demands.seen(len(joints))
-        now = self._look(x, camera, arm, joints, room, moved=False)
+        now = self._look(x, camera, arm, joints, room)
         damping, factor, step = 1e-6, np.empty((len(x), len(x))), np.empty(len(x))
         for _ in range(STEPS):
             if now is None or self._reached(now, camera, arm):
                 break
             if not solve_damped(now.normal, damping, factor, step):
                 break
-            tried = self._look(x + step, camera, arm, now.joints, room, moved=True)
+            tried = self._look(x + step, camera, arm, now.joints, room)
             if tried is None or tried.cost >= now.cost:
                 damping = max(5.0 * damping, 1e-4)
                 if damping > 1e4:
@@ -113,20 +113,16 @@ class ArmDescent:
         arm: FloatArray,
         joints: FloatArray,
         room: Room,
-        *,
-        moved: bool,
     ) -> Look | None:
         """Return what there is at x; None where the arm cannot follow from the joints of before."""
         cost, least, normal = camera_equations(self._demands, self._family, x, camera, PULL, room)
-        if moved:
-            followed = self._followed(room.poses[: len(joints)], joints)
-            if followed is None:
-                return None
-            joints = followed
-        pulls = self._joint_demands.pulls(joints, arm, self._seen)
+        followed = self._followed(room.poses[: len(joints)], joints)
+        if followed is None:
+            return None
+        pulls = self._joint_demands.pulls(followed, arm, self._seen)
         add_arm(self._family, self._ell, room, pulls.costs, pulls.systems, normal)
         arm_least = pulls.least.min(axis=0, initial=1.0)
-        return Look(cost + float(pulls.costs.sum()), normal, joints, least, arm_least)
+        return Look(cost + float(pulls.costs.sum()), normal, followed, least, arm_least)
 
     def _followed(self, poses: FloatArray, joints: FloatArray) -> FloatArray | None:
         """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""

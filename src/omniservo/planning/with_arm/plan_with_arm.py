@@ -75,7 +75,7 @@ def plan_with_arm(
     Raises:
         InputError: an obstacle that cannot be judged for the whole arm; or what `plan_path` refuses.
     """
-    begin = time.perf_counter()
+    budget = TimeBudget(None)
     finite_number("seed", seed, minimum=0)
     finite_number("attempts", attempts, minimum=1)
     bodies = setting.bodies(problem.obstacles)
@@ -83,14 +83,14 @@ def plan_with_arm(
     if not reason and setting.arm.has_closed_form:  # elsewhere that takes longer than most plans
         reason = violation_at_goal(problem, setting, bodies)
     if not reason:
-        found = ArmPlanner(problem, setting, bodies, seed, begin).plan(attempts=attempts)
+        found = ArmPlanner(problem, setting, bodies, seed, budget).plan(attempts=attempts)
         if found.certified or setting.arm.has_closed_form:
             return found
         reason = violation_at_goal(problem, setting, bodies)
         if not reason:
             return found
-    plan = infeasible_plan(problem, begin, "certified", reason)
-    return ArmPlan(plan, None, None, None, time.perf_counter() - begin, 0)
+    plan = infeasible_plan(problem, budget.begin, "certified", reason)
+    return ArmPlan(plan, None, None, None, time.perf_counter() - budget.begin, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,45 +111,66 @@ class ArmPlanner:
         setting: ArmSetting,
         bodies: ArmBodies,
         seed: int,
-        begin: float,
+        budget: TimeBudget,
         *,
         aims: Sequence[FloatArray | None] | None = None,
         velocity: FloatArray | None = None,
     ) -> None:
         """Join them.
 
-        ``bodies`` are the setting's among the problem's obstacles, ``begin`` is when all began; ``aims`` are
-        what self-motion is led to, one after the other: by default nothing, then what is free at the goal;
-        ``velocity`` as for `follow_path`.
+        ``bodies`` are the setting's among the problem's obstacles, ``budget`` began when all did; ``aims``
+        are what self-motion is led to, one after the other: by default nothing, then what is free at the
+        goal; ``velocity`` as for `follow_path`.
         """
         self._aims_given, self._velocity = aims, velocity
-        self._problem, self._setting, self._bodies, self._begin = problem, setting, bodies, begin
+        self._problem, self._setting, self._bodies, self._budget = problem, setting, bodies, budget
         self.search = ProblemSearch.of(problem, int(seed))
         """the camera's own"""
         self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
-        self._budget = TimeBudget(None)
         self._known: dict[CameraPath, list[_Attempt]] = {}
+        self._hit: dict[CameraPath, bool] = {}
 
     def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
         """Return the plan of the first camera path that the arm can follow unmoved; None: of none."""
         for number, path in enumerate(paths, start=1):
-            if self._hits(path):
+            if self.hits(path):
                 continue
-            for attempt in self._unmoved(path):
-                if not attempt.judged.reason:
-                    plan = judged_plan(self._problem, path, self._begin, "certified", "")
-                    if plan.status == "certified":
-                        return self._arm_plan(plan, attempt, number)
+            found = self._first_certified(self._unmoved(path), number)
+            if found is not None:
+                return found
         return None
 
-    def _hits(self, path: CameraPath) -> bool:
-        """Return whether what the flange carries is too close to something at one of a few places."""
+    def moved(self, path: CameraPath, joints: JointPath) -> ArmPlan | None:
+        """Return the plan of a camera path moved until the arm can follow it; None: it does not come to that.
+
+        ``joints`` are near those that follow the path: it need not be followed before.
+        """
+        known = JudgedBranch(joints, None, "not followed", 0.0)
+        aim = self._aims_given[0] if self._aims_given else None
+        return self._first_certified(
+            [self._moved(_Attempt(path, known, FollowedPath((joints,), False), aim))], 1
+        )
+
+    def _first_certified(self, attempts: Iterable[_Attempt], tried: int) -> ArmPlan | None:
+        """Return the plan of the first attempt that will do; None: of none."""
+        for attempt in attempts:
+            if not attempt.judged.reason:
+                plan = judged_plan(self._problem, attempt.path, self._budget.begin, "certified", "")
+                if plan.status == "certified":
+                    return self._arm_plan(plan, attempt, tried)
+        return None
+
+    def hits(self, path: CameraPath) -> bool:
+        """Return whether what the flange carries is too close to something at one of a few places; kept."""
+        if path in self._hit:
+            return self._hit[path]
         setting, (poses, _) = self._setting, path.sampled(_LOOKED_AT)
         flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
         asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
-        return carried_too_close(self._bodies, flange, asked)
+        self._hit[path] = carried_too_close(self._bodies, flange, asked)
+        return self._hit[path]
 
     def stands_at_end(self, path: CameraPath) -> bool | None:
         """Return whether the arm can stand where a camera path leads it; None: it does not get there."""
@@ -157,32 +178,26 @@ class ArmPlanner:
         ends = [self._joint_demands.values(b.positions[-1]) for b in branches if b.w[-1] >= 1.0]
         return any(bool((least >= 0.0).all()) for least in ends) if ends else None
 
-    def plan(
-        self,
-        first: CameraPath | None = None,
-        budget: TimeBudget | None = None,
-        attempts: int = ATTEMPTS,
-    ) -> ArmPlan:
+    def plan(self, first: CameraPath | None = None, *, attempts: int = ATTEMPTS) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
         tried, ends, best = 0, 0, None
-        self._budget = budget or self._budget
         for path, missing in islice(self._paths(first), int(attempts)):
             if missing or (tried and self._late) or ends == HOPELESS:
                 break
             tried += 1
             if self._aims_given is not None:
                 ends = ends + 1 if self.stands_at_end(path) is False else 0
-            for attempt in self._attempts(path):
-                if not attempt.judged.reason:
-                    plan = judged_plan(self._problem, attempt.path, self._begin, "certified", "")
-                    if plan.status == "certified":
-                        return self._arm_plan(plan, attempt, tried)
-                elif best is None or attempt.judged.until > best.judged.until:
+            made = self._attempts(path)
+            found = self._first_certified(made, tried)
+            if found is not None:
+                return found
+            for attempt in made:
+                if best is None or attempt.judged.until > best.judged.until:
                     best = attempt
         if best is None:
-            plan = judged_plan(self._problem, path, self._begin, "certified", "", missing)
-            return ArmPlan(plan, None, None, None, time.perf_counter() - self._begin, tried)
-        plan = judged_plan(self._problem, best.path, self._begin, "certified", "")
+            plan = judged_plan(self._problem, path, self._budget.begin, "certified", "", missing)
+            return ArmPlan(plan, None, None, None, time.perf_counter() - self._budget.begin, tried)
+        plan = judged_plan(self._problem, best.path, self._budget.begin, "certified", "")
         best = replace(best, judged=judged_branch(self._setting, self._bodies, best.judged.branch))
         why = f"the arm can follow none of {tried} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, tried)
@@ -202,7 +217,7 @@ class ArmPlanner:
             number = max(number, found.number) + 1 if found.proven else search.starts
 
     def _arm_plan(self, plan: Plan, attempt: _Attempt, attempts: int) -> ArmPlan:
-        seconds = time.perf_counter() - self._begin
+        seconds = time.perf_counter() - self._budget.begin
         judged = attempt.judged
         return ArmPlan(
             replace(plan, seconds=seconds, aim=attempt.aim),
@@ -295,7 +310,8 @@ class ArmPlanner:
             x, reached = descent.lower(x, places, joints, end_least, higher)
             rotation, translation = power_path(family, self._ell, x)
             path = CameraPath(rotation, translation)
-            followed, before = self._follow(path, branch.positions[0], attempt.aim), now.judged.until
+            start = branch.positions[0] if self._setting.start is None else self._setting.start
+            followed, before = self._follow(path, start, attempt.aim), now.judged.until
             judged = judged_branch(self._setting, self._bodies, followed.best)
             now = _Attempt(path, judged, followed, attempt.aim)
             status, w = prove_path(self._demands, rotation, translation)

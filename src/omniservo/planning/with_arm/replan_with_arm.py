@@ -25,6 +25,7 @@ from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.part_of_joints import part_of_joints
 from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
 from omniservo.robots.step_kernels import settle
@@ -50,9 +51,10 @@ def replan_with_arm(
 ) -> ArmPlan:
     """Return a plan for the rest of the way that the arm can follow from where it is; see `replan`.
 
-    Tried first is the proven camera path nearest to the rest of the old one; if the arm cannot follow it, it
-    is moved until it can, and after it other starts, as by `plan_with_arm`. The plan stands in the present
-    camera frame; joints go on from where they are, with their present speeds.
+    Tried first is the proven camera path nearest to the rest of the old one, then some with more room; if the
+    arm cannot follow them, the first is moved until it can, from the old joints on where what the flange
+    carries would hit something; after it come other starts, as by `plan_with_arm`. The plan stands in the
+    present camera frame; joints go on from where they are, with their present speeds.
 
     Args:
         plan: the plan that is followed; any that has a path.
@@ -79,18 +81,20 @@ def replan_with_arm(
         return _nothing(rest, budget, reason)
     aims = [None if plan.aim is None else joints.positions[-1]]  # self-motion goes on to where it was led
     velocity = (1.0 - w) * joints(w, 1) if setting.arm.dof > 6 else None
-    planner = ArmPlanner(rest, here, bodies, int(seed), budget.begin, aims=aims, velocity=velocity)
+    planner = ArmPlanner(rest, here, bodies, int(seed), budget, aims=aims, velocity=velocity)
     near = path_near_rest(planner.search, old, w, pose)
     if near is not None:
         planes = sum(isinstance(obstacle, HalfSpace) for obstacle in rest.obstacles)
         found = planner.as_they_are(chain([near], _with_room(planner.search, planes, old, w, pose)))
+        if found is None and planner.hits(near):
+            found, near = planner.moved(near, part_of_joints(here, joints, w, 1.0)), None
         if found is not None:
             return found
     if here.arm.has_closed_form and (near is None or not planner.stands_at_end(near)):
         reason = violation_at_goal(rest, here, bodies)
         if reason:
             return _nothing(rest, budget, reason)
-    return planner.plan(near, budget)
+    return planner.plan(near)
 
 
 def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
