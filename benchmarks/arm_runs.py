@@ -247,11 +247,22 @@ def _seen(
     assert plan.path is not None
     planned, known = _views(truth, plan.path(np.linspace(0.0, 1.0, PLACES)))
     planned = np.where(known[..., None], planned, 1e9)
-    gaps = [float(((row - planned) ** 2).sum(axis=2).max(axis=1).min()) for row in pixels]
+    strays = [_beside(planned, row) for row in pixels if np.isfinite(row).all()]
     aim = planned[-1] if goal is None else goal
     error = float(np.sqrt(np.mean(((pixels[-1] - aim) ** 2).sum(axis=1))))
-    image = math.sqrt(np.nanmax(gaps))
-    return ArmRun(joints, path, stop, float(distances.min()), error, poses.translation, image, contacts)
+    return ArmRun(joints, path, stop, float(distances.min()), error, poses.translation, max(strays), contacts)
+
+
+def _beside(planned: FloatArray, seen: FloatArray) -> float:
+    """Return the most that a point seen (n, 2) strays from where planned views (k, n, 2) have it [px].
+
+    Of the place along them where that is least; between views every point goes straight.
+    """
+    steps, gone = np.diff(planned, axis=0), seen - planned[:-1]
+    length = np.maximum((steps**2).sum(axis=(1, 2)), 1e-300)
+    share = np.clip((gone * steps).sum(axis=(1, 2)) / length, 0.0, 1.0)
+    gaps = gone - share[:, None, None] * steps
+    return math.sqrt(float((gaps**2).sum(axis=2).max(axis=1).min()))
 
 
 def _views(truth: Truth, initial_T_camera: RigidTransform) -> tuple[FloatArray, BoolArray]:

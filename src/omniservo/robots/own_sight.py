@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import farthest_moves, middle_of_piece
+from omniservo.robots.gap_kernels import middle_of_piece
 from omniservo.robots.joint_path import JointPath
 from omniservo.robots.read_shapes import read_shapes
+from omniservo.robots.shapes import Scene, Shapes
+from omniservo.robots.sight_kernel import GAP, LEFT, POINT, SHAPE, Sights, nearest_to_sights
 
 _THIN = 1e-6
 """[m] radius of a line of sight"""
@@ -28,7 +32,7 @@ class OwnSight:
     """What lies between an arm's camera and its points along a joint path."""
 
     status: Literal["free", "hidden"]
-    """free: no line of sight meets a link, for every w; MuJoCo's distance search is trusted for that"""
+    """free: no line of sight meets a link, for every w"""
     link: str
     """the link that hides a point; "" where none does"""
     point: int
@@ -37,14 +41,19 @@ class OwnSight:
     """of link and line there [m]; negative: depth"""
 
     @property
-    def reason(self) -> str:
-        """Which link hides which point, at which w, by how much; "" where all are free."""
+    def what(self) -> str:
+        """Which link hides which point, by how much; "" where all are free."""
         if self.status == "free":
             return ""
-        where = f"the line of sight to point {self.point} at w = {self.w:.4f}"
+        line = f"the line of sight to point {self.point}"
         if self.gap <= 0.0:
-            return f"{self.link} stands {-1e3 * self.gap:.2f} mm into {where}"
-        return f"{self.link} comes within {1e3 * self.gap:.3f} mm of {where}: not told from hidden"
+            return f"{self.link} stands {-1e3 * self.gap:.2f} mm into {line}"
+        return f"{self.link} comes within {1e3 * self.gap:.3f} mm of {line}, not told from hidden,"
+
+    @property
+    def reason(self) -> str:
+        """`what`, and at which w; "" where all are free."""
+        return f"{self.what} at w = {self.w:.4f}" if self.what else ""
 
 
 def own_sight(
@@ -52,10 +61,10 @@ def own_sight(
 ) -> OwnSight:
     """Look whether links hide points from the camera on a path.
 
-    A line of sight runs from the camera's centre c to a point that stands still. While joints turn by no more
-    than a part of the path allows, a link comes nearer by its own move at most, and the line by that of c:
-    both at most Σ r_j · turn_j (`gap_kernels.farthest_moves`). It is halved until, in the middle of each
-    part, every link is farther from every line than that. The camera's own housing is not looked at.
+    A line of sight runs from the camera's centre to a point that stands still. The path is halved until, in
+    the middle of each part, every link is farther from every line than the two can come nearer to each other
+    before the part ends (`nearest_to_sights`). Distances are bounded from below by slabs between the two, as
+    for `arm_clearance`. The camera's own housing is not looked at.
 
     Args:
         arm: whose links, those with shapes that move.
@@ -74,67 +83,80 @@ def own_sight(
         first, second, turns = np.empty_like(piece), np.empty_like(piece), np.empty(arm.dof)
         middle_of_piece(piece, first, second, turns)
         middle = 0.5 * (begin + end)
-        link, point, gap, left = lines.nearest(first[-1], turns)
-        if left < 0.0 and (gap <= 0.0 or end - begin < _SHORTEST):
-            return OwnSight("hidden", link, point, middle, gap)
-        if left < 0.0:
-            work += [(middle, end, second), (begin, middle, first)]
+        found = lines.nearest(first[-1], turns)
+        if found[LEFT] >= 0.0:
+            continue
+        gap = lines.measured() if found[GAP] == -np.inf else float(found[GAP])
+        if gap <= 0.0 or end - begin < _SHORTEST:
+            return OwnSight("hidden", lines.link(), int(found[POINT]), middle, gap)
+        work += [(middle, end, second), (begin, middle, first)]
     return OwnSight("free", "", -1, 0.0, 0.0)
+
+
+def own_sight_in(
+    arm: Arm, q: npt.ArrayLike, flange_T_camera: RigidTransform, base_points: npt.ArrayLike
+) -> OwnSight:
+    """Look whether links hide points in one posture q (n,); its w is 0. See `own_sight`."""
+    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)))
+    found = lines.nearest(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
+    if found[LEFT] >= 0.0:
+        return OwnSight("free", "", -1, 0.0, 0.0)
+    gap = lines.measured() if found[GAP] == -np.inf else float(found[GAP])
+    return OwnSight("hidden", lines.link(), int(found[POINT]), 0.0, gap)
 
 
 class _Lines:
     """The arm and one thin capsule that becomes every line of sight in turn."""
 
     def __init__(self, arm: Arm, flange_T_camera: RigidTransform, points: FloatArray) -> None:
-        self._arm, self._mount, self._points = arm, flange_T_camera, points
-        spec = arm.spec()
-        holder = spec.worldbody.add_body(name="line of sight", mocap=True)
-        holder.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[_THIN, 0.1, 0.0])
-        self._model: Any = spec.compile()
-        self._data = mujoco.MjData(self._model)
-        self._line = int(self._model.body("line of sight").geomadr[0])
-        self._shapes = read_shapes(self._model, self._data, np.zeros(self._model.ngeom, dtype=np.bool_))
-        touched = (self._model.geom_contype != 0) & (self._shapes.carried > 0)
-        self._links = np.flatnonzero(touched).tolist()
-        self._moves = np.zeros((self._model.ngeom, arm.dof + 1))
+        self._model, shapes, links, line = _arm_with_line(arm)
+        self._chain, self._data, self._found = arm.chain, mujoco.MjData(self._model), np.zeros(4)
+        self._shapes = shapes._replace(sizes=shapes.sizes.copy())
+        centre = (arm.base_T_flange(np.zeros(arm.dof)) * flange_T_camera).translation
+        self._sights = Sights(points, np.array(centre), links, np.array([line]))
+        self._scene = Scene(
+            frames=np.zeros((arm.dof + 1, 3, 4)),
+            anchors=np.empty((arm.dof, 3)),
+            directions=np.empty((arm.dof, 3)),
+            places=self._data.geom_xpos,
+            axes=self._data.geom_xmat,
+            moves=np.zeros((0, 0)),
+            normals=np.zeros((0, 3)),
+        )
 
-    def nearest(self, q: FloatArray, turns: FloatArray) -> tuple[str, int, float, float]:
-        """Return link, point, gap [m], and what is left of it: of the pair with the least left."""
-        data, shapes = self._data, self._shapes
-        data.qpos[:] = q
-        centre = (self._arm.base_T_flange(q) * self._mount).translation
-        mujoco.mj_kinematics(self._model, data)
-        farthest_moves(
-            data.xanchor, data.xaxis, data.geom_xpos, shapes.radii, shapes.carried, shapes.spins, turns,
-            self._moves,
-        )  # fmt: skip
-        radii = np.linalg.norm(np.cross(centre - data.xanchor, data.xaxis), axis=1)
-        moved = self._moves[:, 0] + float(radii @ turns)
-        least = ("", -1, np.inf, np.inf)
-        for number, point in enumerate(self._points):
-            self._lay(centre, point)
-            for shape in self._links:
-                needed = float(moved[shape])
-                if self._ball_gap(shape, centre, point) > needed:
-                    continue
-                gap = mujoco.mj_geomDistance(self._model, data, shape, self._line, 10.0, None)
-                if gap - needed < least[3]:
-                    name = str(self._model.body(int(self._model.geom_bodyid[shape])).name)
-                    least = (name, number, float(gap), float(gap) - needed)
-        return least
+    def nearest(self, q: FloatArray, turns: FloatArray) -> FloatArray:
+        """Return what `nearest_to_sights` finds in a posture."""
+        nearest_to_sights(
+            self._chain, self._shapes, self._scene, self._sights, np.ascontiguousarray(q), turns, self._found
+        )
+        return self._found
 
-    def _lay(self, centre: FloatArray, point: FloatArray) -> None:
-        """Make the capsule the line from the camera's centre to a point."""
-        way = point - centre
+    def link(self) -> str:
+        """Return the name of the link that was found last."""
+        body = int(self._model.geom_bodyid[int(self._found[SHAPE])])
+        return str(self._model.body(body).name)
+
+    def measured(self) -> float:
+        """Return the distance of link and line that were found last [m]: MuJoCo's, negative: depth."""
+        sights, model = self._sights, copy.copy(self._model)  # its sizes are not ours alone
+        line, centre = int(sights.line[0]), np.array(sights.centre)
+        centre = self._scene.frames[-1, :, :3] @ centre + self._scene.frames[-1, :, 3]
+        way = sights.points[int(self._found[POINT])] - centre
         length = float(np.linalg.norm(way))
-        self._model.geom_size[self._line, 1] = 0.5 * length
-        self._model.geom_rbound[self._line] = 0.5 * length + _THIN
-        self._data.geom_xpos[self._line] = 0.5 * (point + centre)
-        turn = Rotation.align_vectors([way / max(length, 1e-300)], [[0.0, 0.0, 1.0]])[0]
-        self._data.geom_xmat[self._line] = turn.as_matrix().ravel()
+        model.geom_size[line, 1], model.geom_rbound[line] = 0.5 * length, 0.5 * length + _THIN
+        self._data.geom_xpos[line] = centre + 0.5 * way
+        across = np.linalg.svd(way[None])[2]
+        self._data.geom_xmat[line] = np.stack([across[1], across[2], across[0]], axis=1).ravel()
+        return float(mujoco.mj_geomDistance(model, self._data, int(self._found[SHAPE]), line, 10.0, None))
 
-    def _ball_gap(self, shape: int, centre: FloatArray, point: FloatArray) -> float:
-        """Return the distance of the line to the ball about a shape."""
-        way, to = point - centre, self._data.geom_xpos[shape] - centre
-        along = np.clip(way @ to / max(float(way @ way), 1e-300), 0.0, 1.0)
-        return float(np.linalg.norm(to - along * way) - self._shapes.radii[shape])
+
+@lru_cache(maxsize=8)
+def _arm_with_line(arm: Arm) -> tuple[Any, Shapes, IntArray, int]:
+    """Return an arm's model with a line of sight, its shapes, which of them may hide, and the line."""
+    spec = arm.spec()
+    holder = spec.worldbody.add_body(name="line of sight", mocap=True)
+    holder.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[_THIN, 0.1, 0.0])
+    model = spec.compile()
+    shapes = read_shapes(model, mujoco.MjData(model), np.zeros(model.ngeom, dtype=np.bool_))
+    links = np.flatnonzero((model.geom_contype != 0) & (shapes.carried > 0))
+    return model, shapes, links, int(model.body("line of sight").geomadr[0])

@@ -25,7 +25,6 @@ from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
-from omniservo.runs.refuse_hidden import refuse_hidden
 from omniservo.runs.replanner_of import followed_way, replanner_of
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
@@ -130,8 +129,6 @@ def _planned(
         lambda: plan_task(task, scene, estimate, followed, method, seed)
     )
     motion = pace(task, scene, plan)
-    if method == "certified" and motion is not None:
-        refuse_hidden(task, scene, plan, motion)
     return plan, risk, motion
 
 

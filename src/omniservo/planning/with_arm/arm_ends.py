@@ -12,16 +12,18 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies
+from omniservo.robots.own_sight import own_sight_in
 
 
-def violation_at_start(setting: ArmSetting, bodies: ArmBodies) -> str:
+def violation_at_start(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
     """Return a sentence that says why the arm cannot stand at the initial pose; else "".
 
     In the setting's posture, if there is one, else in any; see `violation_at_goal`.
     """
+    stand = _Stand(problem, setting, bodies)
     if setting.start is not None:
-        return _sentence("start", _violation(setting.start, setting, bodies)[1], "")
-    return _violation_at("start", RigidTransform.identity(), setting, bodies)
+        return _sentence("start", stand.violation(setting.start)[1], "")
+    return _violation_at("start", RigidTransform.identity(), stand)
 
 
 def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
@@ -29,26 +31,28 @@ def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: Arm
 
     Every posture that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
     """
-    return _violation_at("goal", problem.initial_T_goal, setting, bodies)
+    return _violation_at("goal", problem.initial_T_goal, _Stand(problem, setting, bodies))
 
 
-def free_postures(initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
-    """Return the postures (k, n) [rad] that reach a pose of the camera and in which the arm can stand."""
+def free_postures(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
+    """Return the postures (k, n) [rad] that reach the goal and in which the arm can stand."""
+    stand = _Stand(problem, setting, bodies)
     try:
-        postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
+        postures = setting.arm.inverse(setting.base_T_flange(problem.initial_T_goal))
     except InputError:  # out of reach
         return np.empty((0, setting.arm.dof))
-    return postures[[not _violation(q, setting, bodies)[1] for q in postures]]
+    return postures[[not stand.violation(q)[1] for q in postures]]
 
 
-def _violation_at(pose: str, initial_T_camera: RigidTransform, setting: ArmSetting, bodies: ArmBodies) -> str:
+def _violation_at(pose: str, initial_T_camera: RigidTransform, stand: _Stand) -> str:
+    setting = stand.setting
     try:
         postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
     except InputError as error:
         return f"the {pose} pose cannot be reached: {error}"
     reasons = []
     for q in _apart(postures):
-        reasons.append(_violation(q, setting, bodies))
+        reasons.append(stand.violation(q))
         if not reasons[-1][1]:
             return ""
     known = "" if setting.arm.has_closed_form else " that a seeded search found"
@@ -65,35 +69,55 @@ def _apart(postures: FloatArray) -> FloatArray:
     return postures[np.sort(first)]
 
 
-def _violation(q: FloatArray, setting: ArmSetting, bodies: ArmBodies) -> tuple[float, str]:
-    """Return by how much a posture fails, and the words for it; "" where it will do."""
-    room = setting.arm.limit_margins(q) - setting.limit_reserve
-    if room.min() < 0.0:
-        j = int(np.argmin(room))
-        low, high = setting.arm.joint_range.T
-        return -float(room[j]), (
-            f"{setting.arm.joint_names[j]} at {math.degrees(q[j]):.2f} deg; its range "
-            f"{math.degrees(low[j]):.2f} … {math.degrees(high[j]):.2f} deg, "
-            f"{math.degrees(setting.limit_reserve):g} deg kept at both ends"
-        )
-    values = np.linalg.svd(setting.arm.scaled_camera_jacobian(q, setting.flange_T_camera), compute_uv=False)
-    if values[-1] < setting.singular_value:
-        return setting.singular_value - float(values[-1]), (
-            f"the arm is singular: smallest singular value {values[-1]:.4f}; at least "
-            f"{setting.singular_value:g} is needed"
-        )
-    bodies.place(q)
-    asked = bodies.asked(setting.clearance_around, setting.self_clearance)
-    worst = (0.0, "")
-    for near in bodies.near(float(asked.max(initial=0.0))):
-        short = float(asked[near.pair]) - near.gap
-        if short > worst[0]:
-            link, other = bodies.names(near.pair)
-            worst = (
-                short,
-                (
-                    f"{link} and {other} are {1e3 * near.gap:.2f} mm apart (negative: depth); "
-                    f"{1e3 * asked[near.pair]:g} mm are asked for"
-                ),
+class _Stand:
+    """What the arm has to keep where it stands still."""
+
+    def __init__(self, problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> None:
+        self.setting, self._bodies = setting, bodies
+        self._in_sight = setting.points_in_sight(problem)
+
+    def violation(self, q: FloatArray) -> tuple[float, str]:
+        """Return by how much a posture fails, and the words for it; "" where it will do."""
+        setting = self.setting
+        room = setting.arm.limit_margins(q) - setting.limit_reserve
+        if room.min() < 0.0:
+            j = int(np.argmin(room))
+            low, high = setting.arm.joint_range.T
+            return -float(room[j]), (
+                f"{setting.arm.joint_names[j]} at {math.degrees(q[j]):.2f} deg; its range "
+                f"{math.degrees(low[j]):.2f} … {math.degrees(high[j]):.2f} deg, "
+                f"{math.degrees(setting.limit_reserve):g} deg kept at both ends"
             )
-    return worst
+        jacobian = setting.arm.scaled_camera_jacobian(q, setting.flange_T_camera)
+        least = float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+        if least < setting.singular_value:
+            return setting.singular_value - least, (
+                f"the arm is singular: smallest singular value {least:.4f}; at least "
+                f"{setting.singular_value:g} is needed"
+            )
+        return self._too_close(q) or self._hidden(q) or (0.0, "")
+
+    def _too_close(self, q: FloatArray) -> tuple[float, str] | None:
+        """Return how much the worst pair lacks of its clearance, and words; None: none lacks any."""
+        setting, bodies, worst = self.setting, self._bodies, None
+        bodies.place(q)
+        asked = bodies.asked(setting.clearance_around, setting.self_clearance)
+        for near in bodies.near(float(asked.max(initial=0.0))):
+            short = float(asked[near.pair]) - near.gap
+            if short > (0.0 if worst is None else worst[0]):
+                link, other = bodies.names(near.pair)
+                worst = (
+                    short,
+                    (
+                        f"{link} and {other} are {1e3 * near.gap:.2f} mm apart (negative: depth); "
+                        f"{1e3 * asked[near.pair]:g} mm are asked for"
+                    ),
+                )
+        return worst
+
+    def _hidden(self, q: FloatArray) -> tuple[float, str] | None:
+        """Return how deep a link stands in a line of sight, and words; None: no point is hidden."""
+        if self._in_sight is None:
+            return None
+        found = own_sight_in(self.setting.arm, q, self.setting.flange_T_camera, self._in_sight)
+        return None if found.status == "free" else (-found.gap, found.what)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid, Tube
 from omniservo.robots.arm import SINGULAR_VALUE
@@ -109,6 +110,10 @@ class ArmSetting:
         """
         counted = () if self.clearance is None else obstacles
         return (*solids_of(counted, self.base_T_initial, self._far), *self.surroundings)
+
+    def points_in_sight(self, problem: PlanningProblem) -> FloatArray | None:
+        """Return the points (m, 3) that no link may hide, in the base frame [m]; None: any may be hidden."""
+        return self.base_T_initial.apply(problem.points) if problem.occlusion else None
 
     @cached_property
     def _far(self) -> float:

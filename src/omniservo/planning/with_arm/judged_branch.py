@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
+from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance, own_sight
 from omniservo.robots.gap_kernels import halves_of
 
 _HALVINGS = 3
@@ -35,11 +36,21 @@ class JudgedBranch:
 
 
 def judged_branch(
-    setting: ArmSetting, bodies: ArmBodies, branch: JointPath, *, worst: bool = True
+    setting: ArmSetting,
+    bodies: ArmBodies,
+    branch: JointPath,
+    points: FloatArray | None = None,
+    *,
+    worst: bool = True,
 ) -> JudgedBranch:
-    """Return what fails first: the branch, the reserve to its limits, its singular value, its clearance.
+    """Return what fails first: the branch, the reserve to its limits, its singular value, clearance, sight.
 
-    ``worst``: see `arm_clearance`.
+    Args:
+        setting: the arm, and what it has to keep.
+        bodies: the arm among what stands around.
+        branch: joints that follow a camera path.
+        points: (m, 3) that no link may hide from the camera, in the base frame [m]; None: any may be hidden.
+        worst: see `arm_clearance`.
     """
     if branch.failures:
         first = branch.failures[0]
@@ -65,9 +76,13 @@ def judged_branch(
         self_clearance=setting.self_clearance,
         worst=worst,
     )
-    if found.status == "clear":
-        return JudgedBranch(branch, found, "", 0.0)
-    return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)
+    if found.status != "clear":
+        return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)
+    if points is not None:
+        sight = own_sight(setting.arm, branch, setting.flange_T_camera, points)
+        if sight.status == "hidden":
+            return JudgedBranch(branch, found, f"the arm hides its own target: {sight.reason}", sight.w)
+    return JudgedBranch(branch, found, "", 0.0)
 
 
 def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:

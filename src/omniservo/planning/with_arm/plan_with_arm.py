@@ -64,7 +64,8 @@ def plan_with_arm(
 
     Paths that `plan_path` would find are followed by the arm; one that it cannot follow is moved until it
     can: its joint limits, its smallest singular value and the gaps of its bodies take part in the descent
-    through J⁻¹, beside the camera's own constraints. If that fails another start is taken.
+    through J⁻¹, beside the camera's own constraints. If that fails, or where a problem asks for sight and a
+    link hides a point on the way (`own_sight`), another start is taken.
 
     Args:
         problem: what the camera has to keep; its obstacles count for the whole arm, too.
@@ -79,7 +80,7 @@ def plan_with_arm(
     finite_number("seed", seed, minimum=0)
     finite_number("attempts", attempts, minimum=1)
     bodies = setting.bodies(problem.obstacles)
-    reason = violation_at_end(problem) or violation_at_start(setting, bodies)
+    reason = violation_at_end(problem) or violation_at_start(problem, setting, bodies)
     if not reason and setting.arm.has_closed_form:  # elsewhere that takes longer than most plans
         reason = violation_at_goal(problem, setting, bodies)
     if not reason:
@@ -129,6 +130,7 @@ class ArmPlanner:
         self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
+        self._in_sight = setting.points_in_sight(problem)
         self._known: dict[CameraPath, list[_Attempt]] = {}
         self._hit: dict[CameraPath, bool] = {}
 
@@ -198,7 +200,7 @@ class ArmPlanner:
             plan = judged_plan(self._problem, path, self._budget.begin, "certified", "", missing)
             return ArmPlan(plan, None, None, None, time.perf_counter() - self._budget.begin, tried)
         plan = judged_plan(self._problem, best.path, self._budget.begin, "certified", "")
-        best = replace(best, judged=judged_branch(self._setting, self._bodies, best.judged.branch))
+        best = replace(best, judged=self._judged(best.judged.branch))
         why = f"the arm can follow none of {tried} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, tried)
 
@@ -252,11 +254,14 @@ class ArmPlanner:
                 break
             followed = self._follow(path, self._setting.start, aim)
             for branch in followed.branches:
-                judged = judged_branch(self._setting, self._bodies, branch, worst=False)
+                judged = self._judged(branch, worst=False)
                 tried.append(_Attempt(path, judged, followed, aim))
                 if not judged.reason:
                     return tried
         return tried
+
+    def _judged(self, branch: JointPath, *, worst: bool = True) -> JudgedBranch:
+        return judged_branch(self._setting, self._bodies, branch, self._in_sight, worst=worst)
 
     def _follow(self, path: CameraPath, start: FloatArray | None, aim: FloatArray | None) -> FollowedPath:
         setting = self._setting
@@ -277,7 +282,7 @@ class ArmPlanner:
         setting, start = self._setting, self._setting.start
         if setting.arm.dof == 6 or start is None:
             return []
-        postures = free_postures(self._problem.initial_T_goal, setting, self._bodies)
+        postures = free_postures(self._problem, setting, self._bodies)
         seconds = (np.abs(postures - start) / setting.arm.joint_speed).max(axis=1)
         return list(postures[np.argsort(seconds)][:AIMS])
 
@@ -312,7 +317,7 @@ class ArmPlanner:
             path = CameraPath(rotation, translation)
             start = branch.positions[0] if self._setting.start is None else self._setting.start
             followed, before = self._follow(path, start, attempt.aim), now.judged.until
-            judged = judged_branch(self._setting, self._bodies, followed.best)
+            judged = self._judged(followed.best)
             now = _Attempt(path, judged, followed, attempt.aim)
             status, w = prove_path(self._demands, rotation, translation)
             if status == PROVEN and not now.judged.reason:

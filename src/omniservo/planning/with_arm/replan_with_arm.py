@@ -76,7 +76,7 @@ def replan_with_arm(
     goal = base_T_here.as_matrix() @ setting.camera_T_flange.as_matrix()
     here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies
-    reason = violation_at_end(rest) or violation_at_start(here, bodies)
+    reason = violation_at_end(rest) or violation_at_start(rest, here, bodies)
     if reason:
         return _nothing(rest, budget, reason)
     aims = [None if plan.aim is None else joints.positions[-1]]  # self-motion goes on to where it was led
