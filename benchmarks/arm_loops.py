@@ -1,11 +1,12 @@
 """Whole arms at a stated risk of 1%, executed in the closed loop: how often is anything violated?
 
-Run: ``python -m benchmarks.arm_loops [--count 1000] [--arm NAME]``. A task: a target of 20 points, a goal
-view and one to three balls about the way there (`tests.planning.arm_scenes`), such that `plan_with_arm`
-finds a plan where everything is known exactly. Then nothing is: the two pictures have 0.5 px of noise; focal
-lengths and principal point are each off by 2% (1σ); the camera's mount by 2 mm and 0.2° (rms); motion and
-structure come from the pictures, their scale from the arm's joint readings and that mount. Half of the risk
-is the tracking's (the shipped tube), a quarter the camera's demands', a quarter the links'.
+Run: ``python -m benchmarks.arm_loops [--count 1000] [--arm NAME]``. A task: a target of 20 points, none to
+come nearer than 5 cm, a goal view and one to three balls about the way there (`tests.planning.arm_scenes`),
+such that `plan_with_arm` finds a plan where everything is known exactly. Then nothing is: the two pictures
+have 0.5 px of noise; focal lengths and principal point are each off by 2% (1σ); the camera's mount by 2 mm
+and 0.2° (rms); motion and structure come from the pictures, their scale from the arm's joint readings and
+that mount. Half of the risk is the tracking's (the shipped tube), a quarter the camera's demands', a quarter
+the links'.
 
 With ``--rendered`` the points are dots, found in rendered pictures from the first two on, which dot is which
 told by the truth in these two; the noise is added to where they are found. Tasks in which fewer than
@@ -28,6 +29,7 @@ from typing import Any
 import numpy as np
 from benchmarks.arm_runs import (
     FAR,
+    LEAST_DISTANCE,
     NOISE_PX,
     TARGET,
     VISIBLE_PX,
@@ -167,6 +169,7 @@ def outcome(arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = Fal
     """Return what becomes of a task; None where it has no plan though everything is known."""
     random = np.random.default_rng([SEED, seed])
     problem, setting = random_task(arm, random, **TARGET)
+    problem = replace(problem, least_distance=LEAST_DISTANCE)
     if setting.start is None or (exact := plan_with_arm(problem, setting)).branch is None:
         return None
     if not exact.certified:

@@ -37,6 +37,9 @@ TOLERANCE_PX = 2.0
 VISIBLE_PX = SafetyOptions().visibility_margin
 """Planned points keep this distance to the image's limits, as the visibility filter does."""
 
+LEAST_DISTANCE = 0.05
+"""[m] from the camera's centre to every point: one that it all but touches runs through the image at once"""
+
 DOT_RADIUS = 0.01
 """[m] of a rendered point"""
 

@@ -5,7 +5,8 @@ points (`tests.planning.arm_scenes`), planned with the arm and followed in the c
 second, 20 ms late, with 0.5 px of noise in every frame, drives with acceleration limits, and the
 rest-to-rest law with half of the arm's speeds and accelerations. Structure, camera and mount are true: what
 errors of theirs do is not the tracking's. Points keep as far inside the image as the visibility filter asks,
-which would hold the arm back otherwise, and as a task does that says nothing else. With ``--out`` the tubes
+which would hold the arm back otherwise, and as a task does that says nothing else; none is nearer to the
+camera than 5 cm. With ``--out`` the tubes
 are written there as ``NAME.tube.json``.
 """
 
@@ -17,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from benchmarks.arm_runs import NOISE_PX, SPARSE, TARGET, VISIBLE_PX, Truth, execute
+from benchmarks.arm_runs import LEAST_DISTANCE, NOISE_PX, SPARSE, TARGET, VISIBLE_PX, Truth, execute
 from benchmarks.tables import print_table
 from tests.planning.arm_scenes import FLANGE_T_CAMERA, random_task
 
@@ -36,7 +37,7 @@ from omniservo.robots import (
 SHARE = 0.01
 """of runs that may leave the tube that is printed"""
 
-SEED = 515
+SEED = 516
 
 REGULAR = 0.1
 """The planned postures keep at least this smallest singular value."""
@@ -49,7 +50,7 @@ def runs_of(arm: Arm, count: int) -> Iterator[FloatArray]:
         seed += 1
         random = np.random.default_rng([SEED, seed])
         problem, setting = random_task(arm, random, **TARGET)
-        problem = replace(problem, visibility_margin=VISIBLE_PX)
+        problem = replace(problem, visibility_margin=VISIBLE_PX, least_distance=LEAST_DISTANCE)
         found = plan_with_arm(problem, replace(setting, singular_value=REGULAR))
         if not found.certified or found.branch is None or setting.start is None:
             continue

@@ -41,10 +41,11 @@ def test_runs_become_a_tube_that_a_task_can_name(capsys, tmp_path):
     tube = TrackingTube.load(out).at(0.25)
     least = np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()
     assert tube.singular_value == pytest.approx(least, rel=1e-6)
-    assert tube.joints[3] == pytest.approx(4e-3, rel=1e-4)
-    assert tube.image == pytest.approx(2.0, rel=1e-4)
-    assert tube.links["camera"] < 4e-3 * 0.2
-    assert tube.links["shoulder"] < 0.25 * tube.links["camera"]
+    assert tube.joints[3] == pytest.approx(3e-3, rel=1e-3)  # the first run shapes the tube
+    assert tube.image == pytest.approx(2.0 * 2.0 * 0.75, rel=1e-3)
+    assert tube.links["camera"] < 3e-3 * 0.2
+    alone = {link: most for link, most in tube.links.items() if "&" not in link}
+    assert tube.links["shoulder"] == pytest.approx(0.5 * max(alone.values()), rel=1e-5)
 
 
 @pytest.mark.parametrize(

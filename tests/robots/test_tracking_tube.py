@@ -82,9 +82,10 @@ def test_the_next_run_leaves_the_tube_as_seldom_as_it_says():
     assert left / count == pytest.approx(0.05, abs=0.015)
 
 
-def test_two_links_that_hardly_ever_come_near_do_not_blow_up_the_tube():
+def test_parts_that_hardly_stray_and_then_a_little_do_not_blow_up_the_tube():
     runs = np.tile([1.0, 4e-3, 0.0, 3e-3, 1.0], (100, 1))
-    runs[70:80, 2] = 8e-4  # of the gap between two links
+    runs[70:80, 2] = 1.1e-3  # of the gap between two links
+    runs[80:90, 4] = 1.9  # in the image
     tube = TrackingTube.of("an arm", ("a", "a & b"), runs, 0.1, "made up").at(0.05)
     assert tube.links["a"] == pytest.approx(4e-3)
     assert tube.position == pytest.approx(3e-3)
@@ -117,6 +118,25 @@ def test_a_tube_is_read_as_it_was_written_and_other_files_are_refused(tmp_path):
     (tmp_path / "wrong.json").write_text(written.replace('"singular_value": 0.1', '"singular_value": NaN'))
     with pytest.raises(InputError, match="singular_value"):
         TrackingTube.load(tmp_path / "wrong.json")
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_pairs_that_no_joint_brings_nearer_are_asked_for_no_more(name):
+    """Such as the UR5e's upper arm and base, whose shapes are 3.5 mm apart in every posture."""
+    arm = load_arm(name)
+    parts = ArmBodies(arm, mounted=CAMERA_HOUSING).tube_parts
+    bodies = ArmBodies(arm, mounted=CAMERA_HOUSING, strays=dict.fromkeys(parts, 0.01))
+    own = np.array([not bodies.is_around(i) for i in range(len(bodies.pairs))])
+    asked, gaps = bodies.asked(0.0, SELF_CLEARANCE), []
+    random = np.random.default_rng(3)
+    for _ in range(30):
+        bodies.place(random.uniform(*arm.joint_range.T))
+        gaps.append([bodies.measure(i) for i in range(len(bodies.pairs))])
+    steady = asked < SELF_CLEARANCE + 0.005
+    assert own.all()
+    assert np.ptp(gaps, axis=0)[steady].max() < 1e-9
+    assert 2 <= steady.sum() < len(steady)
+    np.testing.assert_allclose(asked, np.where(steady, SELF_CLEARANCE, SELF_CLEARANCE + 0.01))
 
 
 @pytest.mark.parametrize("name", shipped_arms())

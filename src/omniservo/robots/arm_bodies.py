@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
 from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
 from omniservo.robots.read_shapes import first_joints_between, read_shapes
@@ -170,7 +170,16 @@ class ArmBodies:
             raise InputError(f"strays: {spelled(min(other))}: {known}; see `ArmBodies.tube_parts`")
         for name, most in strays.items():
             finite_number(f"strays: {name}", most, minimum=0.0)
-        return np.array([strays[self.part_of(pair)] for pair in range(len(self.pairs))])
+        found = np.array([strays[self.part_of(pair)] for pair in range(len(self.pairs))])
+        found[self._is_steady] = 0.0
+        return found
+
+    @property
+    def _is_steady(self) -> BoolArray:
+        """Which pairs (p,) no joint can bring nearer to each other: what turns about its own axis."""
+        shapes, last = self.shapes, self.pairs[:, 1]
+        steady: BoolArray = shapes.first_between >= shapes.carried[last] - shapes.spins[last]
+        return steady
 
     def part_of(self, pair: int) -> str:
         """Return which of `tube_parts` says what a pair may lose."""

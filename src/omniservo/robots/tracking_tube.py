@@ -21,8 +21,15 @@ FORMAT = "omniservo.tracking-tube/2"
 _SHAPING = 3
 """One of so many runs, the first ones, shapes the tube."""
 
-_THINNEST = 0.2
-"""of the largest joint, link or pair of links: what hardly strayed in a few runs may in the next"""
+_THINNEST = 0.5
+"""of the largest joint, or link: what hardly strayed in a few runs may in the next, and one part that strays
+three times its share makes all of the tube three times as thick"""
+
+_THINNEST_PAIR = 0.3
+"""of the largest link, for pairs of links"""
+
+_IMAGE_ROOM = 2.0
+"""What points strayed in the image counts so many times: a pixel more is cheap."""
 
 _LEAST = 1e-9
 """[rad], [m], [px] no part of a tube is thinner"""
@@ -55,12 +62,12 @@ class TrackingTube:
     """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
 
     The first third of the runs gives the shape s (k,) of joints, links and camera: the most that they
-    strayed; of joints, links and pairs of links at least a fifth of the largest, of pairs that never came
-    nearer to each other a fifth of the largest link's. Each of the other N, which strayed by d_i,
-    needs the tube ρ_i s, ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the
-    N, j as large as (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among
-    them, so it exceeds that ρ with that probability at most, whatever the distribution is (split conformal
-    prediction; Vovk, Gammerman, Shafer, *Algorithmic learning in a random world*, 2005).
+    strayed; of joints and links at least half of the largest, of pairs of links 0.3 of the largest link's, of
+    points in the image twice. Each of the other N, which strayed by d_i, needs the tube ρ_i s, with
+    ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the N, j as large as
+    (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among them, so it
+    exceeds that ρ with that probability at most, whatever the distribution is (split conformal prediction;
+    Vovk, Gammerman, Shafer, *Algorithmic learning in a random world*, 2005).
 
     Raises:
         InputError: shapes, numbers that are not finite or negative.
@@ -114,10 +121,10 @@ class TrackingTube:
         dof = len(shape) - len(links) - len(PARTS)
         single = sum("&" not in name for name in links)
         joints, alone, pairs = np.split(shape[: -len(PARTS)], [dof, dof + single])
-        never = pairs == 0.0
-        for part in (joints, alone, pairs):
+        for part in (joints, alone):
             np.maximum(part, _THINNEST * part.max(initial=0.0), out=part)
-        pairs[never] = _THINNEST * alone.max(initial=0.0)
+        np.maximum(pairs, _THINNEST_PAIR * alone.max(initial=0.0), out=pairs)
+        shape[-1] *= _IMAGE_ROOM
         shape = np.maximum(shape, _LEAST)
         return cls(arm, links, shape, (most[shaping:] / shape).max(axis=1), singular_value, source)
 

@@ -29,6 +29,11 @@ class JudgedBranch:
     """where it fails worst"""
 
     @property
+    def is_hidden(self) -> bool:
+        """Whether only a link in a line of sight speaks against it, off which no slope leads."""
+        return bool(self.reason) and self.clearance is not None and self.clearance.status == "clear"
+
+    @property
     def until(self) -> float:
         """How far the arm gets, as a part of the path."""
         failures = self.branch.failures

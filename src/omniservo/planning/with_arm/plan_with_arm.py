@@ -235,7 +235,8 @@ class ArmPlanner:
         tried = list(self._unmoved(path))
         if not tried[-1].judged.reason:
             return tried
-        for attempt in sorted(tried, key=lambda a: -a.judged.until)[:BRANCHES]:
+        mendable = [attempt for attempt in tried if not attempt.judged.is_hidden]
+        for attempt in sorted(mendable, key=lambda a: -a.judged.until)[:BRANCHES]:
             if self._late:
                 break
             better = self._moved(attempt)
@@ -324,7 +325,8 @@ class ArmPlanner:
                 return now
             if status == PROVEN and now.judged.until >= best.judged.until:
                 best = now
-            if not reached and (now.judged.until >= 1.0 or now.judged.until < before + _FARTHER):
+            stuck = now.judged.until >= 1.0 or now.judged.until < before + _FARTHER
+            if now.judged.is_hidden or (stuck and not reached):
                 break
             further = [now.judged.w] if now.judged.reason else []
             further += [w] if status != PROVEN else []
