@@ -132,10 +132,16 @@ def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
     strayed = replace(setting, tube=tube)
     bodies, plain = strayed.bodies(problem.obstacles), setting.bodies(problem.obstacles)
     more = bodies.asked(0.01, 0.002) - plain.asked(0.01, 0.002)
+    gaps, random = [], np.random.default_rng(4)
+    for _ in range(10):
+        plain.place(random.uniform(*setting.arm.joint_range.T))
+        gaps.append([plain.measure(pair) for pair in range(len(more))])
+    steady = np.ptp(gaps, axis=0) < 1e-9  # what no joint brings nearer keeps nothing for it
+    assert steady.mean() < 0.2
     for pair, extra in enumerate(more):
         names = bodies.names(pair)
         expected = strays[names[0]] if bodies.is_around(pair) else strays[" & ".join(names)]
-        assert extra == pytest.approx(expected)
+        assert extra == pytest.approx(0.0 if steady[pair] else expected)
     wide = plan_with_arm(problem, strayed)
     assert wide.certified, wide.plan.reason
     path = wide.branch(np.linspace(0.0, 1.0, 101))
