@@ -250,13 +250,13 @@ def _seen(
     assert plan.path is not None
     planned, known = _views(truth, plan.path(np.linspace(0.0, 1.0, PLACES)))
     planned = np.where(known[..., None], planned, 1e9)
-    strays = [_beside(planned, row) for row in pixels if np.isfinite(row).all()]
+    strays = [strayed_px(planned, row) for row in pixels if np.isfinite(row).all()]
     aim = planned[-1] if goal is None else goal
     error = float(np.sqrt(np.mean(((pixels[-1] - aim) ** 2).sum(axis=1))))
     return ArmRun(joints, path, stop, float(distances.min()), error, poses.translation, max(strays), contacts)
 
 
-def _beside(planned: FloatArray, seen: FloatArray) -> float:
+def strayed_px(planned: FloatArray, seen: FloatArray) -> float:
     """Return the most that a point seen (n, 2) strays from where planned views (k, n, 2) have it [px].
 
     Of the place along them where that is least; between views every point goes straight.

@@ -70,7 +70,7 @@ def test_a_path_in_which_the_housing_hits_is_moved_from_joints_near_those_that_f
     asked = replace(problem, obstacles=(*problem.obstacles, beside))
     planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, TimeBudget(None))
     assert planner.hits(path)
-    led = planner.moved(path, found.branch)
+    led = planner.moved_from(path, found.branch)
     assert led.certified
     np.testing.assert_allclose(led.branch.positions[0], setting.start, atol=1e-9)
     assert np.abs(led.branch(0.5) - found.branch(0.5)).max() < 0.5

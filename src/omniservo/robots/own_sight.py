@@ -18,7 +18,7 @@ from omniservo.robots.gap_kernels import middle_of_piece
 from omniservo.robots.joint_path import JointPath
 from omniservo.robots.read_shapes import read_shapes
 from omniservo.robots.shapes import Scene, Shapes
-from omniservo.robots.sight_kernel import GAP, LEFT, POINT, SHAPE, Sights, nearest_to_sights
+from omniservo.robots.sight_kernel import GAP, LEFT, POINT, SHAPE, Sights, lay, nearest_to_sights
 
 _THIN = 1e-6
 """[m] radius of a line of sight"""
@@ -83,12 +83,11 @@ def own_sight(
         first, second, turns = np.empty_like(piece), np.empty_like(piece), np.empty(arm.dof)
         middle_of_piece(piece, first, second, turns)
         middle = 0.5 * (begin + end)
-        found = lines.nearest(first[-1], turns)
-        if found[LEFT] >= 0.0:
+        if lines.all_clear(first[-1], turns):
             continue
-        gap = lines.measured() if found[GAP] == -np.inf else float(found[GAP])
-        if gap <= 0.0 or end - begin < _SHORTEST:
-            return OwnSight("hidden", lines.link(), int(found[POINT]), middle, gap)
+        nearest = lines.nearest_pair(middle)
+        if nearest.gap <= 0.0 or end - begin < _SHORTEST:
+            return nearest
         work += [(middle, end, second), (begin, middle, first)]
     return OwnSight("free", "", -1, 0.0, 0.0)
 
@@ -98,11 +97,9 @@ def own_sight_in(
 ) -> OwnSight:
     """Look whether links hide points in one posture q (n,); its w is 0. See `own_sight`."""
     lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)))
-    found = lines.nearest(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
-    if found[LEFT] >= 0.0:
+    if lines.all_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof)):
         return OwnSight("free", "", -1, 0.0, 0.0)
-    gap = lines.measured() if found[GAP] == -np.inf else float(found[GAP])
-    return OwnSight("hidden", lines.link(), int(found[POINT]), 0.0, gap)
+    return lines.nearest_pair(0.0)
 
 
 class _Lines:
@@ -124,29 +121,28 @@ class _Lines:
             normals=np.zeros((0, 3)),
         )
 
-    def nearest(self, q: FloatArray, turns: FloatArray) -> FloatArray:
-        """Return what `nearest_to_sights` finds in a posture."""
+    def all_clear(self, q: FloatArray, turns: FloatArray) -> bool:
+        """Tell whether ``turns`` leave something of every gap in a posture; see `nearest_to_sights`."""
         nearest_to_sights(
             self._chain, self._shapes, self._scene, self._sights, np.ascontiguousarray(q), turns, self._found
         )
-        return self._found
+        return bool(self._found[LEFT] >= 0.0)
 
-    def link(self) -> str:
-        """Return the name of the link that was found last."""
-        body = int(self._model.geom_bodyid[int(self._found[SHAPE])])
-        return str(self._model.body(body).name)
+    def nearest_pair(self, w: float) -> OwnSight:
+        """Return the link that left least of a line in that posture, as if it hid its point at ``w``."""
+        shape, point = int(self._found[SHAPE]), int(self._found[POINT])
+        link = str(self._model.body(int(self._model.geom_bodyid[shape])).name)
+        gap = float(self._found[GAP])
+        return OwnSight("hidden", link, point, w, self._measured() if gap == -np.inf else gap)
 
-    def measured(self) -> float:
-        """Return the distance of link and line that were found last [m]: MuJoCo's, negative: depth."""
-        sights, model = self._sights, copy.copy(self._model)  # its sizes are not ours alone
-        line, centre = int(sights.line[0]), np.array(sights.centre)
-        centre = self._scene.frames[-1, :, :3] @ centre + self._scene.frames[-1, :, 3]
-        way = sights.points[int(self._found[POINT])] - centre
-        length = float(np.linalg.norm(way))
-        model.geom_size[line, 1], model.geom_rbound[line] = 0.5 * length, 0.5 * length + _THIN
-        self._data.geom_xpos[line] = centre + 0.5 * way
-        across = np.linalg.svd(way[None])[2]
-        self._data.geom_xmat[line] = np.stack([across[1], across[2], across[0]], axis=1).ravel()
+    def _measured(self) -> float:
+        """Return the distance of that link and line [m]: MuJoCo's, negative: depth."""
+        model, line = copy.copy(self._model), int(self._sights.line[0])  # its sizes are not ours alone
+        last = self._scene.frames[-1]
+        centre = last[:, :3] @ self._sights.centre + last[:, 3]
+        point = self._sights.points[int(self._found[POINT])]
+        lay(centre, point, model.geom_size[line], self._data.geom_xpos[line], self._data.geom_xmat[line])
+        model.geom_rbound[line] = model.geom_size[line, :2].sum()
         return float(mujoco.mj_geomDistance(model, self._data, int(self._found[SHAPE]), line, 10.0, None))
 
 

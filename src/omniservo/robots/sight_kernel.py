@@ -69,7 +69,7 @@ def nearest_to_sights(
         point = sights.points[i]
         for j in range(n):
             of_point[j + 1] = of_point[j] + turns[j] * _across(scene.anchors[j], scene.directions[j], point)
-        _lay(centre, point, shapes.sizes[line], scene.places[line], scene.axes[line])
+        lay(centre, point, shapes.sizes[line], scene.places[line], scene.axes[line])
         for g in sights.links:
             needed = max(of_centre[shapes.carried[g]], of_point[shapes.carried[g]]) + _ROUNDING
             if _off_line(centre, point, scene.places[g]) - shapes.radii[g] > needed:
@@ -93,9 +93,7 @@ def _across(anchor: FloatArray, axis: FloatArray, p: FloatArray) -> float:
 
 
 @leaf
-def _lay(
-    centre: FloatArray, point: FloatArray, size: FloatArray, place: FloatArray, axes: FloatArray
-) -> None:
+def lay(centre: FloatArray, point: FloatArray, size: FloatArray, place: FloatArray, axes: FloatArray) -> None:
     """Put a capsule, whose axis is z, from the camera's centre to a point."""
     length = 0.0
     for k in range(3):

@@ -144,7 +144,7 @@ class ArmPlanner:
                 return found
         return None
 
-    def moved(self, path: CameraPath, joints: JointPath) -> ArmPlan | None:
+    def moved_from(self, path: CameraPath, joints: JointPath) -> ArmPlan | None:
         """Return the plan of a camera path moved until the arm can follow it; None: it does not come to that.
 
         ``joints`` are near those that follow the path: it need not be followed before.

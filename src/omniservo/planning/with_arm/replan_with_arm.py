@@ -87,7 +87,7 @@ def replan_with_arm(
         planes = sum(isinstance(obstacle, HalfSpace) for obstacle in rest.obstacles)
         found = planner.as_they_are(chain([near], _with_room(planner.search, planes, old, w, pose)))
         if found is None and planner.hits(near):
-            found, near = planner.moved(near, part_of_joints(here, joints, w, 1.0)), None
+            found, near = planner.moved_from(near, part_of_joints(here, joints, w, 1.0)), None
         if found is not None:
             return found
     if here.arm.has_closed_form and (near is None or not planner.stands_at_end(near)):
