@@ -60,6 +60,18 @@ def test_yaml_reads_the_same_as_json(tmp_path):
     assert as_yaml.to_dict() == as_json.to_dict()
 
 
+def test_a_goal_survives_its_fields_to_the_last_digit():
+    for rotation in Rotation.random(200, rng=3):
+        goal = RigidTransform.from_components([0.1, 0.2, 0.3], rotation)
+        problem = PlanningProblem(preset("fe185"), [[0.0, 0.0, 1.0]], goal)
+        again = PlanningProblem.from_dict(problem.to_dict())
+        assert again.to_dict() == problem.to_dict()
+        assert again.goal_quaternion[3] >= 0.0
+        np.testing.assert_allclose(
+            again.goal_quaternion, again.initial_T_goal.rotation.as_quat(canonical=True)
+        )
+
+
 def test_a_camera_path_is_relative_to_the_file_and_embedded_when_saved(tmp_path):
     (tmp_path / "cameras").mkdir()
     own = {"format": "omniservo.camera/1", **preset("fe185").to_dict()}

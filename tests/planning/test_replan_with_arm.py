@@ -11,6 +11,7 @@ from tests.planning.arm_scenes import led_tasks, random_task
 from omniservo.errors import InputError
 from omniservo.planning import (
     Box,
+    CameraPath,
     Capsule,
     Cloud,
     HalfSpace,
@@ -23,8 +24,10 @@ from omniservo.planning import (
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.widened import widened
+from omniservo.planning.with_arm.arm_descent import LEAP
+from omniservo.planning.with_arm.arm_equations import carry_onto, lead_onto
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
-from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
+from omniservo.planning.with_arm.plan_with_arm import NEAR, ArmPlanner
 from omniservo.planning.with_arm.replan_with_arm import with_room
 from omniservo.robots import arm_clearance, load_arm
 from omniservo.verification import verify_plan
@@ -55,7 +58,7 @@ def test_a_camera_path_is_followed_as_it_is_unless_what_the_flange_carries_hits_
 
     def as_it_is(asked):
         planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, TimeBudget(None))
-        return planner.as_they_are([path])
+        return planner.as_they_are([path], found.branch(np.linspace(0.0, 1.0, NEAR)))
 
     assert as_it_is(problem).certified
     assert as_it_is(problem).attempts == 1
@@ -69,14 +72,48 @@ def test_a_path_in_which_the_housing_hits_is_moved_from_joints_near_those_that_f
     beside = Sphere(path(0.5).apply([-0.06, 0.0, -0.05]), 0.01)
     asked = replace(problem, obstacles=(*problem.obstacles, beside))
     planner = ArmPlanner(asked, setting, setting.bodies(asked.obstacles), 0, TimeBudget(None))
-    assert planner.hits(path)
-    led = planner.moved_from(path, found.branch)
+    near = found.branch(np.linspace(0.0, 1.0, NEAR))
+    assert planner.rules_out(path, near)
+    led = planner.moved_from(path, near)
     assert led.certified
     np.testing.assert_allclose(led.branch.positions[0], setting.start, atol=1e-9)
     assert np.abs(led.branch(0.5) - found.branch(0.5)).max() < 0.5
     bodies = setting.bodies(asked.obstacles)
     assert arm_clearance(bodies, led.branch, clearance=setting.clearance_around).status == "clear"
     assert verify_plan(led.plan).status == "certified"
+
+
+def test_a_path_is_ruled_out_by_joints_led_onto_it_that_do_not_keep_what_is_asked(planned):
+    problem, setting, found = planned
+    path, near = found.plan.path, found.branch(np.linspace(0.0, 1.0, NEAR))
+
+    def planner_of(setting):
+        return ArmPlanner(problem, setting, setting.bodies(problem.obstacles), 0, TimeBudget(None))
+
+    planner = planner_of(setting)
+    assert not planner.rules_out(path, near + 0.05)
+    np.testing.assert_allclose(planner.led_onto(path, near + 0.05), near, atol=1e-6)
+    least = found.branch.singular_values.min()
+    regular = replace(setting, singular_value=0.9 * least), replace(setting, singular_value=1.1 * least)
+    assert [planner_of(each).rules_out(path, near) for each in regular] == [False, True]
+    away = CameraPath(path.rotation, 9.0 * path.translation)
+    assert planner.led_onto(away, near) is None
+    assert planner.rules_out(away, near)
+
+
+def test_joints_are_carried_far_along_little_by_little_but_not_at_once():
+    arm, places = load_arm("panda"), np.linspace(0.0, 1.0, 9)
+    begin = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 2.0, 0.7])
+    near = begin + np.outer(places, [0.2, 0.1, -0.2, 0.1, 0.1, -0.1, 0.2])
+    turned = near + np.outer(places, [0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9])
+    goals = np.array([arm.base_T_flange(q).as_matrix() for q in turned])
+    carried = near.copy()
+    assert carry_onto(arm.chain, goals, LEAP, carried)
+    np.testing.assert_allclose([arm.base_T_flange(q).as_matrix() for q in carried], goals, atol=1e-8)
+    assert np.abs(carried - near).max() > LEAP
+    assert not lead_onto(arm.chain, goals, LEAP, near.copy())
+    assert not carry_onto(arm.chain, goals[[0, -1]], LEAP, near[[0, -1]].copy())
+    assert lead_onto(arm.chain, goals[:3], LEAP, near[:3].copy())
 
 
 def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():

@@ -10,7 +10,7 @@ from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.errors import InputError
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
-from omniservo.robots.gap_kernels import farthest_moves, middle_of_piece
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
 from omniservo.robots.gap_search import widen
 
 TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
@@ -63,6 +63,25 @@ def test_no_two_points_of_a_pair_are_nearer_than_its_lower_gap(seed):
     sharp = bodies.lower_gaps(chosen)[0]
     assert rough <= sharp <= sampled
     assert sharp == pytest.approx(found, abs=2e-5)
+
+
+def test_slabs_are_looked_at_only_where_balls_do_not_leave_enough():
+    arm = load_arm("panda")
+    bodies, every = ArmBodies(arm, mounted=[CAMERA], surroundings=[TABLE]), np.inf
+    bodies.place(np.full(arm.dof, 0.4))
+    for pair in range(len(bodies.pairs)):
+        bodies.measure(pair)
+    shapes, scene, found = bodies.shapes, bodies.scene, {}
+    known = shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts
+    for enough in (-np.inf, 0.05, every):
+        found[enough] = np.empty(len(bodies.pairs))
+        within = np.full(len(bodies.pairs), enough)
+        now = scene.places, scene.axes, scene.normals, within, found[enough]
+        lower_gaps(bodies.pairs, np.arange(len(bodies.pairs)), *known, *now)
+    balls = found[-np.inf]
+    assert (found[every] > balls).any()
+    assert ((balls >= 0.05) & (found[every] > balls)).any()
+    np.testing.assert_array_equal(found[0.05], np.where(balls >= 0.05, balls, found[every]))
 
 
 def test_bounds_of_a_distance_that_a_search_finds_hold_it_between_them_and_meet():

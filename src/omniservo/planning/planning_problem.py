@@ -19,6 +19,7 @@ from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.quick_poses import quaternion_of
 
 MOST_POINTS = 100_000
 """Target points, and obstacles, that a problem may have."""
@@ -204,8 +205,7 @@ class PlanningProblem:
     @cached_property
     def goal_quaternion(self) -> FloatArray:
         """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: the sign that the path ends with."""
-        quaternion = self.initial_T_goal.rotation.as_quat()
-        return np.ascontiguousarray(-quaternion if quaternion[3] < 0.0 else quaternion)
+        return quaternion_of(self.initial_T_goal)
 
     @cached_property
     def goal_translation(self) -> FloatArray:

@@ -12,7 +12,7 @@ from omniservo.calibration import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, write_whole
-from omniservo.geometry.arrays import finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.planning.checks import unit_vector
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
@@ -78,13 +78,17 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
             given["degrees"] = _within("degrees", lambda: _degrees(fields["degrees"]))
         if fields.get("initial_velocity") is not None:
             given["initial_velocity"] = fields["initial_velocity"]
-        return PlanningProblem(
+        initial_T_goal, quaternion = _goal(fields["goal"])
+        problem = PlanningProblem(
             camera=_camera(fields["camera"], folder),
             points=_listed("points", fields["points"], MOST_POINTS),
-            initial_T_goal=_goal(fields["goal"]),
+            initial_T_goal=initial_T_goal,
             obstacles=_obstacles(fields.get("obstacles", ()), folder),
             **given,
         )
+        # Read from the rotation, its last digit could be another one than the file's.
+        vars(problem)["goal_quaternion"] = -quaternion if quaternion[3] < 0.0 else quaternion
+        return problem
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
 
@@ -154,11 +158,12 @@ def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
         raise InputError(f"camera: {name}{message}") from None
 
 
-def _goal(value: Any) -> RigidTransform:
+def _goal(value: Any) -> tuple[RigidTransform, FloatArray]:
+    """Return the goal's pose, and its unit quaternion as it is written."""
     fields = _within("goal", lambda: only_fields(value, ("translation", "quaternion"), ()))
     translation = finite_array("goal.translation", fields["translation"], (3,))
     quaternion = unit_vector("goal.quaternion", fields["quaternion"], 4)
-    return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
+    return RigidTransform.from_components(translation, Rotation.from_quat(quaternion)), quaternion
 
 
 def _obstacles(value: Any, folder: Path | None) -> tuple[Obstacle, ...]:

@@ -244,6 +244,7 @@ class ArmBodies:
             scene.places,
             scene.axes,
             scene.normals,
+            np.full(len(chosen), np.inf),
             gaps,
         )
         return gaps

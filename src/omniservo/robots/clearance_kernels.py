@@ -73,7 +73,7 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
     counts, most = work.counts, asked.shape[0]
     rows, n = work.pieces.shape[1], work.pieces.shape[2]
     first, second, turns = np.empty((rows, n)), np.empty((rows, n)), np.empty(n)
-    gaps, needed, nearest = np.empty(most), np.empty(most), np.empty(most)
+    gaps, needed, enough, nearest = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
     while counts[SIZE] > 0:
         top = counts[SIZE] - 1
         pairs, count = work.pairs[top], work.sizes[top]
@@ -82,7 +82,7 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
         if fresh:
             counts[POSTURES] += 1
             place_all(chain, shapes, first[rows - 1], scene)
-        _bound(shapes, scene, asked, pairs[:count], turns, needed, gaps)
+        _bound(shapes, scene, asked, pairs[:count], turns, work.found[PROVEN], needed, enough, gaps)
         _search(shapes, scene, pairs[:count], needed, gaps, nearest)
         if fresh and _list_open(pairs, count, gaps, needed, nearest, work):
             return MEASURE
@@ -149,10 +149,16 @@ def _bound(
     asked: FloatArray,
     pairs: IntArray,
     turns: FloatArray,
+    proven: float,
     needed: FloatArray,
+    enough: FloatArray,
     gaps: FloatArray,
 ) -> None:
-    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m]."""
+    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m].
+
+    Those that have more left than ``proven`` [m], which is proven of others, are not bounded any closer:
+    ``enough`` (m,) is room for that.
+    """
     farthest_moves(
         scene.anchors,
         scene.directions,
@@ -163,6 +169,11 @@ def _bound(
         turns,
         scene.moves,
     )
+    for k in range(pairs.shape[0]):
+        pair = pairs[k]
+        move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
+        needed[k] = asked[pair] + move + _ROUNDING
+        enough[k] = needed[k] + proven
     lower_gaps(
         shapes.pairs,
         pairs,
@@ -174,12 +185,9 @@ def _bound(
         scene.places,
         scene.axes,
         scene.normals,
+        enough,
         gaps,
     )
-    for k in range(pairs.shape[0]):
-        pair = pairs[k]
-        move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
-        needed[k] = asked[pair] + move + _ROUNDING
 
 
 @inlined

@@ -55,6 +55,7 @@ def lower_gaps(
     places: FloatArray,
     axes: FloatArray,
     normals: FloatArray,
+    enough: FloatArray,
     gaps: FloatArray,
 ) -> None:
     """Write a lower bound of the distance of every chosen pair into ``gaps`` (chosen,).
@@ -70,6 +71,7 @@ def lower_gaps(
         places: (g, 3) origins [m].
         axes: (g, 9) rotations by rows.
         normals: (p, 3) unit, from the first shape to the second; 0 where none is known.
+        enough: (m,) where the balls' gap is as large [m], slabs are not looked at.
         gaps: [m]: the larger one of the balls' gap and the slab's width.
     """
     for k in range(chosen.shape[0]):
@@ -78,7 +80,7 @@ def lower_gaps(
         dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
         gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j]
         x, y, z = normals[pair, 0], normals[pair, 1], normals[pair, 2]
-        if x != 0.0 or y != 0.0 or z != 0.0:
+        if gap < enough[k] and (x != 0.0 or y != 0.0 or z != 0.0):
             near = extent(kinds[i], sizes[i], axes[i], corners[firsts[i] : firsts[i + 1]], x, y, z)
             far = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
             gap = max(gap, dx * x + dy * y + dz * z - near - far)

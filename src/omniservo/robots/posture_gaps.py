@@ -12,7 +12,7 @@ from omniservo.geometry.kernel import kernel
 from omniservo.robots.arm_bodies import ArmBodies
 from omniservo.robots.chain import Chain
 from omniservo.robots.clearance_kernels import place_all
-from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
+from omniservo.robots.gap_kernels import lower_gaps
 from omniservo.robots.gap_search import widen
 from omniservo.robots.shapes import Scene, Shapes
 
@@ -36,19 +36,6 @@ class Postures(NamedTuple):
     """(m, p) upper bounds of their distances [m]; ∞: they may touch"""
 
 
-class Gaps(NamedTuple):
-    """Of k pairs in postures, in the order of these."""
-
-    posture: IntArray
-    """(k,)"""
-    pair: IntArray
-    """(k,)"""
-    gap: FloatArray
-    """(k,) [m], negative: depth"""
-    slope: FloatArray
-    """(k, n) ∂gap/∂q [m/rad]"""
-
-
 class PostureGaps:
     """Measures postures again and again as they move: what was found in each before spares measuring.
 
@@ -57,9 +44,10 @@ class PostureGaps:
 
     def __init__(self, bodies: ArmBodies, count: int) -> None:
         """Prepare for ``count`` postures of an arm among bodies."""
+        self.count = count
         joints, shapes, pairs = bodies.arm.dof, len(bodies.shapes.kinds), len(bodies.pairs)
         self._bodies = bodies
-        self._postures = Postures(
+        self.postures = Postures(
             np.empty((count, joints, 3)),
             np.empty((count, joints, 3)),
             np.empty((count, shapes, 3)),
@@ -68,18 +56,15 @@ class PostureGaps:
             np.empty((count, pairs, 6)),
             np.empty((count, pairs)),
         )
+        """as last measured"""
 
-    def below(self, joints: FloatArray, within: FloatArray) -> Gaps:
-        """Return the pairs that are closer than ``within`` (p,) [m] at joints (m, n), m ≤ ``count``."""
-        bodies, postures = self._bodies, self._postures
-        posture, pair, gaps, touching = _below(
-            bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures
-        )
+    def measure(self, posture: IntArray, pair: IntArray, touching: IntArray, gaps: FloatArray) -> None:
+        """Write the gaps of those of the pairs in postures, see `near_pairs`, that may touch."""
+        postures = self.postures
         for k in touching.tolist():
             i, j = int(posture[k]), int(pair[k])
-            bodies.show(postures.places[i], postures.axes[i])
-            gaps[k] = bodies.measure(j, postures.ends[i, j], postures.normals[i, j])
-        return Gaps(posture, pair, gaps, _slopes(bodies.shapes, postures, posture, pair))
+            self._bodies.show(postures.places[i], postures.axes[i])
+            gaps[k] = self._bodies.measure(j, postures.ends[i, j], postures.normals[i, j])
 
     def worst(self, joints: FloatArray, asked: FloatArray, least: float) -> tuple[int, int, float] | None:
         """Return posture, pair and gap [m] where least is left of what is asked; None: not below ``least``.
@@ -89,7 +74,7 @@ class PostureGaps:
             asked: (p,) [m].
             least: what is left somewhere else [m].
         """
-        bodies, postures = self._bodies, self._postures
+        bodies, postures = self._bodies, self.postures
         bounds = np.empty((len(joints), len(asked)))
         within = asked + least
         _write_bounds(bodies.arm.chain, bodies.shapes, bodies.scene.frames, joints, within, postures, bounds)
@@ -108,7 +93,7 @@ class PostureGaps:
 
 
 @kernel
-def _below(
+def near_pairs(
     chain: Chain,
     shapes: Shapes,
     frames: FloatArray,
@@ -116,7 +101,10 @@ def _below(
     within: FloatArray,
     postures: Postures,
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
-    """Return posture, pair and gap of what is closer than ``within`` (p,), and which of them may touch."""
+    """Return posture, pair and gap [m] of what is closer than ``within`` (p,) at joints (m, n).
+
+    In the order of the postures. Last, those of them that may touch: `PostureGaps.measure` has their gaps.
+    """
     bounds = np.empty((joints.shape[0], within.shape[0]))
     _write_bounds(chain, shapes, frames, joints, within, postures, bounds)
     most, count, touched = bounds.size, 0, 0
@@ -164,6 +152,7 @@ def _write_bounds(
             places,
             axes,
             normals,
+            within,
             bounds[i],
         )
         for k in range(bounds.shape[1]):
@@ -182,21 +171,3 @@ def _write_bounds(
                     simplex,
                 )
                 bounds[i, k] = max(bounds[i, k], width)
-
-
-@kernel
-def _slopes(shapes: Shapes, postures: Postures, posture: IntArray, pair: IntArray) -> FloatArray:
-    """Return ∂gap/∂q (k, n) of pairs in postures."""
-    slopes = np.empty((pair.shape[0], postures.anchors.shape[1]))
-    for k in range(pair.shape[0]):
-        i = posture[k]
-        write_gap_slope(
-            postures.anchors[i],
-            postures.directions[i],
-            shapes.carried,
-            shapes.pairs[pair[k]],
-            postures.ends[i, pair[k]],
-            postures.normals[i, pair[k]],
-            slopes[k],
-        )
-    return slopes

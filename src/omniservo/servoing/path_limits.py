@@ -11,6 +11,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.kernel import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +100,18 @@ class LimitsAt(NamedTuple):
 
     def excess(self, speed: FloatArray, acceleration: FloatArray) -> float:
         """Return `PathLimits.excess` of a motion with ẇ, ẅ (m,) at these places."""
-        square = (speed * speed)[:, None]
-        by_speed = float((np.abs(self.first * speed[:, None]) / self.speeds).max())
-        change = np.abs(self.second * square + self.first * acceleration[:, None])
-        by_acceleration = math.sqrt(float((change / self.accelerations).max()))
-        return max(by_speed, by_acceleration, float((speed / self.top).max()))
+        found: float = _excess(self, speed, acceleration)
+        return found
+
+
+@kernel
+def _excess(limits: LimitsAt, speed: FloatArray, acceleration: FloatArray) -> float:
+    by_speed, by_acceleration = 0.0, 0.0
+    for k in range(speed.shape[0]):
+        by_speed = max(by_speed, speed[k] / limits.top[k])
+        for j in range(limits.speeds.shape[0]):
+            rate = limits.first[k, j] * speed[k]
+            change = limits.second[k, j] * speed[k] * speed[k] + limits.first[k, j] * acceleration[k]
+            by_speed = max(by_speed, abs(rate) / limits.speeds[j])
+            by_acceleration = max(by_acceleration, abs(change) / limits.accelerations[j])
+    return max(by_speed, math.sqrt(by_acceleration))

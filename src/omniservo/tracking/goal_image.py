@@ -7,12 +7,11 @@ from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import refine_pose
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
 from omniservo.planning import CameraPath
 from omniservo.servoing import Feature
 
@@ -23,6 +22,8 @@ class GoalImage:
 
     pixels: FloatArray
     """(n, 2) [px]"""
+    features: FloatArray
+    """(n, 2 or 3) that they show"""
     offsets: FloatArray
     """(n, 3) features of the goal image minus those of the plan's end; virtual-plane rows end with 0"""
     pose: FloatArray
@@ -50,7 +51,10 @@ class GoalImage:
             j = int(np.argmin(visible))
             raise InputError(f"goal_pixels: missing, and the plan's end does not see point {j}")
         wanted = finite_array("goal_pixels", projected if pixels is None else pixels, (len(points), 2))
-        offsets = _offsets(camera, feature, initial_T_end, points, wanted)
+        bearings, seen = camera.unproject(wanted)
+        features, exist = feature.value(np.where(seen[:, None], bearings, 0.0))
+        _refuse_missing(exist, wanted)
+        offsets = _offsets(features, wanted, feature, path, points)
         if pixels is None:
             offsets[:] = 0.0
         # Where the goal image determines no pose (points on one line) the plan's end must do; the
@@ -58,34 +62,33 @@ class GoalImage:
         refined = refine_pose(camera, points, wanted, initial_T_end)
         initial_T_goal = initial_T_end if refined.reference_T_camera is None else refined.reference_T_camera
         pose = np.concatenate((initial_T_goal.rotation.as_quat(), initial_T_goal.translation))
-        return cls(frozen(wanted), frozen(offsets), frozen(pose))
+        return cls(frozen(wanted), frozen(features), frozen(offsets), frozen(pose))
 
-    def beyond(self, camera: UnifiedCamera, feature: Feature, path: CameraPath, points: FloatArray) -> Self:
+    def beyond(self, feature: Feature, path: CameraPath, points: FloatArray) -> Self:
         """Return the same image as seen from the end of another path; points (n, 3) and pose are the same.
 
         Raises:
             InputError: the path's end does not see a point.
         """
-        return replace(self, offsets=frozen(_offsets(camera, feature, path(1.0), points, self.pixels)))
+        return replace(self, offsets=frozen(_offsets(self.features, self.pixels, feature, path, points)))
 
 
 def _offsets(
-    camera: UnifiedCamera,
-    feature: Feature,
-    initial_T_end: RigidTransform,
-    points: FloatArray,
-    pixels: FloatArray,
+    features: FloatArray, pixels: FloatArray, feature: Feature, path: CameraPath, points: FloatArray
 ) -> FloatArray:
-    """Return features of the goal image minus those that the plan's end sees (n, 3)."""
-    bearings, seen = camera.unproject(pixels)
-    goals, exist = feature.value(np.where(seen[:, None], bearings, 0.0))
-    planned, planned_exist = feature.value(initial_T_end.inv().apply(points))
-    if not (exist & planned_exist).all():
-        j = int(np.argmin(exist & planned_exist))
+    """Return features of the goal image (n, 2) [px] minus those that a path's end sees (n, 3)."""
+    pose = path(1.0).as_matrix()
+    planned, exist = feature.value((points - pose[:3, 3]) @ pose[:3, :3])
+    _refuse_missing(exist, pixels)
+    offsets = np.zeros((len(points), 3))
+    offsets[:, : feature.width] = features - planned
+    return offsets
+
+
+def _refuse_missing(exist: BoolArray, pixels: FloatArray) -> None:
+    if not exist.all():
+        j = int(np.argmin(exist))
         raise InputError(
             f"goal_pixels: row {j}, {pixels[j]}: no such direction in the camera's domain, or none with "
             "Z > 0 as virtual-plane features need"
         )
-    offsets = np.zeros((len(points), 3))
-    offsets[:, : feature.width] = goals - planned
-    return offsets

@@ -139,7 +139,7 @@ class PathTracker:
         if not apart <= JOINS:
             raise InputError(f"leg: it does not go on as the way before it is left: {apart:.2g} off")
         self._refuse_points_behind(leg.path)
-        goal = self._goal.beyond(self._camera, self._feature, leg.path, self._points)
+        goal = self._goal.beyond(self._feature, leg.path, self._points)
         self._head_for(goal, leg.w(leg.time)[0])
         self._legs.append(leg)
 

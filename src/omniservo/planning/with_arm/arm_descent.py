@@ -20,6 +20,7 @@ from omniservo.planning.search.settle import PULL
 from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations, follow_poses
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
+from omniservo.robots.posture_gaps import PostureGaps
 
 TARGETS = np.array([0.03, 0.02, 0.03])
 """What the arm's constraints are pushed to: limits [rad], singular value, gaps over ℓ."""
@@ -30,7 +31,7 @@ STEPS = 30
 STALLED = 1e-3
 """A step that gains less than this part of the cost ends a descent."""
 
-_LEAP = 0.5
+LEAP = 0.5
 """[rad] A step that moves a joint farther at some sample is too long to stay on the branch."""
 
 
@@ -50,9 +51,14 @@ class ArmDescent:
     """Moves the free control points of a path family."""
 
     def __init__(
-        self, demands: Demands, family: Family, setting: ArmSetting, joint_demands: JointDemands
+        self,
+        demands: Demands,
+        family: Family,
+        setting: ArmSetting,
+        joint_demands: JointDemands,
+        seen: PostureGaps,
     ) -> None:
-        """Join a problem's arrays and the arm's demands."""
+        """Join a problem's arrays and the arm's demands; ``seen`` knows postures near the first ones."""
         self._demands, self._family, self._setting, self._joint_demands = (
             demands,
             family,
@@ -63,12 +69,14 @@ class ArmDescent:
         self._base_T_initial = setting.base_T_initial.as_matrix()
         self._camera_T_flange = setting.camera_T_flange.as_matrix()
         self._camera_ends = self._end_values()
-        self._seen = joint_demands.seen(0)
+        self._seen = seen
 
     def lower(
         self, x: FloatArray, places: FloatArray, joints: FloatArray, end_least: FloatArray, higher: float
-    ) -> tuple[FloatArray, bool]:
+    ) -> tuple[FloatArray, bool] | None:
         """Return the offsets where the descent ends, and whether half of every target is reached there.
+
+        None: it cannot begin, because these joints do not lead onto the path.
 
         Args:
             x: offsets to begin with.
@@ -83,11 +91,14 @@ class ArmDescent:
         for w in places:
             add_sample(self._family, float(w))
         room = room_for(len(places), self._demands.points.shape[0])
-        self._seen = self._joint_demands.seen(len(joints))
+        if len(joints) != self._seen.count:
+            self._seen = self._joint_demands.seen(len(joints))
         now = self._look(x, camera, arm, joints, room)
         damping, factor, step = 1e-6, np.empty((len(x), len(x))), np.empty(len(x))
         for _ in range(STEPS):
-            if now is None or self._reached(now, camera, arm):
+            if now is None:
+                return None
+            if self._reached(now, camera, arm):
                 break
             if not solve_damped(now.normal, damping, factor, step):
                 break
@@ -128,7 +139,7 @@ class ArmDescent:
         """Return the joints (m, n) at the camera's poses (m, 14), each by Newton from where it was."""
         followed, chain = joints.copy(), self._setting.arm.chain
         frames = self._base_T_initial, poses, self._camera_T_flange
-        return followed if follow_poses(chain, *frames, _LEAP, followed) else None
+        return followed if follow_poses(chain, *frames, LEAP, followed) else None
 
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""

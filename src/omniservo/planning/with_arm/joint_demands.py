@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.planning.with_arm.pull_kernel import CLEARANCE, write_pulls
+from omniservo.planning.with_arm.pull_kernel import Asked, Pulls, measured_pulls, write_pulls
 from omniservo.robots import ArmBodies
 from omniservo.robots.arm import LENGTH_SCALE
 from omniservo.robots.posture_gaps import PostureGaps
@@ -21,17 +19,6 @@ _NEAR = 0.1
 """Gaps beyond it, over ℓ, are plenty."""
 
 
-class Pulls(NamedTuple):
-    """Rows of m postures as in `omniservo.planning.constraints.push`."""
-
-    systems: FloatArray
-    """(m, 6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
-    costs: FloatArray
-    """(m,) Σ r²/2"""
-    least: FloatArray
-    """(m, GROUPS) smallest g"""
-
-
 class JointDemands:
     """Dimensionless constraints g ≥ 0 of a posture.
 
@@ -41,14 +28,18 @@ class JointDemands:
 
     def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
         """Prepare; ``ell`` [m] makes gaps comparable with angles."""
-        self._setting, self._bodies, self._ell = setting, bodies, ell
-        self._to_camera = twist_matrix(setting.flange_T_camera, LENGTH_SCALE)
-        self._rooms = setting.arm.joint_range + setting.limit_reserve * np.array([1.0, -1.0])
-        self._asked = bodies.asked(setting.clearance_around, setting.self_clearance)
+        self._bodies, arm, reserve = bodies, setting.arm, setting.limit_reserve
+        self._asked = Asked(
+            twist_matrix(setting.flange_T_camera, LENGTH_SCALE),
+            arm.joint_range + reserve * np.array([1.0, -1.0]),
+            np.array([setting.singular_value]),
+            bodies.asked(setting.clearance_around, setting.self_clearance),
+            np.array([ell]),
+        )
 
-    def values(self, q: FloatArray) -> FloatArray:
-        """Return the smallest g of each group (GROUPS,) at the joints q (n,); 1 where no bodies are near."""
-        least: FloatArray = self.pulls(q[None], np.array([0.0, 0.0, _NEAR])).least[0]
+    def values(self, joints: FloatArray, near: float = _NEAR, seen: PostureGaps | None = None) -> FloatArray:
+        """Return the smallest g of each group (GROUPS,) over joints (m, n); 1 for bodies not ``near``."""
+        least: FloatArray = self.pulls(joints, np.array([0.0, 0.0, near]), seen).least.min(axis=0)
         return least
 
     def pulls(self, joints: FloatArray, targets: FloatArray, seen: PostureGaps | None = None) -> Pulls:
@@ -56,24 +47,18 @@ class JointDemands:
 
         ``seen``: has measured postures near these; None: nothing has.
         """
-        seen = PostureGaps(self._bodies, len(joints)) if seen is None else seen
-        joints, m = np.array(joints, order="C"), len(joints)
-        near = seen.below(joints, self._asked + self._ell * max(float(targets[CLEARANCE]), 0.0))
+        bodies, m = self._bodies, len(joints)
+        seen = PostureGaps(bodies, m) if seen is None else seen
+        joints, chain, shapes = np.array(joints, order="C"), bodies.arm.chain, bodies.shapes
         found = Pulls(np.empty((m, 6, 7)), np.empty(m), np.empty((m, GROUPS)))
-        write_pulls(
-            self._setting.arm.chain,
-            self._to_camera,
-            self._rooms,
-            self._setting.singular_value,
-            joints,
-            near.posture,
-            (near.gap - self._asked[near.pair]) / self._ell,
-            near.slope / self._ell,
-            targets,
-            found.systems,
-            found.least,
-            found.costs,
+        posture, pair, gaps, touching = measured_pulls(
+            chain, shapes, bodies.scene.frames, seen.postures, self._asked, joints, targets, found
         )
+        if len(touching):
+            seen.measure(posture, pair, touching, gaps)
+            write_pulls(
+                chain, shapes, seen.postures, self._asked, joints, posture, pair, gaps, targets, found
+            )
         return found
 
     def seen(self, count: int) -> PostureGaps:

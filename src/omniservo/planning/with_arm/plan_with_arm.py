@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import power_path
 from omniservo.planning.time_budget import TimeBudget
-from omniservo.planning.with_arm.arm_descent import ArmDescent
+from omniservo.planning.with_arm.arm_descent import LEAP, ArmDescent
 from omniservo.planning.with_arm.arm_ends import free_postures, violation_at_goal, violation_at_start
+from omniservo.planning.with_arm.arm_equations import carry_onto
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
@@ -44,10 +46,15 @@ BRANCHES = 3
 AIMS = 8
 """postures at the goal that seven joints are led to, where they do not find there by themselves"""
 
-_LOOKED_AT = np.linspace(0.0, 1.0, 33)
+NEAR = 17
+"""Even places, ends included, at which joints say what a camera path is likely to need"""
+
+_LOOKED_AT = np.linspace(0.0, 1.0, 2 * NEAR - 1)
 """where a camera path is looked at before the arm is led along it"""
 
-_SAMPLES = 15
+_PLACES = np.arange(1, NEAR - 1) / (NEAR - 1.0)
+"""where a descent samples"""
+
 _HIGHER = 1.5
 
 HOPELESS = 8
@@ -103,6 +110,17 @@ class _Attempt:
     """what seven joints were led to"""
 
 
+class _Begin(NamedTuple):
+    """What a camera path is moved from."""
+
+    joints: FloatArray
+    """(k, n) near those that follow it at the first k of the samples [rad]"""
+    ends: FloatArray
+    """(1 or 2, n) where it begins and, if they come so far, ends"""
+    until: float
+    """so far they come"""
+
+
 class ArmPlanner:
     """The search for one problem and one arm, where both end poses are free."""
 
@@ -124,60 +142,72 @@ class ArmPlanner:
         goal; ``velocity`` as for `follow_path`.
         """
         self._aims_given, self._velocity = aims, velocity
-        self._problem, self._setting, self._bodies, self._budget = problem, setting, bodies, budget
+        self.problem, self._setting, self._bodies, self._budget = problem, setting, bodies, budget
         self.search = ProblemSearch.of(problem, int(seed))
         """the camera's own"""
         self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
+        self._seen = self._joint_demands.seen(len(_PLACES))
         self._in_sight = setting.points_in_sight(problem)
         self._known: dict[CameraPath, list[_Attempt]] = {}
-        self._hit: dict[CameraPath, bool] = {}
+        self._looked_ahead: dict[CameraPath, tuple[bool, FloatArray | None]] = {}
 
-    def as_they_are(self, paths: Iterable[CameraPath]) -> ArmPlan | None:
-        """Return the plan of the first camera path that the arm can follow unmoved; None: of none."""
+    def as_they_are(self, paths: Iterable[CameraPath], near: FloatArray) -> ArmPlan | None:
+        """Return the plan of the first camera path that the arm can follow unmoved; None: of none.
+
+        ``near`` as for `rules_out`, by which paths are passed over before they are followed.
+        """
         for number, path in enumerate(paths, start=1):
-            if self.hits(path):
+            if self.rules_out(path, near):
                 continue
             found = self._first_certified(self._unmoved(path), number)
             if found is not None:
                 return found
         return None
 
-    def moved_from(self, path: CameraPath, joints: JointPath) -> ArmPlan | None:
+    def moved_from(self, path: CameraPath, near: FloatArray) -> ArmPlan | None:
         """Return the plan of a camera path moved until the arm can follow it; None: it does not come to that.
 
-        ``joints`` are near those that follow the path: it need not be followed before.
+        ``near`` (`NEAR`, n): joints near those that follow the path at even places. It is not followed.
         """
-        known = JudgedBranch(joints, None, "not followed", 0.0)
         aim = self._aims_given[0] if self._aims_given else None
-        return self._first_certified(
-            [self._moved(_Attempt(path, known, FollowedPath((joints,), False), aim))], 1
-        )
+        moved = self._moved(path, _Begin(near[1:-1], near[[0, -1]], 1.0), aim)
+        return None if moved is None else self._first_certified([moved], 1)
 
     def _first_certified(self, attempts: Iterable[_Attempt], tried: int) -> ArmPlan | None:
         """Return the plan of the first attempt that will do; None: of none."""
         for attempt in attempts:
             if not attempt.judged.reason:
-                plan = judged_plan(self._problem, attempt.path, self._budget.begin, "certified", "")
+                plan = judged_plan(self.problem, attempt.path, self._budget.begin, "certified", "")
                 if plan.status == "certified":
                     return self._arm_plan(plan, attempt, tried)
         return None
 
-    def hits(self, path: CameraPath) -> bool:
-        """Return whether what the flange carries is too close to something at one of a few places; kept."""
-        if path in self._hit:
-            return self._hit[path]
-        setting, (poses, _) = self._setting, path.sampled(_LOOKED_AT)
-        flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
-        asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
-        self._hit[path] = carried_too_close(self._bodies, flange, asked)
-        return self._hit[path]
+    def rules_out(self, path: CameraPath, near: FloatArray) -> bool:
+        """Return whether the arm fails at one of a few places of a path, judged by joints `led_onto` it."""
+        return self._foreseen(path, near)[0]
+
+    def led_onto(self, path: CameraPath, near: FloatArray) -> FloatArray | None:
+        """Return joints (`NEAR`, n) at even places of a path, by Newton from ``near``; None: it fails."""
+        return self._foreseen(path, near)[1]
+
+    def _foreseen(self, path: CameraPath, near: FloatArray) -> tuple[bool, FloatArray | None]:
+        """Return both; kept."""
+        if path not in self._looked_ahead:
+            setting, (poses, _), led = self._setting, path.sampled(_LOOKED_AT), near.copy()
+            flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
+            asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
+            arrives = carry_onto(setting.arm.chain, flange[::2], LEAP, led)
+            fails = not arrives or carried_too_close(self._bodies, flange, asked)
+            fails = fails or bool(self._joint_demands.values(led[1:-1], 0.0, self._seen).min() < 0.0)
+            self._looked_ahead[path] = fails, led if arrives else None
+        return self._looked_ahead[path]
 
     def stands_at_end(self, path: CameraPath) -> bool | None:
         """Return whether the arm can stand where a camera path leads it; None: it does not get there."""
         branches = [attempt.judged.branch for attempt in self._unmoved(path)]
-        ends = [self._joint_demands.values(b.positions[-1]) for b in branches if b.w[-1] >= 1.0]
+        ends = [self._joint_demands.values(b.positions[-1:]) for b in branches if b.w[-1] >= 1.0]
         return any(bool((least >= 0.0).all()) for least in ends) if ends else None
 
     def plan(self, first: CameraPath | None = None, *, attempts: int = ATTEMPTS) -> ArmPlan:
@@ -197,9 +227,9 @@ class ArmPlanner:
                 if best is None or attempt.judged.until > best.judged.until:
                     best = attempt
         if best is None:
-            plan = judged_plan(self._problem, path, self._budget.begin, "certified", "", missing)
+            plan = judged_plan(self.problem, path, self._budget.begin, "certified", "", missing)
             return ArmPlan(plan, None, None, None, time.perf_counter() - self._budget.begin, tried)
-        plan = judged_plan(self._problem, best.path, self._budget.begin, "certified", "")
+        plan = judged_plan(self.problem, best.path, self._budget.begin, "certified", "")
         best = replace(best, judged=self._judged(best.judged.branch))
         why = f"the arm can follow none of {tried} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, tried)
@@ -239,10 +269,11 @@ class ArmPlanner:
         for attempt in sorted(mendable, key=lambda a: -a.judged.until)[:BRANCHES]:
             if self._late:
                 break
-            better = self._moved(attempt)
-            tried.append(better)
-            if not better.judged.reason:
-                break
+            better = self._moved(attempt.path, _begin(attempt), attempt.aim)
+            if better is not None:
+                tried.append(better)
+                if not better.judged.reason:
+                    break
         return tried
 
     def _unmoved(self, path: CameraPath) -> list[_Attempt]:
@@ -283,64 +314,59 @@ class ArmPlanner:
         setting, start = self._setting, self._setting.start
         if setting.arm.dof == 6 or start is None:
             return []
-        postures = free_postures(self._problem, setting, self._bodies)
+        postures = free_postures(self.problem, setting, self._bodies)
         seconds = (np.abs(postures - start) / setting.arm.joint_speed).max(axis=1)
         return list(postures[np.argsort(seconds)][:AIMS])
 
-    def _moved(self, attempt: _Attempt) -> _Attempt:
-        """Return the attempt with its camera path moved until the arm can follow it, or as far as it came."""
+    def _moved(self, path: CameraPath, begin: _Begin, aim: FloatArray | None) -> _Attempt | None:
+        """Return a camera path moved until the arm can follow it, or as far as it came; None: nowhere."""
         sigma, tau = self.search.degrees.tolist()
         family = path_family(self.search.ends, sigma, tau)
         x = np.zeros(unknowns(family))
-        if not len(x):
-            return attempt
-        offsets(
-            family,
-            self._ell,
-            _controls(attempt.path.rotation, sigma),
-            _controls(attempt.path.translation, tau),
-            x,
-        )
-        descent = ArmDescent(self._demands, family, self._setting, self._joint_demands)
-        places = np.arange(1, _SAMPLES + 1) / (_SAMPLES + 1.0)
-        end_least = self._end_values(attempt.judged.branch)
-        if end_least.min() < 0.0:
-            return attempt  # what fails where the path ends cannot be helped on its way there
-        best = now = attempt
-        higher = 1.0
+        end_least = self._joint_demands.values(begin.ends)
+        if not len(x) or end_least.min() < 0.0:
+            return None  # what fails where the path ends cannot be helped on its way there
+        controls = _controls(path.rotation, sigma), _controls(path.translation, tau)
+        offsets(family, self._ell, *controls, x)
+        descent = ArmDescent(self._demands, family, self._setting, self._joint_demands, self._seen)
+        places, joints, until, higher = _PLACES, begin.joints, begin.until, 1.0
+        start = begin.ends[0] if self._setting.start is None else self._setting.start
+        best = None
         for _ in range(ROUNDS):
             if self._late:
                 break
-            branch = now.judged.branch
-            joints = branch(places[places <= branch.w[-1]])
-            x, reached = descent.lower(x, places, joints, end_least, higher)
-            rotation, translation = power_path(family, self._ell, x)
-            path = CameraPath(rotation, translation)
-            start = branch.positions[0] if self._setting.start is None else self._setting.start
-            followed, before = self._follow(path, start, attempt.aim), now.judged.until
-            judged = self._judged(followed.best)
-            now = _Attempt(path, judged, followed, attempt.aim)
-            status, w = prove_path(self._demands, rotation, translation)
-            if status == PROVEN and not now.judged.reason:
-                return now
-            if status == PROVEN and now.judged.until >= best.judged.until:
+            lowered = descent.lower(x, places, joints, end_least, higher)
+            if lowered is None:
+                break
+            x, reached = lowered
+            path = CameraPath(*power_path(family, self._ell, x))
+            followed = self._follow(path, start, aim)
+            now = _Attempt(path, self._judged(followed.best), followed, aim)
+            status, w = prove_path(self._demands, *path.powers)
+            before, until = until, now.judged.until
+            if status == PROVEN and until >= (begin.until if best is None else best.judged.until):
                 best = now
-            stuck = now.judged.until >= 1.0 or now.judged.until < before + _FARTHER
-            if now.judged.is_hidden or (stuck and not reached):
+            stuck = until >= 1.0 or until < before + _FARTHER
+            done = status == PROVEN and not now.judged.reason
+            if done or now.judged.is_hidden or (stuck and not reached):
                 break
             further = [now.judged.w] if now.judged.reason else []
             further += [w] if status != PROVEN else []
             places = np.unique(np.concatenate([places, np.clip(further, 0.01, 0.99)]))
+            joints = _at_places(followed.best, places)
             higher *= _HIGHER
         return best
 
-    def _end_values(self, branch: JointPath) -> FloatArray:
-        """Return the smallest g of the arm's demands at the postures where the path begins and ends."""
-        ends = [self._joint_demands.values(branch.positions[0])]
-        if branch.w[-1] >= 1.0:
-            ends.append(self._joint_demands.values(branch.positions[-1]))
-        least: FloatArray = np.min(ends, axis=0)
-        return least
+
+def _begin(attempt: _Attempt) -> _Begin:
+    branch = attempt.judged.branch
+    ends = branch.positions[[0, -1]] if branch.w[-1] >= 1.0 else branch.positions[:1]
+    return _Begin(_at_places(branch, _PLACES), ends, attempt.judged.until)
+
+
+def _at_places(branch: JointPath, places: FloatArray) -> FloatArray:
+    """Return the joints at places as far as the branch goes."""
+    return branch(places[places <= branch.w[-1]])
 
 
 def _controls(powers: FloatArray, degree: int) -> FloatArray:

@@ -1,6 +1,8 @@
-"""The rows of the arm's demands at one posture, compiled."""
+"""The rows of the arm's demands at postures, compiled."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,51 +10,119 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.robots.chain import Chain
+from omniservo.robots.gap_kernels import write_gap_slope
 from omniservo.robots.posture import sensitivities
+from omniservo.robots.posture_gaps import Postures, near_pairs
+from omniservo.robots.shapes import Shapes
 
 LIMITS, SINGULARITY, CLEARANCE = range(3)
 """Places in ``targets`` and ``least``."""
 
 
+class Asked(NamedTuple):
+    """What a posture has to keep."""
+
+    to_camera: FloatArray
+    """see `sensitivities`"""
+    rooms: FloatArray
+    """(n, 2) lowest and highest position that leaves the reserve [rad]"""
+    regular: FloatArray
+    """(1,) the smallest singular value"""
+    gaps: FloatArray
+    """(p,) of each pair [m]"""
+    ell: FloatArray
+    """(1,) [m] what gaps are divided by"""
+
+
+class Pulls(NamedTuple):
+    """Rows of m postures as in `omniservo.planning.constraints.push`."""
+
+    systems: FloatArray
+    """(m, 6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
+    costs: FloatArray
+    """(m,) Σ r²/2"""
+    least: FloatArray
+    """(m, 3) smallest g"""
+
+
+@kernel
+def measured_pulls(
+    chain: Chain,
+    shapes: Shapes,
+    frames: FloatArray,
+    postures: Postures,
+    asked: Asked,
+    joints: FloatArray,
+    targets: FloatArray,
+    pulls: Pulls,
+) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
+    """Return what `near_pairs` finds below its target; unless some of it may touch, `write_pulls`."""
+    chain, shapes, postures = held(chain), held(shapes), held(postures)
+    within = asked.gaps + asked.ell[0] * max(targets[CLEARANCE], 0.0)
+    posture, pair, gaps, touching = near_pairs(chain, shapes, frames, joints, within, postures)
+    if touching.shape[0] == 0:
+        write_pulls(chain, shapes, postures, asked, joints, posture, pair, gaps, targets, pulls)
+    return posture, pair, gaps, touching
+
+
 @kernel
 def write_pulls(
     chain: Chain,
-    to_camera: FloatArray,
-    rooms: FloatArray,
-    regular: float,
+    shapes: Shapes,
+    postures: Postures,
+    asked: Asked,
     joints: FloatArray,
     posture: IntArray,
+    pair: IntArray,
     gaps: FloatArray,
-    gap_slopes: FloatArray,
     targets: FloatArray,
-    systems: FloatArray,
-    least: FloatArray,
-    costs: FloatArray,
+    pulls: Pulls,
 ) -> None:
     """Write what `write_pull` does for m postures.
 
     Args:
         chain: of n joints.
-        to_camera: see `sensitivities`.
-        rooms: see `write_pull`.
-        regular: likewise.
+        shapes: of the arm and what stands around.
+        postures: as measured.
+        asked: of a posture.
         joints: (m, n) [rad]
         posture: (k,) of each gap, ascending.
-        gaps: (k,) g of pairs that are near.
-        gap_slopes: (k, n) ∂g/∂q.
+        pair: (k,) likewise.
+        gaps: (k,) [m]
         targets: (3,)
-        systems: (m, 6, 7) out.
-        least: (m, 3) out.
-        costs: (m,) out.
+        pulls: out.
     """
-    chain, end = held(chain), 0
+    chain, shapes, postures, end = held(chain), held(shapes), held(postures), 0
+    left, slopes = np.empty(gaps.shape[0]), np.empty((gaps.shape[0], joints.shape[1]))
+    for k in range(gaps.shape[0]):
+        i, p = posture[k], pair[k]
+        left[k] = (gaps[k] - asked.gaps[p]) / asked.ell[0]
+        write_gap_slope(
+            postures.anchors[i],
+            postures.directions[i],
+            shapes.carried,
+            shapes.pairs[p],
+            postures.ends[i, p],
+            postures.normals[i, p],
+            slopes[k],
+        )
+        for j in range(slopes.shape[1]):
+            slopes[k, j] /= asked.ell[0]
     for i in range(joints.shape[0]):
         begin = end
         while end < posture.shape[0] and posture[end] == i:
             end += 1
-        near, slopes = gaps[begin:end], gap_slopes[begin:end]
-        costs[i] = write_pull(
-            chain, to_camera, rooms, regular, joints[i], near, slopes, targets, systems[i], least[i]
+        pulls.costs[i] = write_pull(
+            chain,
+            asked.to_camera,
+            asked.rooms,
+            asked.regular[0],
+            joints[i],
+            left[begin:end],
+            slopes[begin:end],
+            targets,
+            pulls.systems[i],
+            pulls.least[i],
         )
 
 

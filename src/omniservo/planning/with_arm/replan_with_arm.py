@@ -25,8 +25,7 @@ from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.with_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.planning.with_arm.part_of_joints import part_of_joints
-from omniservo.planning.with_arm.plan_with_arm import ArmPlanner
+from omniservo.planning.with_arm.plan_with_arm import NEAR, ArmPlanner
 from omniservo.robots import Arm, ArmBodies, JointPath
 from omniservo.robots.step_kernels import settle
 
@@ -51,10 +50,11 @@ def replan_with_arm(
 ) -> ArmPlan:
     """Return a plan for the rest of the way that the arm can follow from where it is; see `replan`.
 
-    Tried first is the proven camera path nearest to the rest of the old one, then some with more room; if the
-    arm cannot follow them, the first is moved until it can, from the old joints on where what the flange
-    carries would hit something; after it come other starts, as by `plan_with_arm`. The plan stands in the
-    present camera frame; joints go on from where they are, with their present speeds.
+    Tried first is the proven camera path nearest to the rest of the old one, then some with more room: those
+    that the arm is seen to follow at a few places, led there from the old joints, are followed. If that does
+    not do, the first is moved until the arm can follow it, from these joints on; after it come other starts,
+    as by `plan_with_arm`. The plan stands in the present camera frame; joints go on from where they are, with
+    their present speeds.
 
     Args:
         plan: the plan that is followed; any that has a path.
@@ -84,17 +84,35 @@ def replan_with_arm(
     planner = ArmPlanner(rest, here, bodies, int(seed), budget, aims=aims, velocity=velocity)
     near = path_near_rest(planner.search, old, w, pose)
     if near is not None:
-        planes = sum(isinstance(obstacle, HalfSpace) for obstacle in rest.obstacles)
-        found = planner.as_they_are(chain([near], _with_room(planner.search, planes, old, w, pose)))
-        if found is None and planner.hits(near):
-            found, near = planner.moved_from(near, part_of_joints(here, joints, w, 1.0)), None
+        found, is_hopeless = _near_old(planner, near, old, joints, w, pose)
         if found is not None:
             return found
+        near = None if is_hopeless else near
     if here.arm.has_closed_form and (near is None or not planner.stands_at_end(near)):
         reason = violation_at_goal(rest, here, bodies)
         if reason:
             return _nothing(rest, budget, reason)
     return planner.plan(near)
+
+
+def _near_old(
+    planner: ArmPlanner, near: CameraPath, old: CameraPath, joints: JointPath, w: float, pose: RigidTransform
+) -> tuple[ArmPlan | None, bool]:
+    """Return a plan near the old one, None if there is none; and whether moving ``near`` has failed.
+
+    ``near`` is the proven camera path nearest to the rest of the old one. It is moved from joints led onto
+    it, or where they cannot be led there, the old way itself is, from the old joints.
+    """
+    planes = sum(isinstance(obstacle, HalfSpace) for obstacle in planner.problem.obstacles)
+    old_joints = joints(w + (1.0 - w) * np.linspace(0.0, 1.0, NEAR))
+    candidates = chain([near], _with_room(planner.search, planes, old, w, pose))
+    found = planner.as_they_are(candidates, old_joints)
+    if found is not None or not planner.rules_out(near, old_joints):
+        return found, False
+    led = planner.led_onto(near, old_joints)
+    if led is not None:
+        return planner.moved_from(near, led), True
+    return planner.moved_from(old.part(w, 1.0).seen_in(pose.inv()), old_joints), False
 
 
 def _nothing(rest: PlanningProblem, budget: TimeBudget, reason: str) -> ArmPlan:
