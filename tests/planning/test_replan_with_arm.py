@@ -96,6 +96,9 @@ def test_a_path_is_ruled_out_by_joints_led_onto_it_that_do_not_keep_what_is_aske
     least = found.branch.singular_values.min()
     regular = replace(setting, singular_value=0.9 * least), replace(setting, singular_value=1.1 * least)
     assert [planner_of(each).rules_out(path, near) for each in regular] == [False, True]
+    lost = near.copy()
+    lost[-1] = np.nan
+    assert planner_of(setting).rules_out(path, lost)
     away = CameraPath(path.rotation, 9.0 * path.translation)
     assert planner.led_onto(away, near) is None
     assert planner.rules_out(away, near)
@@ -105,7 +108,7 @@ def test_joints_are_carried_far_along_little_by_little_but_not_at_once():
     arm, places = load_arm("panda"), np.linspace(0.0, 1.0, 9)
     begin = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 2.0, 0.7])
     near = begin + np.outer(places, [0.2, 0.1, -0.2, 0.1, 0.1, -0.1, 0.2])
-    turned = near + np.outer(places, [0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9])
+    turned = near + np.outer(places, [2.4, 0.0, 0.0, 0.0, 0.0, 0.0, 1.8])
     goals = np.array([arm.base_T_flange(q).as_matrix() for q in turned])
     carried = near.copy()
     assert carry_onto(arm.chain, goals, LEAP, carried)
@@ -114,6 +117,17 @@ def test_joints_are_carried_far_along_little_by_little_but_not_at_once():
     assert not lead_onto(arm.chain, goals, LEAP, near.copy())
     assert not carry_onto(arm.chain, goals[[0, -1]], LEAP, near[[0, -1]].copy())
     assert lead_onto(arm.chain, goals[:3], LEAP, near[:3].copy())
+
+
+def test_the_old_way_itself_is_moved_where_joints_cannot_be_led_onto_one_near_it():
+    random = np.random.default_rng(31)
+    problem, setting = random_task(load_arm("rx60"), random)
+    found = plan_with_arm(problem, setting)
+    now = replace(problem, obstacles=(Sphere([-0.0242, 0.1598, 0.0058], 0.0267),))
+    rest = replan_with_arm(found.plan, found.branch, 0.3177, now, setting)
+    assert rest.certified
+    assert rest.attempts == 1
+    assert verify_plan(rest.plan).status == "certified"
 
 
 def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():
