@@ -9,7 +9,7 @@ from tests.planning.arm_scenes import random_task
 
 from omniservo.planning import plan_with_arm, replan_with_arm
 from omniservo.planning.with_arm.judged_branch import judged_branch
-from omniservo.robots import load_arm, own_sight
+from omniservo.robots import load_arm, own_sight, shipped_tube
 
 
 def task(name, seed):
@@ -70,3 +70,27 @@ def test_replanning_keeps_sight_as_well(hidden):
     as_it_was = replan_with_arm(found.plan, found.branch, 0.2, problem, setting)
     assert as_it_was.certified
     assert sight_of(problem, setting, as_it_was.branch).status == "hidden"
+
+
+def test_links_keep_off_lines_of_sight_what_they_and_the_camera_stray(hidden):
+    problem, setting, _ = hidden
+    asked = replace(problem, occlusion=True)
+    tube = shipped_tube("ur5e").at(0.01)
+    careful = replace(setting, tube=tube)
+    assert careful.kept_from_sight["upper_arm"] == tube.links["upper_arm"] + tube.position
+    found = plan_with_arm(asked, careful)
+    assert found.certified
+    points = setting.base_T_initial.apply(problem.points)
+    kept = {link: stray for link, stray in careful.kept_from_sight.items() if "&" not in link}
+    assert own_sight(setting.arm, found.branch, setting.flange_T_camera, points, kept=kept).status == "free"
+    near = plan_with_arm(asked, setting)
+    close = own_sight(setting.arm, near.branch, setting.flange_T_camera, points, kept=kept)
+    judged = judged_branch(careful, careful.bodies(asked.obstacles), near.branch, points)
+    assert close.status == "hidden"
+    assert judged.reason
+    loose = replace(setting, tube=replace(tube, position=0.3))
+    refused = plan_with_arm(asked, loose).plan
+    assert refused.status == "infeasible"
+    assert re.match(
+        r"the start pose is not free: .* mm are kept from it for what a run strays", refused.reason
+    )

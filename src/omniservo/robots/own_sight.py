@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -32,13 +33,15 @@ class OwnSight:
     """What lies between an arm's camera and its points along a joint path."""
 
     status: Literal["free", "hidden"]
-    """free: no line of sight meets a link, for every w"""
+    """free: no link comes nearer to a line of sight than it is to keep, for every w"""
     link: str
     """the link that hides a point; "" where none does"""
     point: int
     w: float
     gap: float
     """of link and line there [m]; negative: depth"""
+    kept: float = 0.0
+    """what that link was to keep from it [m]"""
 
     @property
     def what(self) -> str:
@@ -48,6 +51,9 @@ class OwnSight:
         line = f"the line of sight to point {self.point}"
         if self.gap <= 0.0:
             return f"{self.link} stands {-1e3 * self.gap:.2f} mm into {line}"
+        if self.gap <= self.kept:
+            kept = f"{1e3 * self.kept:.2f} mm are kept from it for what a run strays"
+            return f"{self.link} comes within {1e3 * self.gap:.2f} mm of {line} ({kept})"
         return f"{self.link} comes within {1e3 * self.gap:.3f} mm of {line}, not told from hidden,"
 
     @property
@@ -57,7 +63,12 @@ class OwnSight:
 
 
 def own_sight(
-    arm: Arm, path: JointPath, flange_T_camera: RigidTransform, base_points: npt.ArrayLike
+    arm: Arm,
+    path: JointPath,
+    flange_T_camera: RigidTransform,
+    base_points: npt.ArrayLike,
+    *,
+    kept: Mapping[str, float] | None = None,
 ) -> OwnSight:
     """Look whether links hide points from the camera on a path.
 
@@ -71,11 +82,13 @@ def own_sight(
         path: of that arm.
         flange_T_camera: where the camera sits.
         base_points: (m, 3) in the base frame [m].
+        kept: by link, what it keeps from every line [m]: how far line and link may be from where the path has
+            them; but for what the last joint carries, which goes with the camera. None: nothing.
 
     Raises:
         InputError: wrong shape, NaN or infinity.
     """
-    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)))
+    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)), kept or {})
     knots, pieces = path.bernstein_pieces()
     work = [(float(knots[i]), float(knots[i + 1]), pieces[i]) for i in range(len(pieces))][::-1]
     while work:
@@ -86,17 +99,22 @@ def own_sight(
         if lines.all_clear(first[-1], turns):
             continue
         nearest = lines.nearest_pair(middle)
-        if nearest.gap <= 0.0 or end - begin < _SHORTEST:
+        if nearest.gap <= nearest.kept or end - begin < _SHORTEST:
             return nearest
         work += [(middle, end, second), (begin, middle, first)]
     return OwnSight("free", "", -1, 0.0, 0.0)
 
 
 def own_sight_in(
-    arm: Arm, q: npt.ArrayLike, flange_T_camera: RigidTransform, base_points: npt.ArrayLike
+    arm: Arm,
+    q: npt.ArrayLike,
+    flange_T_camera: RigidTransform,
+    base_points: npt.ArrayLike,
+    *,
+    kept: Mapping[str, float] | None = None,
 ) -> OwnSight:
     """Look whether links hide points in one posture q (n,); its w is 0. See `own_sight`."""
-    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)))
+    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)), kept or {})
     if lines.all_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof)):
         return OwnSight("free", "", -1, 0.0, 0.0)
     return lines.nearest_pair(0.0)
@@ -105,12 +123,16 @@ def own_sight_in(
 class _Lines:
     """The arm and one thin capsule that becomes every line of sight in turn."""
 
-    def __init__(self, arm: Arm, flange_T_camera: RigidTransform, points: FloatArray) -> None:
+    def __init__(
+        self, arm: Arm, flange_T_camera: RigidTransform, points: FloatArray, kept: Mapping[str, float]
+    ) -> None:
         self._model, shapes, links, line = _arm_with_line(arm)
         self._chain, self._data, self._found = arm.chain, mujoco.MjData(self._model), np.zeros(4)
         self._shapes = shapes._replace(sizes=shapes.sizes.copy())
         centre = (arm.base_T_flange(np.zeros(arm.dof)) * flange_T_camera).translation
-        self._sights = Sights(points, np.array(centre), links, np.array([line]))
+        kept_of = np.array([kept.get(self._link(g), 0.0) for g in range(self._model.ngeom)])
+        kept_of[shapes.carried == arm.dof] = 0.0
+        self._sights = Sights(points, np.array(centre), links, np.array([line]), kept_of)
         self._scene = Scene(
             frames=np.zeros((arm.dof + 1, 3, 4)),
             anchors=np.empty((arm.dof, 3)),
@@ -131,9 +153,12 @@ class _Lines:
     def nearest_pair(self, w: float) -> OwnSight:
         """Return the link that left least of a line in that posture, as if it hid its point at ``w``."""
         shape, point = int(self._found[SHAPE]), int(self._found[POINT])
-        link = str(self._model.body(int(self._model.geom_bodyid[shape])).name)
-        gap = float(self._found[GAP])
-        return OwnSight("hidden", link, point, w, self._measured() if gap == -np.inf else gap)
+        gap, kept = float(self._found[GAP]), float(self._sights.kept[shape])
+        gap = self._measured() if gap == -np.inf else gap
+        return OwnSight("hidden", self._link(shape), point, w, gap, kept)
+
+    def _link(self, shape: int) -> str:
+        return str(self._model.body(int(self._model.geom_bodyid[shape])).name)
 
     def _measured(self) -> float:
         """Return the distance of that link and line [m]: MuJoCo's, negative: depth."""

@@ -34,6 +34,8 @@ class Sights(NamedTuple):
     """(k,) the shapes that may hide a point"""
     line: IntArray
     """(1,) the shape that becomes every line in turn: a thin capsule"""
+    kept: FloatArray
+    """(g,) what each shape keeps from every line [m]"""
 
 
 @kernel
@@ -47,6 +49,8 @@ def nearest_to_sights(
     found: FloatArray,
 ) -> None:
     """Write which link leaves least of a line, in the posture q (n,), with what ``turns`` (n,) take of it.
+
+    That is beyond what the link keeps.
 
     As seen from a link that k joints carry, the line's one end, the camera's centre c, is moved by the joints
     behind it, Σ_{j>k} r_j(c) · turn_j at most (`gap_kernels.farthest_moves`); its other one, the point p, by
@@ -71,7 +75,8 @@ def nearest_to_sights(
             of_point[j + 1] = of_point[j] + turns[j] * _across(scene.anchors[j], scene.directions[j], point)
         lay(centre, point, shapes.sizes[line], scene.places[line], scene.axes[line])
         for g in sights.links:
-            needed = max(of_centre[shapes.carried[g]], of_point[shapes.carried[g]]) + _ROUNDING
+            moved = max(of_centre[shapes.carried[g]], of_point[shapes.carried[g]])
+            needed = moved + sights.kept[g] + _ROUNDING
             if _off_line(centre, point, scene.places[g]) - shapes.radii[g] > needed:
                 continue
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0

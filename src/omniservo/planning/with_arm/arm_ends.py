@@ -119,5 +119,7 @@ class _Stand:
         """Return how deep a link stands in a line of sight, and words; None: no point is hidden."""
         if self._in_sight is None:
             return None
-        found = own_sight_in(self.setting.arm, q, self.setting.flange_T_camera, self._in_sight)
-        return None if found.status == "free" else (-found.gap, found.what)
+        setting = self.setting
+        kept = setting.kept_from_sight
+        found = own_sight_in(setting.arm, q, setting.flange_T_camera, self._in_sight, kept=kept)
+        return None if found.status == "free" else (found.kept - found.gap, found.what)

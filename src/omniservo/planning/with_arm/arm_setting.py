@@ -115,6 +115,12 @@ class ArmSetting:
         """Return the points (m, 3) that no link may hide, in the base frame [m]; None: any may be hidden."""
         return self.base_T_initial.apply(problem.points) if problem.occlusion else None
 
+    @property
+    def kept_from_sight(self) -> dict[str, float]:
+        """What each link keeps from lines of sight [m]: what it may stray, and the camera's centre."""
+        tube = self.tube
+        return {} if tube is None else {link: stray + tube.position for link, stray in tube.links.items()}
+
     @cached_property
     def _far(self) -> float:
         """[m] from the base, farther than the arm with what it carries can reach."""

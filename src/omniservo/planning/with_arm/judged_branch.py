@@ -84,7 +84,8 @@ def judged_branch(
     if found.status != "clear":
         return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)
     if points is not None:
-        sight = own_sight(setting.arm, branch, setting.flange_T_camera, points)
+        kept = setting.kept_from_sight
+        sight = own_sight(setting.arm, branch, setting.flange_T_camera, points, kept=kept)
         if sight.status == "hidden":
             return JudgedBranch(branch, found, f"the arm hides its own target: {sight.reason}", sight.w)
     return JudgedBranch(branch, found, "", 0.0)

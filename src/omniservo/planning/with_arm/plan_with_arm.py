@@ -142,7 +142,9 @@ class ArmPlanner:
         goal; ``velocity`` as for `follow_path`.
         """
         self._aims_given, self._velocity = aims, velocity
-        self.problem, self._setting, self._bodies, self._budget = problem, setting, bodies, budget
+        self._setting, self._bodies, self._budget = setting, bodies, budget
+        self.problem = problem
+        """as given"""
         self.search = ProblemSearch.of(problem, int(seed))
         """the camera's own"""
         self._demands = self.search.demands
