@@ -12,6 +12,7 @@ from omniservo.reporting import write_figures
 from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_log import RunLog
+from omniservo.tasks import load_task
 
 EVERY = {
     "views", "outside", "path-3d", "virtual-plane", "image", "translation", "rotation", "clearance",
@@ -149,3 +150,17 @@ def test_the_certified_bound_is_drawn_only_for_a_certified_plan(run, drawn):
 
     assert "certified for all w" in labels(drawn["clearance"])
     assert "certified for all w" in labels(drawn["visibility"])
+
+
+def test_the_caption_says_what_the_planner_was_given_of_the_obstacle(made_up_run):
+    def caption(run):
+        return next(d for d in drawings(run) if d.name == "path-3d").caption
+
+    def given(obstacles):
+        planning = points.task.planning.model_copy(update={"obstacles": obstacles})
+        return replace(points, task=points.task.model_copy(update={"planning": planning}))
+
+    points, box = made_up_run(), load_task("whole-arm-1").planning.obstacles
+    assert "real body, for which these points or balls stand." in caption(points)
+    assert "real body, which is stated as a body." in caption(given(box))
+    assert "obstacle" not in caption(given(()))

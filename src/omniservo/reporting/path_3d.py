@@ -13,6 +13,8 @@ from omniservo.reporting.space import Space, box_edges, box_faces, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
+from omniservo.tasks import Task
+from omniservo.tasks.obstacles import SphereSection
 
 
 def path_3d(result: RunResult) -> Drawing:
@@ -34,11 +36,22 @@ def path_3d(result: RunResult) -> Drawing:
     return Drawing(
         "path-3d",
         "Path of the camera in space",
-        "In the initial camera frame; up is up, and a millimetre is equally long everywhere. Shaded: the "
-        "safe distance that the task asks for around what the planner knows of the obstacle (crosses); the "
-        "path must stay outside. The brick-red box is the obstacle's real body, which the planner does not "
-        "know. Small pyramids: the camera, looking through its base.",
+        "In the initial camera frame; up is up, and a millimetre is equally long everywhere. "
+        f"{_obstacles_in_words(result.task)}Small pyramids: the camera, looking through its base.",
         figure,
+    )
+
+
+def _obstacles_in_words(task: Task) -> str:
+    """Say what is shaded, and whether the planner was given bodies or only balls that stand for them."""
+    given = task.planning.obstacles
+    if not given:
+        return ""
+    alone = all(isinstance(section, SphereSection) for section in given)
+    by_what = "for which these points or balls stand" if alone else "which is stated as a body"
+    return (
+        "Shaded: the safe distance that the task asks for around what the planner is given of the obstacle "
+        f"(crosses); the path must stay outside. The brick-red box is the obstacle's real body, {by_what}. "
     )
 
 
