@@ -25,7 +25,7 @@ from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.widened import widened
 from omniservo.planning.with_arm.arm_descent import LEAP
-from omniservo.planning.with_arm.arm_equations import carry_onto, lead_onto
+from omniservo.planning.with_arm.arm_equations import lead_onto
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
 from omniservo.planning.with_arm.plan_with_arm import NEAR, ArmPlanner
 from omniservo.planning.with_arm.replan_with_arm import with_room
@@ -111,12 +111,12 @@ def test_joints_are_carried_far_along_little_by_little_but_not_at_once():
     turned = near + np.outer(places, [2.4, 0.0, 0.0, 0.0, 0.0, 0.0, 1.8])
     goals = np.array([arm.base_T_flange(q).as_matrix() for q in turned])
     carried = near.copy()
-    assert carry_onto(arm.chain, goals, LEAP, carried)
+    assert lead_onto(arm.chain, goals, LEAP, True, carried)
     np.testing.assert_allclose([arm.base_T_flange(q).as_matrix() for q in carried], goals, atol=1e-8)
     assert np.abs(carried - near).max() > LEAP
-    assert not lead_onto(arm.chain, goals, LEAP, near.copy())
-    assert not carry_onto(arm.chain, goals[[0, -1]], LEAP, near[[0, -1]].copy())
-    assert lead_onto(arm.chain, goals[:3], LEAP, near[:3].copy())
+    assert not lead_onto(arm.chain, goals, LEAP, False, near.copy())
+    assert not lead_onto(arm.chain, goals[[0, -1]], LEAP, True, near[[0, -1]].copy())
+    assert lead_onto(arm.chain, goals[:3], LEAP, False, near[:3].copy())
 
 
 def test_the_old_way_itself_is_moved_where_joints_cannot_be_led_onto_one_near_it():

@@ -103,7 +103,8 @@ def near_pairs(
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
     """Return posture, pair and gap [m] of what is closer than ``within`` (p,) at joints (m, n).
 
-    In the order of the postures. Last, those of them that may touch: `PostureGaps.measure` has their gaps.
+    In the order of the postures. The last array says which of them may touch: `PostureGaps.measure` has the
+    gaps of these.
     """
     bounds = np.empty((joints.shape[0], within.shape[0]))
     _write_bounds(chain, shapes, frames, joints, within, postures, bounds)

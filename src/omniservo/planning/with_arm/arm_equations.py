@@ -36,7 +36,7 @@ def follow_poses(
     leap: float,
     joints: FloatArray,
 ) -> bool:
-    """Do what `lead_onto` does where the camera is at poses (m, 14), see `push`."""
+    """Do what `lead_onto` does where the camera is at poses (m, 14), see `push`; no row is carried."""
     goals = np.empty((joints.shape[0], 4, 4))
     for s in range(joints.shape[0]):
         for i in range(4):
@@ -47,34 +47,23 @@ def follow_poses(
                     for c in range(3):
                         moved += base_T_initial[i, c] * poses[s, 9 + c if j == 3 else 3 * c + j]
                     goals[s, i, k] += moved * camera_T_flange[j, k]
-    return bool(lead_onto(chain, goals, leap, joints))
+    return bool(lead_onto(chain, goals, leap, False, joints))
 
 
 @kernel
-def lead_onto(chain: Chain, goals: FloatArray, leap: float, joints: FloatArray) -> bool:
+def lead_onto(chain: Chain, goals: FloatArray, leap: float, carried: bool, joints: FloatArray) -> bool:
     """Lead every row of joints (m, n) by Newton's iteration to where the flange is to be, (m, 4, 4).
 
+    Args:
+        chain: of n joints.
+        goals: base_T_flange.
+        leap: [rad] that no joint of a row may move.
+        carried: each row begins as far off as the one before came to be, and ``leap`` counts from there: so
+            joints come to lie far from where they were, if only little by little.
+        joints: in and out.
+
     Returns:
-        False: one does not arrive, or a joint moves by more than ``leap`` [rad].
-    """
-    chain = held(chain)
-    before, J = np.empty(joints.shape[1]), np.empty((6, joints.shape[1]))
-    for s in range(joints.shape[0]):
-        for j in range(before.shape[0]):
-            before[j] = joints[s, j]
-        if not settle(chain, goals[s], joints[s], J):
-            return False
-        for j in range(before.shape[0]):
-            if not abs(joints[s, j] - before[j]) <= leap:
-                return False
-    return True
-
-
-@kernel
-def carry_onto(chain: Chain, goals: FloatArray, leap: float, joints: FloatArray) -> bool:
-    """Do what `lead_onto` does, each row beginning as far off as the one before came to be.
-
-    So joints come to lie far from where they were, if only little by little.
+        False: one does not arrive, or a joint leaps.
     """
     chain = held(chain)
     off, before, J = np.zeros(joints.shape[1]), np.empty(joints.shape[1]), np.empty((6, joints.shape[1]))
@@ -88,7 +77,8 @@ def carry_onto(chain: Chain, goals: FloatArray, leap: float, joints: FloatArray)
             change = joints[s, j] - before[j]
             if not abs(change - off[j]) <= leap:
                 return False
-            off[j] = change
+            if carried:
+                off[j] = change
     return True
 
 

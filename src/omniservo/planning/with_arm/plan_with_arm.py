@@ -26,7 +26,7 @@ from omniservo.planning.search.settle import power_path
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.with_arm.arm_descent import LEAP, ArmDescent
 from omniservo.planning.with_arm.arm_ends import free_postures, violation_at_goal, violation_at_start
-from omniservo.planning.with_arm.arm_equations import carry_onto
+from omniservo.planning.with_arm.arm_equations import lead_onto
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.planning.with_arm.joint_demands import JointDemands
@@ -200,7 +200,7 @@ class ArmPlanner:
             setting, (poses, _), led = self._setting, path.sampled(_LOOKED_AT), near.copy()
             flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
             asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
-            arrives = carry_onto(setting.arm.chain, flange[::2], LEAP, led)
+            arrives = lead_onto(setting.arm.chain, flange[::2], LEAP, True, led)
             fails = not arrives or carried_too_close(self._bodies, flange, asked)
             fails = fails or bool(self._joint_demands.values(led[1:-1], 0.0, self._seen).min() < 0.0)
             self._looked_ahead[path] = fails, led if arrives else None
