@@ -204,7 +204,7 @@ class PlanningProblem:
 
     @cached_property
     def goal_quaternion(self) -> FloatArray:
-        """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: the sign that the path ends with."""
+        """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: by the short way round. By the long one φ ends at −φ(1)."""
         return quaternion_of(self.initial_T_goal)
 
     @cached_property

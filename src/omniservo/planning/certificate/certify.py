@@ -71,7 +71,7 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
         raise InputError(
             f"path: degrees {sigma} and {tau} given; legal: 1 to {highest[0]} and 1 to {highest[1]}"
         )
-    start, end = path.rotation[:, -1], path.rotation.sum(axis=1)
+    start, end, goal = path.rotation[:, -1], path.rotation.sum(axis=1), problem.goal_quaternion
     lengths = float(np.linalg.norm(start)), float(np.linalg.norm(end))
     if min(lengths) == 0.0:
         raise InputError("path: the quaternion is 0 at an end")
@@ -79,7 +79,7 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
         "start": max(np.abs(path.translation[:, -1]).max(), np.abs(start / lengths[0] - [0, 0, 0, 1]).max()),
         "end": max(
             np.abs(path.translation.sum(axis=1) - problem.goal_translation).max(),
-            np.abs(end / lengths[1] - problem.goal_quaternion).max(),
+            np.abs(end / np.copysign(lengths[1], end @ goal) - goal).max(),
         ),
     }
     for place, error in errors.items():

@@ -98,3 +98,9 @@ def ends_of(problem: PlanningProblem) -> Ends:
         linear, angular = problem.initial_velocity[:3], problem.initial_velocity[3:]
         departure = np.array([*(0.5 * angular), quaternion[3] - 1.0, *linear])
     return Ends(quaternion, problem.goal_translation, departure)
+
+
+def ends_like(ends: Ends, path: CameraPath) -> Ends:
+    """Return the same ends, reached by that way round that a path to about there turns: φ(1) or −φ(1)."""
+    sign = np.copysign(1.0, path.rotation.sum(axis=1) @ ends.quaternion)
+    return ends._replace(quaternion=sign * ends.quaternion)

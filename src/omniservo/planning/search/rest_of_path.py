@@ -80,7 +80,8 @@ def settle_rest(
 
     Args:
         demands: the problem in the present camera frame.
-        ends: its ends; φ(1) a unit quaternion. The scalar part of φ′(0) is taken from the old path.
+        ends: its ends; φ(1) a unit quaternion, taken with the sign that is nearer to where the old path
+            ends. The scalar part of φ′(0) is taken from the old path.
         rotation: the old φ by powers (4, m+1), in the old initial frame.
         translation: the old t by powers (3, n+1) [m].
         w: where on the old path the camera is, 0 ≤ w < 1.
@@ -90,7 +91,7 @@ def settle_rest(
         tau: degree of the new t, ≥ n, likewise.
 
     Returns:
-        PROVEN; else REFUTED: nothing was proven, or the old path turns to the goal by the other way round.
+        PROVEN; else REFUTED: nothing was proven.
     """
     phi, t = rest_controls(rotation, w, sigma), rest_controls(translation, w, tau)
     turn_back(quaternion, phi)
@@ -99,11 +100,9 @@ def settle_rest(
     for c in range(4):
         square += phi[c, sigma] * phi[c, sigma]
         same += phi[c, sigma] * ends.quaternion[c]
-    if not same > 0.0:
-        return REFUTED, np.empty((4, 0)), np.empty((3, 0))
     goal, departure = np.empty(4), ends.departure.copy()
     for c in range(4):
-        goal[c] = math.sqrt(square) * ends.quaternion[c]
+        goal[c] = math.copysign(math.sqrt(square), same) * ends.quaternion[c]
     if departure.shape[0] > 0:
         departure[3] = sigma * (phi[3, 1] - phi[3, 0])
     demands, family = held(demands), held(path_family(Ends(goal, ends.translation, departure), sigma, tau))

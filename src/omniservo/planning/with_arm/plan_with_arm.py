@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.search.path_family import offsets, path_family, unknowns
-from omniservo.planning.search.problem_search import ProblemSearch
+from omniservo.planning.search.problem_search import ProblemSearch, ends_like
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import power_path
 from omniservo.planning.time_budget import TimeBudget
@@ -29,6 +29,7 @@ from omniservo.planning.with_arm.arm_ends import free_postures, violation_at_goa
 from omniservo.planning.with_arm.arm_equations import lead_onto
 from omniservo.planning.with_arm.arm_plan import ArmPlan
 from omniservo.planning.with_arm.arm_setting import ArmSetting
+from omniservo.planning.with_arm.joint_curves import joint_curves
 from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.planning.with_arm.judged_branch import JudgedBranch, judged_branch
 from omniservo.robots import ArmBodies, FollowedPath, JointPath, follow_path
@@ -142,16 +143,17 @@ class ArmPlanner:
         goal; ``velocity`` as for `follow_path`.
         """
         self._aims_given, self._velocity = aims, velocity
-        self._setting, self._bodies, self._budget = setting, bodies, budget
+        self._setting, self._bodies, self._seed, self._budget = setting, bodies, int(seed), budget
         self.problem = problem
         """as given"""
-        self.search = ProblemSearch.of(problem, int(seed))
+        self.search = ProblemSearch.of(problem, self._seed)
         """the camera's own"""
         self._demands = self.search.demands
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
         self._seen = self._joint_demands.seen(len(_PLACES))
         self._in_sight = setting.points_in_sight(problem)
+        self._unproven: tuple[CameraPath, str]
         self._known: dict[CameraPath, list[_Attempt]] = {}
         self._looked_ahead: dict[CameraPath, tuple[bool, FloatArray | None]] = {}
 
@@ -214,21 +216,19 @@ class ArmPlanner:
 
     def plan(self, first: CameraPath | None = None, *, attempts: int = ATTEMPTS) -> ArmPlan:
         """Try one start after the other, before them a proven camera path if one is given."""
-        tried, ends, best = 0, 0, None
-        for path, missing in islice(self._paths(first), int(attempts)):
-            if missing or (tried and self._late) or ends == HOPELESS:
-                break
+        paths, few = self._paths(first), min(int(attempts), ATTEMPTS)
+        rest = islice(paths, int(attempts) - few)
+        tried, best = 0, None
+        for made in chain(self._of_paths(islice(paths, few)), self._of_curves(), self._of_paths(rest)):
             tried += 1
-            if self._aims_given is not None:
-                ends = ends + 1 if self.stands_at_end(path) is False else 0
-            made = self._attempts(path)
             found = self._first_certified(made, tried)
             if found is not None:
                 return found
-            for attempt in made:
-                if best is None or attempt.judged.until > best.judged.until:
-                    best = attempt
+            best = max([*made, *([] if best is None else [best])], key=lambda a: a.judged.until)
+            if self._late:
+                break
         if best is None:
+            path, missing = self._unproven
             plan = judged_plan(self.problem, path, self._budget.begin, "certified", "", missing)
             return ArmPlan(plan, None, None, None, time.perf_counter() - self._budget.begin, tried)
         plan = judged_plan(self.problem, best.path, self._budget.begin, "certified", "")
@@ -236,19 +236,47 @@ class ArmPlanner:
         why = f"the arm can follow none of {tried} camera paths; the best attempt: {best.judged.reason}"
         return self._arm_plan(replace(plan, status="not_found", reason=why), best, tried)
 
+    def _of_paths(self, paths: Iterable[CameraPath]) -> Iterator[list[_Attempt]]:
+        """Yield what comes of camera paths."""
+        ends = 0
+        for path in paths:
+            if self._aims_given is not None:
+                ends = ends + 1 if self.stands_at_end(path) is False else 0
+            yield self._attempts(path)
+            if ends == HOPELESS:
+                return
+
+    def _of_curves(self) -> Iterator[list[_Attempt]]:
+        """Yield what comes of paths near curves in joint space, moved from these joints on."""
+        setting = self._setting
+        if setting.start is None or self._late:  # the postures take a while to find
+            return
+        for joints, path in joint_curves(
+            self.problem, setting, setting.start, self._free_at_goal, NEAR, self._seed
+        ):
+            if self._late:
+                return
+            aim = joints[-1] if setting.arm.dof > 6 else None
+            moved = self._moved(path, _Begin(joints[1:-1], joints[[0, -1]], 0.0), aim)
+            if moved is not None:
+                yield [moved]
+
     @property
     def _late(self) -> bool:
         return self._budget.is_used_up
 
-    def _paths(self, first: CameraPath | None) -> Iterator[tuple[CameraPath, str]]:
-        """Yield proven camera paths, each with ""; where no more are found the best attempt, and words."""
+    def _paths(self, first: CameraPath | None) -> Iterator[CameraPath]:
+        """Yield proven camera paths, until no more are found."""
         if first is not None:
-            yield first, ""
+            yield first
         number, search = 0, self.search
         while number < search.starts:
             found, tried = first_proven(search, self._budget, int(number == 0), number)
-            yield found.path, "" if found.proven else f"no path in {tried} starts"
-            number = max(number, found.number) + 1 if found.proven else search.starts
+            if not found.proven:
+                self._unproven = found.path, f"no path in {tried} starts"
+                return
+            number = found.number + 1
+            yield found.path
 
     def _arm_plan(self, plan: Plan, attempt: _Attempt, attempts: int) -> ArmPlan:
         seconds = time.perf_counter() - self._budget.begin
@@ -308,22 +336,23 @@ class ArmPlanner:
             yield from self._aims_given
             return
         yield None
-        yield from self._free_at_goal
+        if self._setting.arm.dof > 6:
+            yield from self._free_at_goal
 
     @cached_property
-    def _free_at_goal(self) -> list[FloatArray]:
-        """Postures of seven joints that are free at the goal, those first that are near the start."""
+    def _free_at_goal(self) -> FloatArray:
+        """Postures (k, n) free at the goal, those first that are near the start; none without a start."""
         setting, start = self._setting, self._setting.start
-        if setting.arm.dof == 6 or start is None:
-            return []
+        if start is None:
+            return np.empty((0, setting.arm.dof))
         postures = free_postures(self.problem, setting, self._bodies)
         seconds = (np.abs(postures - start) / setting.arm.joint_speed).max(axis=1)
-        return list(postures[np.argsort(seconds)][:AIMS])
+        return postures[np.argsort(seconds)][:AIMS]
 
     def _moved(self, path: CameraPath, begin: _Begin, aim: FloatArray | None) -> _Attempt | None:
         """Return a camera path moved until the arm can follow it, or as far as it came; None: nowhere."""
         sigma, tau = self.search.degrees.tolist()
-        family = path_family(self.search.ends, sigma, tau)
+        family = path_family(ends_like(self.search.ends, path), sigma, tau)
         x = np.zeros(unknowns(family))
         end_least = self._joint_demands.values(begin.ends)
         if not len(x) or end_least.min() < 0.0:
