@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.planning.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Mesh, Sphere, plan_path, plan_with_arm
+from omniservo.planning import Box, Capsule, HalfSpace, Mesh, Sphere, plan_path, plan_with_arm
 from omniservo.planning.with_arm.joint_demands import JointDemands
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import ArmBodies, Solid, follow_path, load_arm, shipped_arms
@@ -324,8 +324,6 @@ def test_obstacles_become_the_same_bodies_in_the_base_frame():
 
 def test_what_cannot_be_judged_for_the_whole_arm_is_refused():
     problem, setting = certified_task()
-    with pytest.raises(InputError, match="obstacle 0: a point cloud; legal for the whole arm"):
-        plan_with_arm(replace(problem, obstacles=(Cloud(np.ones((3, 3))),)), setting)
     moving = Sphere(np.ones(3), 0.1, motion=np.array([[0.1, 0.0], [0.0, 0.0], [0.0, 0.0]]))
     with pytest.raises(InputError, match="obstacle 0: it moves"):
         plan_with_arm(replace(problem, obstacles=(moving,)), setting)

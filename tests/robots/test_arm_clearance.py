@@ -142,6 +142,22 @@ def test_surroundings_that_were_moved_are_as_if_built_there(seed):
             assert moved.measure(pair) == pytest.approx(built.measure(pair), abs=1e-6)
 
 
+def test_bodies_of_one_name_are_one_thing_of_which_each_is_judged():
+    near, far = (Solid.sphere("tree", [0.0, y, 1.0], 0.1) for y in (0.5, 3.0))
+    bodies = ArmBodies(load_arm("rx60"), surroundings=[TABLE, far, near])
+    bodies.place(np.zeros(6))
+    seen = [bodies.names(pair)[1] for pair in range(len(bodies.pairs)) if bodies.is_around(pair)]
+    assert seen.count("tree") == 2 * seen.count("table")
+    assert dict.fromkeys(seen) == dict.fromkeys(["table", "tree"])
+    gaps = [bodies.measure(pair) for pair in range(len(bodies.pairs)) if bodies.names(pair)[1] == "tree"]
+    alone = ArmBodies(load_arm("rx60"), surroundings=[near])
+    alone.place(np.zeros(6))
+    assert min(gaps) == pytest.approx(
+        min(alone.measure(p) for p in range(len(alone.pairs)) if alone.is_around(p))
+    )
+    assert bodies.move_surroundings([TABLE, near, far])
+
+
 def test_surroundings_that_are_others_are_not_moved():
     bodies = ArmBodies(load_arm("rx60"), surroundings=[TABLE])
     ball, hull = Solid.sphere("table", [0, 0, 1], 0.1), random_solid(np.random.default_rng(1), "hull")
@@ -378,7 +394,7 @@ def test_wrong_solids_and_clearances_are_named():
     with pytest.raises(InputError, match="hull has vertices"):
         Solid("x", "hull", [], RigidTransform.identity())
     with pytest.raises(InputError, match="'table' is given twice"):
-        ArmBodies(load_arm("rx60"), surroundings=[TABLE, TABLE])
+        ArmBodies(load_arm("rx60"), surroundings=[TABLE, Solid.sphere("ball", [0, 0, 1], 0.1), TABLE])
     arm = load_arm("rx60")
     with pytest.raises(InputError, match="clearance"):
         arm_clearance(ArmBodies(arm), straight_joint_path(np.zeros(6), np.ones(6)), clearance=-1.0)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import groupby, product
 from typing import Any
 
 import mujoco
@@ -70,15 +70,17 @@ class ArmBodies:
         Args:
             arm: with the shapes of its file that can be touched; a mesh counts as its convex hull.
             mounted: what the tool carries, in the flange frame; one body called `MOUNTED`.
-            surroundings: what stands around, in the base frame; names are unique.
+            surroundings: what stands around, in the base frame. Bodies of one name are one thing: they stand
+                side by side in the sequence.
             strays: by name of `tube_parts` [m]: how far any point of a link may be from where a path has it,
                 and by how much two of the arm's own links may be nearer. Pairs are asked to keep that much
                 more. None: nothing.
 
         Raises:
-            InputError: two surroundings of one name; strays of other parts than `tube_parts`.
+            InputError: two things around of one name; strays of other parts than `tube_parts`.
         """
-        names = [solid.name for solid in surroundings]
+        things = [(name, list(parts)) for name, parts in groupby(surroundings, lambda solid: solid.name)]
+        names = [name for name, _ in things]
         if len(set(names)) < len(names):
             raise InputError(f"surroundings: {max(names, key=names.count)!r} is given twice")
         self.arm = arm
@@ -88,9 +90,11 @@ class ArmBodies:
             for solid in mounted:
                 solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
         self._solids = tuple(surroundings)
-        self._around = [f"around {i}" for i in range(len(surroundings))]
-        for name, solid in zip(self._around, surroundings, strict=True):
-            solid.add_to(spec, spec.worldbody.add_body(name=name))
+        self._around = [f"around {i}" for i in range(len(things))]
+        for name, (_, parts) in zip(self._around, things, strict=True):
+            thing = spec.worldbody.add_body(name=name)
+            for solid in parts:
+                solid.add_to(spec, thing)
         self._model: Any = spec.compile()
         self._data: Any = mujoco.MjData(self._model)
         self._names = dict(zip(self._around, names, strict=True))
@@ -204,9 +208,7 @@ class ArmBodies:
 
     def names(self, pair: int) -> tuple[str, str]:
         """Return what a pair is called: the link, and the surroundings or the other link."""
-        fixed, moving = (
-            str(self._model.body(int(self._model.geom_bodyid[shape])).name) for shape in self.pairs[pair]
-        )
+        fixed, moving = (self._owners[shape] for shape in self.pairs[pair].tolist())
         return moving, self._names.get(fixed, fixed)
 
     def is_around(self, pair: int) -> bool:

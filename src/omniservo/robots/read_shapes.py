@@ -108,7 +108,7 @@ def _hull_corners(model: Any, mesh: int) -> FloatArray:
 
 def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:
     """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move."""
-    i, j = np.tril_indices(model.ngeom, -1)
+    i, j = np.nonzero(np.tril((carried > 0)[:, None] | (carried > 0), -1))
     first = np.where(carried[j] <= carried[i], j, i)
     second = i + j - first
     bodies, weld = model.geom_bodyid.astype(np.int64), model.body_weldid

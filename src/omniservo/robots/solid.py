@@ -92,11 +92,9 @@ class Solid:
 
     def add_to(self, spec: Any, body: Any) -> Any:
         """Add it to a MuJoCo body of ``spec``, in whose frame it is stated; return the new geom."""
-        geom = body.add_geom(
-            type=_GEOMS[self.kind],
-            pos=self.pose.translation,
-            quat=self.pose.rotation.as_quat(scalar_first=True),
-        )
+        pose, quaternion = self.pose.as_matrix(), np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())  # SciPy's takes longer than all the rest
+        geom = body.add_geom(type=_GEOMS[self.kind], pos=pose[:3, 3], quat=quaternion)
         if self.vertices is None:
             geom.size = self.mujoco_size
         else:

@@ -50,7 +50,7 @@ def ball_tree(points: FloatArray) -> BallTree:
         count += 1
         if end - first > _LEAF:
             middle = first + (end - first) // 2
-            _select(ordered, first, end - 1, middle, axis)
+            select(ordered, first, end - 1, middle, axis)
             pending[top + 1, 0], pending[top + 1, 1] = middle, end
             pending[top + 2, 0], pending[top + 2, 1] = first, middle
             top += 2
@@ -80,8 +80,8 @@ def _enclose(points: FloatArray, first: int, end: int, node: FloatArray) -> int:
 
 
 @leaf
-def _select(points: FloatArray, low: int, high: int, middle: int, axis: int) -> None:
-    """Reorder rows ``low`` to ``high`` so that ``middle`` is where sorting by ``axis`` puts it (Hoare)."""
+def select(points: FloatArray, low: int, high: int, middle: int, axis: int) -> None:
+    """Reorder rows ``low`` to ``high`` so that ``middle`` is where sorting by a column puts it (Hoare)."""
     while low < high:
         pivot = points[(low + high) // 2, axis]
         i, j = low, high
@@ -91,7 +91,7 @@ def _select(points: FloatArray, low: int, high: int, middle: int, axis: int) -> 
             while points[j, axis] > pivot:
                 j -= 1
             if i <= j:
-                for a in range(3):
+                for a in range(points.shape[1]):
                     points[i, a], points[j, a] = points[j, a], points[i, a]
                 i += 1
                 j -= 1

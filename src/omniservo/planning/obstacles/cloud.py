@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +12,8 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
-from omniservo.planning.obstacles.ball_tree import BallTree, ball_tree
+from omniservo.planning.obstacles.ball_tree import BallTree, ball_tree, nearest_point
+from omniservo.planning.obstacles.cloud_boxes import MOST_BOXES, CloudBoxes, cloud_boxes
 
 MOST_CLOUD_POINTS = 100_000
 """Points of a cloud, and of all clouds of a problem together."""
@@ -45,6 +47,19 @@ class Cloud:
     def tree(self) -> BallTree:
         """The points in a tree of balls: how kernels find those that matter."""
         return ball_tree(self.points)
+
+    @cached_property
+    def boxes(self) -> CloudBoxes:
+        """Boxes that hold all its balls: among them a whole arm is judged."""
+        return cloud_boxes(self.points, self.radius, MOST_BOXES)
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Return the distance of points (k, 3) to the nearest ball's surface [m] (k,), negative inside.
+
+        Where it stands without its motion.
+        """
+        found = [nearest_point(*self.tree, x, x, math.inf)[1] for x in map(tuple, points)]
+        return np.array(found) - self.radius
 
 
 def _checked_points(value: Any) -> FloatArray:

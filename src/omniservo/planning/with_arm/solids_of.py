@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
+from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.obstacle import Obstacle
@@ -22,7 +23,8 @@ def solids_of(
 ) -> tuple[Solid, ...]:
     """Return the obstacles in the base frame, called as in a certificate: ``obstacle i``.
 
-    A half-space becomes a block that is much larger than what the arm can reach.
+    A half-space becomes a block that is much larger than what the arm can reach; a cloud some hundred boxes
+    of one name that hold all its balls (`cloud_boxes`), or balls where points stand alone.
 
     Args:
         obstacles: in the initial camera frame.
@@ -30,17 +32,35 @@ def solids_of(
         reach: [m] the arm with what it carries stays within it of the base.
 
     Raises:
-        InputError: a point cloud or an obstacle that moves, which are not judged for the whole arm.
+        InputError: an obstacle that moves, which is not judged for the whole arm.
     """
-    found = []
+    found: list[Solid] = []
     for i, obstacle in enumerate(obstacles):
         if obstacle.motion is not None:
             raise InputError(f"obstacle {i}: it moves; the whole arm is judged among what stands still")
-        found.append(_solid(f"obstacle {i}", obstacle, base_T_initial, reach))
+        name = f"obstacle {i}"
+        if isinstance(obstacle, Cloud):
+            found += _solids_of_cloud(name, obstacle, base_T_initial)
+        else:
+            found.append(_solid(name, obstacle, base_T_initial, reach))
     return tuple(found)
 
 
-def _solid(name: str, obstacle: Obstacle, base_T_initial: RigidTransform, reach: float) -> Solid:
+def _solids_of_cloud(name: str, cloud: Cloud, base_T_initial: RigidTransform) -> list[Solid]:
+    boxes = cloud.boxes
+    places = base_T_initial * RigidTransform.from_components(boxes.middles, Rotation.from_matrix(boxes.axes))
+    return [
+        Solid(name, "sphere", half[:1], place) if single else Solid(name, "box", half, place)
+        for place, half, single in zip(places, boxes.half_extents, boxes.single, strict=True)
+    ]
+
+
+def _solid(
+    name: str,
+    obstacle: Sphere | Box | Capsule | HalfSpace | Mesh,
+    base_T_initial: RigidTransform,
+    reach: float,
+) -> Solid:
     match obstacle:
         case Sphere():
             return Solid.sphere(name, base_T_initial.apply(np.array(obstacle.center)), obstacle.radius)
@@ -61,10 +81,6 @@ def _solid(name: str, obstacle: Obstacle, base_T_initial: RigidTransform, reach:
             return Solid.box(name, block, [2.0 * reach] * 3)
         case Mesh():
             return Solid(name, "hull", np.zeros(0), base_T_initial, obstacle.vertices)
-        case _:
-            raise InputError(
-                f"{name}: a point cloud; legal for the whole arm: sphere, box, capsule, half_space, mesh"
-            )
 
 
 def _turned_to(direction: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Rotation:
