@@ -96,7 +96,10 @@ def _draw_ranges(axes: Axes, arm: Arm) -> None:
     ):
         axes.text(first, place - 0.42, _degrees(first), ha="left", va="center", fontsize=8)
         axes.text(last, place - 0.42, _degrees(last), ha="right", va="center", fontsize=8)
-        axes.text(0.5 * (first + last), place, f"{speed:.0f} °/s", ha="center", va="center", fontsize=9)
+        axes.text(
+            0.5 * (first + last), place, f"{speed:.0f} °/s", ha="center", va="center", fontsize=9,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.5},
+        )  # fmt: skip
     axes.use_sticky_edges = False
     axes.margins(x=0.04)
     axes.set_ylim(arm.dof + 0.4, 0.35)

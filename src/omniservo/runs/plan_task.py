@@ -25,9 +25,6 @@ from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
-PATIENT = 1000
-"""starts for a task whose first ones the arm cannot follow: seconds, where a run takes many"""
-
 
 def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
     """Return the problem of goal and points (n, 3) [m] as estimated: clearance plus tracking margin.
@@ -77,7 +74,7 @@ def plan_task(
     if method == "paper":
         plan = plan_path(problem, method="paper", seed=seed)
     elif task.planning.risk is None:
-        plan = plan_with_arm(problem, setting, seed=seed, attempts=PATIENT).plan
+        plan = plan_with_arm(problem, setting, seed=seed).plan
     else:
         left = task.planning.risk * (1.0 if task.planning.tracking_tube is None else 1.0 - TRACKING_PART)
         mount = task.arm.mount_covariance
