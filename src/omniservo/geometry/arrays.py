@@ -30,9 +30,7 @@ def finite_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -
     """
     array = _as_floats(name, value)
     wanted = tuple(shape)
-    tail = wanted[1:] if wanted[:1] == (-1,) else wanted
-    given = array.shape[len(array.shape) - len(tail) :] if wanted[:1] == (-1,) else array.shape
-    if len(given) != len(tail) or any(w is not None and w != g for w, g in zip(tail, given, strict=True)):
+    if array.shape != wanted and not _is_of_shape(array, wanted):
         raise InputError(f"{name}: shape {array.shape} given; {_spell(wanted)} is needed")
     if not np.isfinite(array).all():
         bad = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
@@ -70,6 +68,12 @@ def frozen(array: FloatArray) -> FloatArray:
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy
+
+
+def _is_of_shape(array: FloatArray, wanted: tuple[int | None, ...]) -> bool:
+    tail = wanted[1:] if wanted[:1] == (-1,) else wanted
+    given = array.shape[len(array.shape) - len(tail) :] if wanted[:1] == (-1,) else array.shape
+    return len(given) == len(tail) and all(w is None or w == g for w, g in zip(tail, given, strict=True))
 
 
 def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:

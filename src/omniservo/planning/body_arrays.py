@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 
 import numpy as np
 
@@ -34,10 +35,8 @@ def motions_of(problem: PlanningProblem) -> FloatArray:
 
 def motion_indices(problem: PlanningProblem) -> list[float]:
     """Return every obstacle's row among the motions, −1 where it stands still."""
-    moving = np.cumsum([o.motion is not None for o in problem.obstacles])
-    return [
-        -1.0 if o.motion is None else float(k - 1) for o, k in zip(problem.obstacles, moving, strict=True)
-    ]
+    moving = count()
+    return [-1.0 if o.motion is None else float(next(moving)) for o in problem.obstacles]
 
 
 def bodies_of(problem: PlanningProblem) -> FloatArray:

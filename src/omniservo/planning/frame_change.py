@@ -18,7 +18,7 @@ from omniservo.planning.planning_problem import (
     PlanningProblem,
     Workspace,
 )
-from omniservo.planning.quick_poses import composed
+from omniservo.planning.quick_poses import composed, moved
 
 FREE_DEGREE = 3
 """A path that leaves with a given velocity has freedom from this degree on."""
@@ -51,7 +51,7 @@ def problem_from(
     )
     return replace(
         problem,
-        points=here.apply(problem.points),
+        points=moved(here, problem.points),
         initial_T_goal=composed(here, problem.initial_T_goal),
         obstacles=tuple(seen_from(o, here, w) for o in problem.obstacles),
         workspace=None if problem.workspace is None else _workspace(problem.workspace, here),
@@ -63,7 +63,7 @@ def problem_from(
 def seen_from(obstacle: Obstacle, here: RigidTransform, w: float) -> Obstacle:
     """Return an obstacle, of any type, in another frame and from w on: x there is ``here`` times x."""
     changes: dict[str, Any] = {
-        name: here.apply(getattr(obstacle, name)) for name in _POINTS if hasattr(obstacle, name)
+        name: moved(here, getattr(obstacle, name)) for name in _POINTS if hasattr(obstacle, name)
     }
     if isinstance(obstacle, Box):
         changes["quaternion"] = (here.rotation * Rotation.from_quat(obstacle.quaternion)).as_quat()

@@ -62,7 +62,7 @@ class PathSteps:
         """See `omniservo.robots.follow_path.follow_path`."""
         self._arm, self._path = arm, path
         self._base_T_initial = base_T_initial.as_matrix()
-        self._camera_T_flange = flange_T_camera.inv().as_matrix()
+        self._camera_T_flange = np.linalg.inv(flange_T_camera.as_matrix())
         self._whole = self._table(0.0, LONGEST / 8.0)
         way = float(np.linalg.norm(self._whole.motions[::4, 0], axis=1).mean())
         push = np.array([_PUSH * way if arm.dof > 6 else 0.0])

@@ -10,7 +10,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.linear_systems import symmetric_eigen
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
 from omniservo.robots.chain import (
     LENGTH_SCALE,
     SINGULAR_VALUE,
@@ -109,14 +109,15 @@ def advance(
     for j in range(n):
         if not abs(ahead[0, j] - foretold[j]) <= _LEAP:
             return LEAP
-    _differentiate(chain, rule, w + step, J, motion, ahead, values)
+    regular = _differentiate(chain, rule, w + step, J, motion, ahead)
+    if regular and step > 0.0 and rule.push[0] > 0.0:
+        _follow_flow(chain, rule, w, step, now, goal, motion, ahead, J)
+    _look_at_singularity(rule, J, ahead[1], values)
     values[LEAST] = _least_between(step, now_values, values)
-    if values[LEAST] < SINGULAR_VALUE:
+    if not regular or values[LEAST] < SINGULAR_VALUE:
         return SINGULAR
     if step == 0.0:
         return TAKEN
-    if rule.push[0] > 0.0:
-        _follow_flow(chain, rule, w, step, now, goal, motion, ahead, values)
     for j in range(n):
         middle[j] = 0.5 * (now[0, j] + ahead[0, j]) + step * (
             (5.0 / 32.0) * (now[1, j] - ahead[1, j]) + (step / 64.0) * (now[2, j] + ahead[2, j])
@@ -154,21 +155,23 @@ def _differentiate(
     flange_J: FloatArray,
     motion: FloatArray,
     state: FloatArray,
-    values: FloatArray,
-) -> None:
-    """Write slope and bend at q: J q′ = ξ with the least motion beside the wish z of the joints.
+) -> bool:
+    """Write slope and bend at q; False, and zeros, where JJᵀ has no inverse.
 
-    z is the push off the limits, where there is a line l(w), l′ + k(l − q), and a departure d that fades:
-    f(w) d, f = (1 − u)²(1 + 2u) with u = w over `FADED`, then 0. q′ = z + Jᵀλ,
-    JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′. The singular
-    value's derivative is uᵀJ̇v.
+    J q′ = ξ with the least motion beside the wish z of the joints. z is the push off the limits, where there
+    is a line l(w), l′ + k(l − q), and a departure d that fades: f(w) d, f = (1 − u)²(1 + 2u) with u = w over
+    `FADED`, then 0. q′ = z + Jᵀλ, JJᵀλ = ξ − Jz; derived once more: q″ = z′ + J̇ᵀλ + Jᵀλ′, Jq″ = ξ′ − J̇q′.
     """
     n = state.shape[1]
     J, grown = np.empty((6, n)), np.empty((6, n))
     turned(rule.to_camera, flange_J, J)
-    sigma, left = singular_values(J)
+    factor, weights, wish, wish_growth = np.empty((6, 6)), np.empty(6), np.empty(n), np.empty(n)
     q, slope, bend = state[0], state[1], state[2]
-    right, weights, wish, wish_growth = np.empty(6), np.empty(6), np.empty(n), np.empty(n)
+    write_gram(J, 0.0, factor)
+    if not factor_cholesky(factor, 6, 0.0):
+        for j in range(n):
+            slope[j] = bend[j] = 0.0
+        return False
     fade, fading = _faded(min(w / FADED, 1.0))
     for j in range(n):
         half = 0.5 * (chain.ranges[j, 1] - chain.ranges[j, 0])
@@ -178,10 +181,10 @@ def _differentiate(
         wish[j] = along + rule.pull[0] * aside - rule.push[0] * half * off**5 + fade * rule.departure[j]
         wish_growth[j] = -rule.pull[0] - 5.0 * rule.push[0] * off**4
     for i in range(6):
-        right[i] = motion[0, i]
+        weights[i] = motion[0, i]
         for j in range(n):
-            right[i] -= J[i, j] * wish[j]
-    _times_inverse(sigma, left, right, weights)
+            weights[i] -= J[i, j] * wish[j]
+    solve_factored(factor, 6, weights)
     for j in range(n):
         slope[j] = wish[j]
         for i in range(6):
@@ -193,13 +196,24 @@ def _differentiate(
         for i in range(6):
             bend[j] += grown[i, j] * weights[i]
     for i in range(6):
-        right[i] = motion[1, i]
+        weights[i] = motion[1, i]
         for j in range(n):
-            right[i] -= grown[i, j] * slope[j] + J[i, j] * bend[j]
-    _times_inverse(sigma, left, right, weights)
+            weights[i] -= grown[i, j] * slope[j] + J[i, j] * bend[j]
+    solve_factored(factor, 6, weights)
     for j in range(n):
         for i in range(6):
             bend[j] += J[i, j] * weights[i]
+    return True
+
+
+@inlined
+def _look_at_singularity(rule: Rule, flange_J: FloatArray, slope: FloatArray, values: FloatArray) -> None:
+    """Write the smallest singular value, and its derivative uᵀJ̇v where the joints move by slope (n,)."""
+    n = slope.shape[0]
+    J, grown = np.empty((6, n)), np.empty((6, n))
+    turned(rule.to_camera, flange_J, J)
+    sigma, left = singular_values(J)
+    grow_twists(J, slope, grown)
     values[VALUE], values[SLOPE] = sigma[0], 0.0
     for j in range(n):
         across, along = 0.0, 0.0
@@ -258,14 +272,16 @@ def _follow_flow(
     goal: FloatArray,
     motion: FloatArray,
     ahead: FloatArray,
-    values: FloatArray,
+    J: FloatArray,
 ) -> None:
-    """Move ``ahead`` within the arm's self-motion to where the flow q′(w, q) leads, to fourth order."""
+    """Move ``ahead`` within the arm's self-motion to where the flow q′(w, q) leads, to fourth order.
+
+    J is the flange's Jacobian there, and comes along.
+    """
     n = now.shape[1]
-    J, twist, change, across = np.empty((6, n)), np.empty(6), np.empty(n), np.empty(n)
-    moved, flange = np.empty(n), np.empty((3, 4))
+    moved_J, twist, change, across = np.empty((6, n)), np.empty(6), np.empty(n), np.empty(n)
+    moved = np.empty((3, n))
     for _ in range(_CORRECTIONS):
-        locate(chain, ahead[0], LENGTH_SCALE, flange, J)
         for j in range(n):
             bent = (step / 12.0) * (now[2, j] - ahead[2, j])
             change[j] = now[0, j] - ahead[0, j] + step * (0.5 * (now[1, j] + ahead[1, j]) + bent)
@@ -277,26 +293,15 @@ def _follow_flow(
             return
         for j in range(n):
             change[j] -= across[j]
-            moved[j] = ahead[0, j] + change[j]
-        if _largest(change) < _FLOWN or not settle(chain, goal, moved, J):
+            moved[0, j] = ahead[0, j] + change[j]
+        if _largest(change) < _FLOWN or not settle(chain, goal, moved[0], moved_J):
+            return
+        if not _differentiate(chain, rule, w + step, moved_J, motion, moved):
             return
         for j in range(n):
-            ahead[0, j] = moved[j]
-        _differentiate(chain, rule, w + step, J, motion, ahead, values)
-
-
-@leaf
-def _times_inverse(sigma: FloatArray, left: FloatArray, vector: FloatArray, out: FloatArray) -> None:
-    """Write (JJᵀ)⁻¹ vector (6,)."""
-    for i in range(6):
-        out[i] = 0.0
-    for k in range(6):
-        part = 0.0
-        for i in range(6):
-            part += left[i, k] * vector[i]
-        part /= max(sigma[k], _TINY) ** 2
-        for i in range(6):
-            out[i] += part * left[i, k]
+            ahead[0, j], ahead[1, j], ahead[2, j] = moved[0, j], moved[1, j], moved[2, j]
+            for i in range(6):
+                J[i, j] = moved_J[i, j]
 
 
 @leaf

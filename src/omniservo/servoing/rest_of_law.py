@@ -131,6 +131,8 @@ class RestOfLaw:
 
     def _excess(self, limits: LimitsAt, motion: _Motion) -> float:
         """Return by how much time had to be stretched to keep limits; ``motion`` is that of an even clock."""
+        if self.pace == 1.0:
+            return limits.excess(motion.speed, motion.change)
         rate, growth = _slowed(motion.clock - self.begin, self.pace, self.ramp)
         speed, change = motion.speed * rate, motion.change * rate**2 + motion.speed * growth
         return limits.excess(speed, change)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate import margins
 from omniservo.planning.certificate.certificate import Certificate, ConstraintMargin
 from omniservo.planning.certificate.distorted_margins import distorted_margins
+from omniservo.planning.certificate.path_ends import ends_off
 from omniservo.planning.certificate.separators import separators_of
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import asked_of
@@ -33,7 +35,7 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
     """
     _check_path(problem, path)
     demands, optics, entries, asked = asked_of(problem)
-    rotation, translation = np.array(path.rotation, order="C"), np.array(path.translation, order="C")
+    rotation, translation = path.powers
     table = margins.path_margins(demands, optics, asked, rotation, translation)
     found = [
         ConstraintMargin(
@@ -71,31 +73,15 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
         raise InputError(
             f"path: degrees {sigma} and {tau} given; legal: 1 to {highest[0]} and 1 to {highest[1]}"
         )
-    start, end, goal = path.rotation[:, -1], path.rotation.sum(axis=1), problem.goal_quaternion
-    lengths = float(np.linalg.norm(start)), float(np.linalg.norm(end))
-    if min(lengths) == 0.0:
+    start, goal = ends_off(*path.powers, problem.goal_quaternion, problem.goal_translation)
+    if math.isnan(start):
         raise InputError("path: the quaternion is 0 at an end")
-    errors = {
-        "start": max(np.abs(path.translation[:, -1]).max(), np.abs(start / lengths[0] - [0, 0, 0, 1]).max()),
-        "end": max(
-            np.abs(path.translation.sum(axis=1) - problem.goal_translation).max(),
-            np.abs(end / np.copysign(lengths[1], end @ goal) - goal).max(),
-        ),
-    }
-    for place, error in errors.items():
+    for place, error, pose in (("start", start, "the identity"), ("end", goal, "the goal")):
         if error > ENDS_MEET:
-            pose = "the identity" if place == "start" else "the goal"
             raise InputError(f"path: its {place} misses {pose} by {error:.3g}; legal: {ENDS_MEET:g}")
     if problem.initial_velocity is not None:
-        error = float(np.abs(_start_velocity(path) - problem.initial_velocity).max())
+        error = float(np.abs(path.sampled(np.zeros(1))[1][0, 0] - problem.initial_velocity).max())
         if error > ENDS_MEET:
             raise InputError(
                 f"path: its velocity at w = 0 misses initial_velocity by {error:.3g}; legal: {ENDS_MEET:g}"
             )
-
-
-def _start_velocity(path: CameraPath) -> FloatArray:
-    """Return t′(0) and 2 vec(φ*⊗φ′)/‖φ‖² at 0, (6,), of a path of degrees ≥ 1 that starts at the identity."""
-    phi, slope = path.rotation[:, -1], path.rotation[:, -2]
-    turn = phi[3] * slope[:3] - slope[3] * phi[:3] - np.cross(phi[:3], slope[:3])
-    return np.concatenate([path.translation[:, -2], 2.0 * turn / (phi @ phi)])

@@ -14,6 +14,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
 from omniservo.planning.search.path_family import Family, add_sample, unknowns
 from omniservo.planning.search.settle import PULL
@@ -67,7 +68,7 @@ class ArmDescent:
         )
         self._ell = float(demands.numbers[2])
         self._base_T_initial = setting.base_T_initial.as_matrix()
-        self._camera_T_flange = setting.camera_T_flange.as_matrix()
+        self._camera_T_flange = inverse(setting.flange_T_camera)
         self._camera_ends = self._end_values()
         self._seen = seen
 

@@ -19,6 +19,7 @@ from omniservo.planning.improving_plans import first_proven
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.path_family import offsets, path_family, unknowns
 from omniservo.planning.search.problem_search import ProblemSearch, ends_like
 from omniservo.planning.search.prove_path import prove_path
@@ -200,7 +201,7 @@ class ArmPlanner:
         """Return both; kept."""
         if path not in self._looked_ahead:
             setting, (poses, _), led = self._setting, path.sampled(_LOOKED_AT), near.copy()
-            flange = setting.base_T_initial.as_matrix() @ poses @ setting.camera_T_flange.as_matrix()
+            flange = setting.base_T_initial.as_matrix() @ poses @ inverse(setting.flange_T_camera)
             asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
             arrives = lead_onto(setting.arm.chain, flange[::2], LEAP, True, led)
             fails = not arrives or carried_too_close(self._bodies, flange, asked)

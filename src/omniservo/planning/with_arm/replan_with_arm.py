@@ -18,7 +18,7 @@ from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import composed
+from omniservo.planning.quick_poses import composed, inverse
 from omniservo.planning.replan import path_near_rest, rest_of_plan
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
@@ -73,12 +73,9 @@ def replan_with_arm(
     finite_number("seed", seed, minimum=0)
     old, pose, rest = rest_of_plan(plan, w, problem)
     base_T_here = composed(setting.base_T_initial, pose)
-    goal = base_T_here.as_matrix() @ setting.camera_T_flange.as_matrix()
+    goal = base_T_here.as_matrix() @ inverse(setting.flange_T_camera)
     here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies
-    reason = violation_at_end(rest) or violation_at_start(rest, here, bodies)
-    if reason:
-        return _nothing(rest, budget, reason)
     aims = [None if plan.aim is None else joints.positions[-1]]  # self-motion goes on to where it was led
     velocity = (1.0 - w) * joints(w, 1) if setting.arm.dof > 6 else None
     planner = ArmPlanner(rest, here, bodies, int(seed), budget, aims=aims, velocity=velocity)
@@ -88,6 +85,10 @@ def replan_with_arm(
         if found is not None:
             return found
         near = None if is_hopeless else near
+    # What is proven is so at its ends, too: they are looked at where nothing was found.
+    reason = violation_at_end(rest) or violation_at_start(rest, here, bodies)
+    if reason:
+        return _nothing(rest, budget, reason)
     if here.arm.has_closed_form and (near is None or not planner.stands_at_end(near)):
         reason = violation_at_goal(rest, here, bodies)
         if reason:
