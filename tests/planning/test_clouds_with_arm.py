@@ -10,7 +10,7 @@ from tests.planning.arm_scenes import random_task
 
 from omniservo.errors import InputError
 from omniservo.planning import Box, Cloud, Sphere, plan_with_arm, replan_with_arm
-from omniservo.planning.obstacles.cloud_boxes import MOST_BOXES, cloud_boxes
+from omniservo.planning.obstacles.cloud_boxes import MOST_BOXES
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import ArmBodies, Solid, arm_clearance, load_arm
 
@@ -40,6 +40,10 @@ def clouds():
     }
 
 
+def covered(points, radius):
+    return Cloud(points, radius).boxes
+
+
 def beyond(boxes, points, radius):
     """How far each ball (p,) stands out of the box that holds most of it, ≤ 0: not at all; in more digits."""
     points = points.astype(np.longdouble)
@@ -54,7 +58,7 @@ def beyond(boxes, points, radius):
 @pytest.mark.parametrize("name", list(clouds()))
 def test_every_ball_of_a_cloud_is_inside_one_of_its_boxes(name, radius):
     points = clouds()[name]
-    boxes = cloud_boxes(points, radius, MOST_BOXES)
+    boxes = covered(points, radius)
     assert 1 <= len(boxes.middles) <= MOST_BOXES
     assert beyond(boxes, points, radius).max() <= 0.0
 
@@ -76,16 +80,47 @@ def test_boxes_of_a_surface_are_as_thin_as_it_is_however_it_is_turned():
     random = np.random.default_rng(3)
     for count, most in ((2000, 0.0031), (20_000, 0.0031)):
         flat = random.uniform([-0.4, -0.3, -5e-4], [0.4, 0.3, 5e-4], (count, 3))
-        boxes = cloud_boxes(ANYWHERE.apply(flat), 0.002, MOST_BOXES)
+        boxes = covered(ANYWHERE.apply(flat), 0.002)
         assert boxes.half_extents[~boxes.single].min(axis=1).max() < most
-    ball = cloud_boxes(on_a_ball(random, np.zeros(3), 0.1, 20_000), 0.002, MOST_BOXES)
+    ball = covered(on_a_ball(random, np.zeros(3), 0.1, 20_000), 0.002)
     assert ball.half_extents.min(axis=1).max() < 0.006
+
+
+def test_a_wall_seen_by_few_rays_does_not_take_the_boxes_of_what_stands_before_it():
+    random = np.random.default_rng(4)
+    wall = random.uniform([-0.9, -0.7, 0.499], [0.9, 0.7, 0.501], (5000, 3))
+    ball = on_a_ball(random, np.array([0.1, 0.0, 0.2]), 0.05, 5000)
+    boxes = covered(ANYWHERE.apply(np.vstack([wall, ball])), 0.001)
+    before = ANYWHERE.inv().apply(boxes.middles)[:, 2] < 0.4
+    assert before.sum() > MOST_BOXES / 3
+    assert boxes.half_extents[before].min(axis=1).max() < 0.003
+
+
+def test_boxes_of_a_block_go_little_beyond_its_faces_and_edges():
+    half = np.array([0.15, 0.01, 0.01])
+    random = np.random.default_rng(7)
+    points = random.uniform(-1.0, 1.0, (20_000, 3))
+    side = random.choice(3, len(points), p=[1 / 31, 15 / 31, 15 / 31])
+    points[np.arange(len(points)), side] = np.sign(points[np.arange(len(points)), side])
+    boxes = covered(ANYWHERE.apply(points * half), 0.001)
+    out = random.uniform(-half - 0.012, half + 0.012, (20_000, 3))
+    far = np.linalg.norm(np.maximum(np.abs(out) - half, 0.0), axis=1) > 0.004
+    assert beyond(boxes, ANYWHERE.apply(out[far]), 0.0).min() > 0.0
+
+
+def test_an_opening_between_two_posts_stays_open():
+    random = np.random.default_rng(6)
+    posts = random.uniform([-0.02, -0.5, -0.001], [0.02, 0.5, 0.001], (4000, 3))
+    posts[::2, 0] += 0.2
+    boxes = covered(ANYWHERE.apply(posts), 0.001)
+    between = ANYWHERE.apply(random.uniform([0.03, -0.49, -0.001], [0.17, 0.49, 0.001], (2000, 3)))
+    assert beyond(boxes, between, 0.0).min() > 0.0
 
 
 def test_a_plain_thing_takes_few_boxes_and_a_cloud_of_few_points_is_its_balls():
     grid = np.stack(np.meshgrid(np.arange(400), np.arange(250), [0]), axis=-1).reshape(-1, 3) * 1e-3
-    assert len(cloud_boxes(ANYWHERE.apply(grid), 0.001, MOST_BOXES).middles) == 1
-    assert len(cloud_boxes(np.full((1000, 3), 0.3), 0.01, MOST_BOXES).middles) == 1
+    assert len(covered(ANYWHERE.apply(grid), 0.001).middles) == 1
+    assert len(covered(np.full((1000, 3), 0.3), 0.01).middles) == 1
     points = np.random.default_rng(2).uniform(-0.5, 0.5, (MOST_BOXES, 3))
     bodies = solids_of((Cloud(points, 0.01),), ANYWHERE, 2.0)
     assert [body.kind for body in bodies] == ["sphere"] * MOST_BOXES
@@ -185,7 +220,7 @@ def test_what_stands_in_the_way_is_named_as_the_obstacle_and_parts_have_no_names
 
 
 def test_boxes_of_many_points_are_found_in_bounded_time():
-    cloud_boxes(np.ones((3, 3)), 0.0, MOST_BOXES)  # compiled
+    covered(np.ones((3, 3)), 0.0)  # compiled
     random = np.random.default_rng(8)
     worst = {
         "volume": random.uniform(-1.0, 1.0, (100_000, 3)),
@@ -194,7 +229,7 @@ def test_boxes_of_many_points_are_found_in_bounded_time():
     }
     for name, points in worst.items():
         begin = time.perf_counter()
-        boxes = cloud_boxes(points, 0.001, MOST_BOXES)
+        boxes = covered(points, 0.001)
         assert time.perf_counter() - begin < 2.0, name  # a fourteenth of it on two cores
         assert beyond(boxes, points, 0.001).max() <= 0.0
 

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -143,6 +145,60 @@ def test_the_planner_knows_every_kind_of_obstacle_in_metres(tmp_path):
     assert capsule.distance(at)[0] == pytest.approx(np.hypot(0.1, 0.01) - 0.005)
     assert wall.distance(at)[0] == pytest.approx(0.25)
     assert capsule.clearance == pytest.approx(0.007)
+
+
+def cloud_task(folder, points, /, **fields):
+    np.save(folder / "seen.npy", points)
+    cloud = {"type": "cloud", "file": "seen.npy", "radius": 2} | fields
+    return written(folder, changed("planning.obstacles", [{"center": [10, 0, 0]}, cloud]))
+
+
+def test_a_cloud_is_read_from_its_file_in_the_units_of_the_task(tmp_path):
+    points = np.random.default_rng(0).uniform(100, 200, (50, 3))
+    task = load_task(cloud_task(tmp_path, points, clearance=7))
+    section = task.planning.obstacles[1]
+    cloud = section.obstacle
+    np.testing.assert_allclose(cloud.points, points * 1e-3, rtol=1e-15)
+    assert cloud.radius == pytest.approx(0.002)
+    assert cloud.clearance == pytest.approx(0.007)
+    at = np.array([[0.0, 0.0, 0.0], [0.15, 0.15, 0.15]])
+    nearest = np.linalg.norm(cloud.points[:, None] - at, axis=2).min(axis=0)
+    np.testing.assert_allclose(cloud.distance(at), nearest - 0.002)
+    moved = section.moved((0.1, 0.0, -0.1)).obstacle
+    np.testing.assert_allclose(moved.points - cloud.points, np.tile([0.1, 0.0, -0.1], (50, 1)))
+    assert moved.clearance == cloud.clearance
+    assert task.planning.common_obstacles == (0,)
+    inline = changed("planning.obstacles", [{"type": "cloud", "points": points.tolist()}])
+    np.testing.assert_allclose(
+        load_task(written(tmp_path, inline)).planning.obstacles[0].obstacle.points, points * 1e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"file": "../seen.npy"}, "obstacles.1.file: '../seen.npy' given; legal: a relative path inside"),
+        ({"file": "missing.npy"}, "obstacles.1.file: "),
+        ({"file": "task.yaml"}, "obstacles.1.file: task.yaml: legal: .npy, .xyz, .txt, .ply"),
+        ({"file": 3}, "obstacles.1.file: 3 given; a path is needed"),
+        ({"points": [[0, 0, 0]]}, "obstacles.1.file: given beside points; legal: one of the two"),
+        ({"radius": -1}, "obstacles.1.cloud.radius: "),
+    ],
+)
+def test_a_cloud_that_cannot_be_read_is_refused_by_name(tmp_path, fields, says):
+    path = cloud_task(tmp_path, np.ones((4, 3)), **fields)
+    with pytest.raises(InputError, match=f"planning.{re.escape(says)}") as refused:
+        load_task(path)
+    assert str(refused.value).startswith(str(path))
+    assert str(refused.value).count("obstacles.1") == 1
+
+
+def test_points_of_a_cloud_that_are_no_numbers_are_counted(tmp_path):
+    points = np.ones((9, 3))
+    points[[3, 5], 1] = np.nan
+    says = "planning.obstacles.1.file: seen.npy: 2 of 9 points are not finite, the first is number 3"
+    with pytest.raises(InputError, match=says):
+        load_task(cloud_task(tmp_path, points))
 
 
 TAGS = {

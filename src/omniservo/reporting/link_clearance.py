@@ -7,6 +7,7 @@ import matplotlib as mpl
 from omniservo.reporting.style import ASKED, CERTIFIED, FORBIDDEN, Drawing, legend_below, new_figure
 from omniservo.robots import FARTHEST
 from omniservo.simulation.run_result import RunResult
+from omniservo.tasks.obstacles import CloudSection
 
 
 def link_clearance(result: RunResult) -> Drawing | None:
@@ -40,6 +41,8 @@ def link_clearance(result: RunResult) -> Drawing | None:
     things = "the nearest of the obstacles that the planner knows and the floor"
     if whole.asked is None:
         things = "the floor; the task's obstacles are points that stand for bodies already"
+    elif any(isinstance(section, CloudSection) for section in result.task.planning.obstacles):
+        things += " (of a cloud: the boxes that hold its balls)"
     return Drawing(
         "link-clearance",
         "Distance of every link",

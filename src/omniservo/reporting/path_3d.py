@@ -14,7 +14,7 @@ from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawin
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import Task
-from omniservo.tasks.obstacles import SphereSection
+from omniservo.tasks.obstacles import CloudSection, SphereSection
 
 
 def path_3d(result: RunResult) -> Drawing:
@@ -47,12 +47,18 @@ def _obstacles_in_words(task: Task) -> str:
     given = task.planning.obstacles
     if not given:
         return ""
-    alone = all(isinstance(section, SphereSection) for section in given)
+    alone = all(isinstance(section, SphereSection | CloudSection) for section in given)
     by_what = "for which these points or balls stand" if alone else "which is stated as a body"
-    return (
+    body = f"The brick-red box is the obstacle's real body, {by_what}. "
+    shaded = (
         "Shaded: the safe distance that the task asks for around what the planner is given of the obstacle "
-        f"(crosses); the path must stay outside. The brick-red box is the obstacle's real body, {by_what}. "
+        "(crosses); the path must stay outside. "
     )
+    clouds = [section for section in given if isinstance(section, CloudSection)]
+    if not clouds:
+        return shaded + body
+    dotted = "Dots: points of clouds that the planner is given, some of them; the path keeps away from all. "
+    return (shaded if len(clouds) < len(given) else "") + dotted + (body if task.obstacles else "")
 
 
 def _askew(axes: Any, space: Space, upright: UprightAxes) -> None:
@@ -83,6 +89,7 @@ def _solid(axes: Any, space: Space) -> None:
             axes.plot_surface(*np.moveaxis(face, -1, 0), color=OBSTACLE, alpha=0.22, linewidth=0, shade=False)
         for edge in box_edges(corners):
             axes.plot(*edge.T, color=OBSTACLE, lw=0.9)
+    axes.scatter(*space.clouds.T, s=1.0, c=OBSTACLE, depthshade=False)
     for region in space.keep_out:
         hull = ConvexHull(region.outline)
         colour = QUIET if region.has_own_clearance else OBSTACLE
@@ -118,6 +125,8 @@ def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
         outline = seen[ConvexHull(seen).vertices]
         label = "obstacle's body" if number == 0 else None
         axes.add_patch(Polygon(outline, facecolor=f"{OBSTACLE}40", edgecolor=OBSTACLE, lw=0.9, label=label))
+    if len(space.clouds):
+        axes.plot(*space.clouds[:, flat].T, ".", ms=1.2, color=OBSTACLE, label="points of a cloud")
     own_labelled = labelled = False
     for region in space.keep_out:
         seen = region.outline[:, flat]

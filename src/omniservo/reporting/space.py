@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -12,12 +12,14 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
-from omniservo.tasks.obstacles import BoxSection, CapsuleSection, SphereSection
+from omniservo.tasks.obstacles import BoxSection, CapsuleSection, CloudSection, SphereSection
 
 _SYMBOLS = 6
 _LEAST_SYMBOL = 1e-3
 _LEAST_REACH = 0.01
 """a point without any distance around it is drawn so large [mm]"""
+_SHOWN_OF_CLOUDS = 2000
+"""Points of clouds that are drawn at most: those near the way, thinned out."""
 _BITS = list(product((0, 1), repeat=3))
 _EDGES = [
     (i, j)
@@ -51,7 +53,9 @@ class Space:
     bodies: tuple[FloatArray, ...]
     """(8, 3) corners of each real block, counted up in (±, ±, ±)"""
     keep_out: tuple[KeepOut, ...]
-    """half-spaces are not among them"""
+    """half-spaces and clouds are not among them"""
+    clouds: FloatArray
+    """(k, 3) some points of all clouds"""
     symbols: tuple[FloatArray, ...]
     """lines (j, 3) of the camera's symbol at moments evenly spaced along the way"""
 
@@ -60,7 +64,7 @@ class Space:
         """(2, 3) lowest and highest coordinates of everything shown."""
         parts = [self.points, self.executed, *self.bodies, *self.symbols]
         parts += [] if self.planned is None else [self.planned]
-        parts += [region.outline for region in self.keep_out]
+        parts += [self.clouds, *(region.outline for region in self.keep_out)]
         every = np.vstack(parts)
         return np.stack([every.min(axis=0), every.max(axis=0)])
 
@@ -72,18 +76,30 @@ def space_of(result: RunResult, upright: UprightAxes) -> Space:
     shown = executed if len(executed) else planned
     planning = result.task.planning
     size = 0.06 * float(np.ptp(np.vstack([points, np.zeros((1, 3))]), axis=0).max()) / 1000.0
-    return Space(
+    known = dict.fromkeys((*planning.obstacles, *result.task.known_obstacles(np.inf)))
+    space = Space(
         planned=None if planned is None else upright.apply(planned.positions),
         executed=upright.apply(executed.positions),
         points=points,
         bodies=tuple(upright.apply(corners) for corners in result.truth.obstacle_corners),
         keep_out=tuple(
             _keep_out(o, planning.clearance, upright)
-            for o in dict.fromkeys((*planning.obstacles, *result.task.known_obstacles(np.inf)))
-            if o.type != "half_space"
+            for o in known
+            if isinstance(o, SphereSection | BoxSection | CapsuleSection)
         ),
+        clouds=np.zeros((0, 3)),
         symbols=() if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size)),
     )
+    clouds = [upright.apply(o.obstacle.points) for o in known if isinstance(o, CloudSection)]
+    return replace(space, clouds=_thinned(np.concatenate(clouds), space.extent)) if clouds else space
+
+
+def _thinned(points: FloatArray, extent: FloatArray) -> FloatArray:
+    """Return some of the points (k, 3) that are no farther from what else is shown than that is large."""
+    (low, high), room = extent, float(np.ptp(extent, axis=0).max())
+    near = points[((points >= low - 0.5 * room) & (points <= high + 0.5 * room)).all(axis=1)]
+    shown: FloatArray = near[:: 1 + len(near) // _SHOWN_OF_CLOUDS]
+    return shown
 
 
 def box_edges(corners: FloatArray) -> list[FloatArray]:

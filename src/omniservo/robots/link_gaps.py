@@ -28,7 +28,9 @@ def link_gaps(bodies: ArmBodies, joints: npt.ArrayLike) -> dict[str, FloatArray]
     found = {link: np.full(len(postures), FARTHEST) for link in dict.fromkeys(links)}
     for row, q in enumerate(postures):
         bodies.place(q)
-        for k in np.flatnonzero(bodies.lower_gaps(around) < FARTHEST).tolist():
+        least = bodies.lower_gaps(around)
+        for k in np.argsort(least).tolist():
             gaps = found[links[k]]
-            gaps[row] = min(gaps[row], bodies.measure(int(around[k])))
+            if least[k] < gaps[row]:
+                gaps[row] = min(gaps[row], bodies.measure(int(around[k])))
     return found

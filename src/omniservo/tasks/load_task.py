@@ -6,12 +6,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from omniservo.calibration import load_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, stated_units
+from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
@@ -61,6 +63,7 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
+    fields["planning"] = _found_clouds(fields.get("planning", {}), path.parent, source)
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], path.parent, source)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
@@ -126,6 +129,36 @@ def _found_tube(planning: Any, arm: dict[str, Any], folder: Path, source: str) -
     else:
         tube = TrackingTube.load(file_inside(f"{source}: planning.tracking_tube", named, folder))
     return {**planning, "tracking_tube": tube}
+
+
+def _found_clouds(planning: Any, folder: Path, source: str) -> Any:
+    """Return the section with the points of clouds in the place of their files."""
+    given = planning.get("obstacles") if isinstance(planning, dict) else None
+    if not isinstance(given, list):
+        return planning
+    return {**planning, "obstacles": [_found_cloud(o, i, folder, source) for i, o in enumerate(given)]}
+
+
+def _found_cloud(obstacle: Any, number: int, folder: Path, source: str) -> Any:
+    """Return an obstacle with the points of its file in the place of the file, if it is a cloud's."""
+    if not isinstance(obstacle, dict) or obstacle.get("type") != "cloud" or "file" not in obstacle:
+        return obstacle
+    field, name = f"{source}: planning.obstacles.{number}.file", obstacle["file"]
+    if "points" in obstacle:
+        raise InputError(f"{field}: given beside points; legal: one of the two")
+    if not isinstance(name, str):
+        raise InputError(f"{field}: {spelled(name)} given; a path is needed")
+    try:
+        points = read_cloud(file_inside(field, name, folder))
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith(field) else f"{field}: {error}") from None
+    bad = ~np.isfinite(points).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"{field}: {name}: {int(bad.sum())} of {len(points)} points are not finite, the first is number "
+            f"{int(np.argmax(bad))}; leave them out"
+        )
+    return {key: value for key, value in obstacle.items() if key != "file"} | {"points": points.tolist()}
 
 
 def _found_mount(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:

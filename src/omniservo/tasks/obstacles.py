@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 from scipy.spatial.transform import Rotation
 
-from omniservo.planning import Box, Capsule, HalfSpace, Sphere
+from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Sphere
 from omniservo.planning.checks import NEAR_UNIT
+from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
 from omniservo.tasks.quantities import Angle, Direction, Length, NonNegativeLength, Point, PositiveLength
 
 
@@ -97,12 +99,34 @@ class HalfSpaceSection(_Obstacle):
         return HalfSpace(np.array(self.normal), self.offset, self.clearance)
 
 
+class CloudSection(_Obstacle):
+    """Balls of one radius about many points: what a depth camera saw."""
+
+    type: Literal["cloud"]
+    points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=MOST_CLOUD_POINTS)]
+    """in the file in their place ``file``: a .npy, .xyz, .txt or .ply of them, in the task's units"""
+    radius: NonNegativeLength = 0.0
+
+    def moved(self, by: tuple[float, float, float]) -> Self:
+        """Return it moved by so much in the initial camera frame [m]."""
+        there = (np.array(self.points) + by).tolist()
+        return type(self)(type="cloud", points=there, radius=self.radius, clearance=self.clearance)
+
+    @cached_property
+    def obstacle(self) -> Cloud:
+        """The planner's obstacle."""
+        return Cloud(np.array(self.points), self.radius, self.clearance)
+
+
 def _sphere_by_default(value: Any) -> Any:
     return {"type": "sphere", **value} if isinstance(value, dict) else value
 
 
 ObstacleSection = Annotated[
-    Annotated[SphereSection | BoxSection | CapsuleSection | HalfSpaceSection, Field(discriminator="type")],
+    Annotated[
+        SphereSection | BoxSection | CapsuleSection | HalfSpaceSection | CloudSection,
+        Field(discriminator="type"),
+    ],
     BeforeValidator(_sphere_by_default),
 ]
 """One of them, told apart by ``type``; without it a sphere."""

@@ -51,7 +51,7 @@ class Cloud:
     @cached_property
     def boxes(self) -> CloudBoxes:
         """Boxes that hold all its balls: among them a whole arm is judged."""
-        return cloud_boxes(self.points, self.radius, MOST_BOXES)
+        return cloud_boxes(self.tree, self.radius, MOST_BOXES)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (k, 3) to the nearest ball's surface [m] (k,), negative inside.
