@@ -208,6 +208,7 @@ def test_margins_agree_with_the_cameras_own_limits(random_problems, margin):
     ("change", "message"),
     [
         (lambda u, v: (u, v + np.array([[0, 0, 1e-6]] * 3)), "its start misses the identity by"),
+        (lambda u, v: (u + np.array([[-1e-6, 0, 1e-6]] * 4), v), "its start misses the identity by"),
         (lambda u, v: (u, v + np.array([[0, 1e-6, 0]] * 3)), "its end misses the goal by"),
         (lambda u, v: (u + np.array([[0, 1e-6, 0]] * 4), v), "its end misses the goal by"),
         (lambda u, v: (np.hstack([np.zeros((4, 2)), u]), v), "degrees 4 and 2 given; legal: 1 to 2"),
