@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,6 +50,13 @@ class ImageLimits:
     """For a distorted camera: (k−1, 2) corners of a convex polygon on the plane m, counter-clockwise, inside
     the region that the image shows with the margin; else None"""
 
+    @cached_property
+    def cones(self) -> FloatArray:
+        """Rows (n, κ)/‖n‖ (k, 4), as compiled code takes them: not to be written to."""
+        rows = np.column_stack([self.normals, self.kappas])
+        cones: FloatArray = rows / np.linalg.norm(self.normals, axis=1, keepdims=True)
+        return cones
+
 
 def image_limits(camera: UnifiedCamera, margin_px: float = 0.0) -> ImageLimits:
     """Return the limits of the camera's image, every one moved inward by ``margin_px`` [px].
@@ -68,6 +75,7 @@ def image_limits(camera: UnifiedCamera, margin_px: float = 0.0) -> ImageLimits:
     return _distorted_limits(camera, margin) if camera.is_distorted else _straight_limits(camera, margin)
 
 
+@lru_cache(maxsize=128)
 def _straight_limits(camera: UnifiedCamera, margin: float) -> ImageLimits:
     fx, fy, s, xi = camera.fx, camera.fy, camera.skew, camera.xi
     left, right = camera.cx + 0.5 - margin, camera.width - 0.5 - margin - camera.cx

@@ -55,11 +55,9 @@ class Entry(NamedTuple):
 
 def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     """Return what a path must keep; ``limits`` are the image limits to use."""
-    rows = np.column_stack([limits.normals, limits.kappas])
-    rows = rows / np.linalg.norm(limits.normals, axis=1, keepdims=True)
     in_space = _demands_in_space(problem)
     return in_space._replace(
-        limits=np.ascontiguousarray(rows),
+        limits=limits.cones,
         disc=_disc(problem.camera, limits),
         mask_edges=_mask_edges(problem.camera, limits),
         mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),

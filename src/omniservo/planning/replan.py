@@ -113,8 +113,7 @@ def rest_arguments(
     return (
         search.demands,
         search.ends,
-        np.array(old.rotation, order="C"),
-        np.array(old.translation, order="C"),
+        *old.powers,
         w,
         quaternion_of(pose),
         np.array(pose.translation),

@@ -213,14 +213,20 @@ class ArmBodies:
 
     def is_around(self, pair: int) -> bool:
         """Return whether a pair is a part of the arm and something that stands around."""
-        return bool(self._is_around[self.pairs[pair, 0]])
+        return bool(self._has_surroundings[pair])
+
+    @cached_property
+    def _has_surroundings(self) -> BoolArray:
+        """Which pairs (p,) are a part of the arm and something that stands around."""
+        around: BoolArray = self._is_around[self.pairs[:, 0]]
+        return around
 
     def asked(self, clearance: float, self_clearance: float) -> FloatArray:
         """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other.
 
         What its links may stray comes on top.
         """
-        own = np.where(self._is_around[self.pairs[:, 0]], clearance, self_clearance)
+        own = np.where(self._has_surroundings, clearance, self_clearance)
         return np.asarray(own + self._strays)
 
     def place(self, q: npt.ArrayLike) -> None:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE
 from omniservo.robots.shapes import Shapes
 
@@ -76,22 +77,39 @@ def _turned_about_own_axis(
     shapes: Shapes, hinges: tuple[FloatArray, FloatArray], joints: IntArray
 ) -> IntArray:
     """Return 1 for each shape (g,) that its joint (g,), if there is one, turns about the shape's own axis."""
-    anchors, axes = hinges
-    known = (joints >= 0) & (joints < len(axes))
-    index = np.where(known, joints, 0)
-    off = _square_across(shapes.places - anchors[index], axes[index])
-    skew = _square_across(shapes.axes[:, [2, 5, 8]], axes[index])
-    along = ((shapes.kinds == CAPSULE) | (shapes.kinds == CYLINDER)) & (skew < _SAME_AXIS**2)
-    turned: IntArray = known & (off < _SAME_AXIS**2) & (along | (shapes.kinds == SPHERE))
-    return turned.astype(np.int64)
+    turned: IntArray = _turned_in_place(shapes.kinds, shapes.places, shapes.axes, *hinges, joints)
+    return turned
 
 
-def _square_across(vectors: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return ‖v × a‖² (g,) of vectors and axes (g, 3): NumPy's own product is slow."""
-    x, y, z = vectors.T
-    a, b, c = axes.T
-    square: FloatArray = (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2
-    return square
+@kernel
+def _turned_in_place(
+    kinds: IntArray,
+    places: FloatArray,
+    axes: FloatArray,
+    anchors: FloatArray,
+    directions: FloatArray,
+    joints: IntArray,
+) -> IntArray:
+    """See `_turned_about_own_axis`; ``anchors`` and ``directions`` (n, 3) are the hinges."""
+    turned = np.zeros(kinds.shape[0], dtype=np.int64)
+    for g in range(kinds.shape[0]):
+        j = joints[g]
+        if not 0 <= j < anchors.shape[0] or kinds[g] not in (SPHERE, CAPSULE, CYLINDER):
+            continue
+        a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
+        x, y, z = axes[g, 2], axes[g, 5], axes[g, 8]
+        if kinds[g] != SPHERE and not _square_across(x, y, z, a, b, c) < _SAME_AXIS**2:
+            continue
+        x, y, z = places[g, 0] - anchors[j, 0], places[g, 1] - anchors[j, 1], places[g, 2] - anchors[j, 2]
+        if _square_across(x, y, z, a, b, c) < _SAME_AXIS**2:
+            turned[g] = 1
+    return turned
+
+
+@leaf
+def _square_across(x: float, y: float, z: float, a: float, b: float, c: float) -> float:
+    """Return ‖v × a‖² of v = (x, y, z) and (a, b, c)."""
+    return float((y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2)
 
 
 def _hull_corners(model: Any, mesh: int) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
 from typing import Literal
 
@@ -114,9 +115,14 @@ class _Fork:
     """legs to be taken up before"""
     joints_before: tuple[JointPath | None, ...] = ()
 
-    @property
+    @cached_property
     def s(self) -> float:
         return self.leg.law(self.time)[0]
+
+    @cached_property
+    def pose(self) -> RigidTransform:
+        """In the plan's frame."""
+        return self.leg.path(self.s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +299,7 @@ class Replanner:
             if budget is not None and perf_counter() - begin > budget:
                 reason = f"planning took longer than {budget:g} s"
             elif plan.path is not None and not reason:
-                path = plan.path.seen_in(fork.leg.path(fork.s))
+                path = plan.path.seen_in(fork.pose)
                 law = self._law(fork, path, joints)
                 if law is not None:
                     legs = (*fork.before, Leg(path, law, fork.time, fork.leg.w(fork.time)[0]))
@@ -349,13 +355,14 @@ class Replanner:
             reason = "it is too near to the goal to plan again"
             return replace(followed, status="not_found", reason=reason), None
         if self._arm is None or fork.joints is None:
-            return replan(followed, fork.s, known.problem, time_budget=budget, seed=seed), None
+            found = replan(followed, fork.s, known.problem, pose=fork.pose, time_budget=budget, seed=seed)
+            return found, None
         setting = self._arm.setting
-        found = replan_with_arm(
+        with_arm = replan_with_arm(
             followed, fork.joints, fork.s, known.problem, setting,
-            bodies=known.bodies, time_budget=budget, seed=seed,
+            pose=fork.pose, bodies=known.bodies, time_budget=budget, seed=seed,
         )  # fmt: skip
-        return found.plan, found.branch
+        return with_arm.plan, with_arm.branch
 
     def _is_clear(self, known: _Known, since: float, until: float) -> bool:
         """Return whether the way between two times [s] is proven for what is known, camera and arm."""

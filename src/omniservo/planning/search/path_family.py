@@ -120,6 +120,14 @@ def add_sample(family: Family, w: float) -> bool:
 
 
 @kernel
+def set_samples(family: Family, places: FloatArray) -> None:
+    """Replace the samples by those at places (m,), as many as there is room for."""
+    family.samples[0] = 0
+    for w in places:
+        add_sample(family, w)
+
+
+@kernel
 def set_uniform_samples(family: Family, count: int) -> None:
     """Replace the samples by ``count`` ones evenly inside (0, 1)."""
     family.samples[0] = 0

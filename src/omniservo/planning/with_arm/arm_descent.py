@@ -16,7 +16,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
-from omniservo.planning.search.path_family import Family, add_sample, unknowns
+from omniservo.planning.search.path_family import Family, set_samples, unknowns
 from omniservo.planning.search.settle import PULL
 from omniservo.planning.with_arm.arm_equations import add_arm, camera_equations, follow_poses
 from omniservo.planning.with_arm.arm_setting import ArmSetting
@@ -88,9 +88,7 @@ class ArmDescent:
         """
         camera = np.maximum(0.0, np.minimum(higher * 0.03, 0.5 * self._camera_ends))
         arm = np.maximum(0.0, np.minimum(higher * TARGETS, 0.5 * end_least))
-        self._family.samples[0] = 0
-        for w in places:
-            add_sample(self._family, float(w))
+        set_samples(self._family, places)
         room = room_for(len(places), self._demands.points.shape[0])
         if len(joints) != self._seen.count:
             self._seen = self._joint_demands.seen(len(joints))
@@ -144,9 +142,7 @@ class ArmDescent:
 
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""
-        self._family.samples[0] = 0
-        add_sample(self._family, 0.0)
-        add_sample(self._family, 1.0)
+        set_samples(self._family, np.array([0.0, 1.0]))
         targets = np.full(groups(self._demands), -np.inf)
         room = room_for(2, self._demands.points.shape[0])
         offsets = np.zeros(unknowns(self._family))

@@ -37,6 +37,11 @@ class JointDemands:
             np.array([ell]),
         )
 
+    @property
+    def gaps(self) -> FloatArray:
+        """What each pair of bodies has to keep (p,) [m]."""
+        return self._asked.gaps
+
     def values(self, joints: FloatArray, near: float = _NEAR, seen: PostureGaps | None = None) -> FloatArray:
         """Return the smallest g of each group (GROUPS,) over joints (m, n); 1 for bodies not ``near``."""
         least: FloatArray = self.pulls(joints, np.array([0.0, 0.0, near]), seen).least.min(axis=0)

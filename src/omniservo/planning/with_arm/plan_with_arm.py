@@ -153,6 +153,8 @@ class ArmPlanner:
         self._ell = float(self._demands.numbers[2])
         self._joint_demands = JointDemands(setting, bodies, self._ell)
         self._seen = self._joint_demands.seen(len(_PLACES))
+        self._base_T_initial = setting.base_T_initial.as_matrix()
+        self._camera_T_flange = inverse(setting.flange_T_camera)
         self._in_sight = setting.points_in_sight(problem)
         self._unproven: tuple[CameraPath, str]
         self._known: dict[CameraPath, list[_Attempt]] = {}
@@ -200,11 +202,10 @@ class ArmPlanner:
     def _foreseen(self, path: CameraPath, near: FloatArray) -> tuple[bool, FloatArray | None]:
         """Return both; kept."""
         if path not in self._looked_ahead:
-            setting, (poses, _), led = self._setting, path.sampled(_LOOKED_AT), near.copy()
-            flange = setting.base_T_initial.as_matrix() @ poses @ inverse(setting.flange_T_camera)
-            asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
-            arrives = lead_onto(setting.arm.chain, flange[::2], LEAP, True, led)
-            fails = not arrives or carried_too_close(self._bodies, flange, asked)
+            (poses, _), led = path.sampled(_LOOKED_AT), near.copy()
+            flange = self._base_T_initial @ poses @ self._camera_T_flange
+            arrives = lead_onto(self._setting.arm.chain, flange[::2], LEAP, True, led)
+            fails = not arrives or carried_too_close(self._bodies, flange, self._joint_demands.gaps)
             fails = fails or bool(self._joint_demands.values(led[1:-1], 0.0, self._seen).min() < 0.0)
             self._looked_ahead[path] = fails, led if arrives else None
         return self._looked_ahead[path]

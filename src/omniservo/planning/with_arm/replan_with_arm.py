@@ -44,6 +44,7 @@ def replan_with_arm(
     problem: PlanningProblem,
     setting: ArmSetting,
     *,
+    pose: RigidTransform | None = None,
     bodies: ArmBodies | None = None,
     time_budget: float | None = None,
     seed: int = 0,
@@ -62,6 +63,7 @@ def replan_with_arm(
         w: where on it the camera is, 0 ≤ w < 1.
         problem: what is known now, in the frame of the plan's path.
         setting: the arm, with that frame as its initial one.
+        pose: the camera's there, in that frame, where it is known; None: it is looked up.
         bodies: the setting's among the problem's obstacles, where they are known; None: made here.
         time_budget: [s], looked at between starts and descents; None: without end.
         seed: as for `plan_with_arm`.
@@ -71,7 +73,7 @@ def replan_with_arm(
     """
     budget = TimeBudget(time_budget)
     finite_number("seed", seed, minimum=0)
-    old, pose, rest = rest_of_plan(plan, w, problem)
+    old, pose, rest = rest_of_plan(plan, w, problem, pose)
     base_T_here = composed(setting.base_T_initial, pose)
     goal = base_T_here.as_matrix() @ inverse(setting.flange_T_camera)
     here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
