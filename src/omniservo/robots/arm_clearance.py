@@ -114,7 +114,7 @@ def arm_clearance(
     asked = bodies.asked(clearance, self_clearance)
     knots, pieces = path.bernstein_pieces(*span)
     work = _work_for(pieces, len(bodies.pairs))
-    status = _proven(bodies, asked, work, np.stack([knots[:-1], knots[1:]], axis=1)[::-1], pieces[::-1])
+    status = _proven(bodies, asked, work, knots[::-1], pieces[::-1])
     if status == "too_close" and worst:
         places = np.linspace(knots[0], knots[-1], _SCANNED)
         _look_for_worst(bodies, asked, places, path(places), work.found)
@@ -137,11 +137,12 @@ def _work_for(pieces: FloatArray, pairs: int) -> Work:
 
 
 def _proven(
-    bodies: ArmBodies, asked: FloatArray, work: Work, spans: FloatArray, pieces: FloatArray
+    bodies: ArmBodies, asked: FloatArray, work: Work, knots: FloatArray, pieces: FloatArray
 ) -> Literal["clear", "too_close", "undecided"]:
-    """Prove pieces (m, k, n), the last one first; what is found joins what was found before."""
+    """Prove pieces (m, k, n) between places (m + 1,), both from the last one to the first."""
     m = len(pieces)
-    work.spans[:m], work.pieces[:m], work.sizes[:m] = spans, pieces, len(asked)
+    work.spans[:m, 0], work.spans[:m, 1] = knots[1:], knots[:-1]
+    work.pieces[:m], work.sizes[:m] = pieces, len(asked)
     work.pairs[:m] = np.arange(len(asked))
     work.counts[SIZE], work.counts[UNMEASURED] = m, 0
     while (result := prove_pieces(bodies.arm.chain, bodies.shapes, bodies.scene, asked, work)) == MEASURE:
