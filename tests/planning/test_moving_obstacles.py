@@ -59,6 +59,17 @@ def test_a_moving_obstacle_in_the_way_is_avoided_and_its_margin_is_true(name):
     assert 0.0 <= found["occlusion obstacle 0"] <= seen < found["occlusion obstacle 0"] + 1e-3
 
 
+def test_each_of_several_obstacles_moves_its_own_way():
+    still, away = Box([0.3, 0.3, 0.1], [0.02] * 3, TURNED), np.array([[0.1, 0.0], [0.0, 0.0], [0.2, 0.0]])
+    obstacles = (MOVING["sphere"], still, Capsule([0.3, 0.0, 0.0], [0.3, 0.0, 0.1], 0.02, motion=away))
+    _, certificate = certify(asked(*obstacles), path := detour([0.0, 0.12, 0.12]))
+    found = margins_of(certificate)
+    for i, obstacle in enumerate(obstacles):
+        assert found[f"clearance obstacle {i}"] == pytest.approx(
+            true_clearance(obstacle, path) - 0.01, abs=1e-3
+        )
+
+
 @pytest.mark.parametrize("degree", [2, 8])
 @pytest.mark.parametrize("name", MOVING)
 def test_a_violation_between_samples_is_never_certified(name, degree):

@@ -191,6 +191,16 @@ def test_a_way_that_is_shut_is_said_with_what_shuts_it(planned):
     assert "start pose" in rest.plan.reason
 
 
+def test_a_link_that_touches_something_where_the_arm_is_now_is_said(planned):
+    problem, setting, found = planned
+    elbow = setting.base_T_initial.inv().apply([0.0, 0.0, 0.45])
+    touched = replace(problem, obstacles=(Sphere(elbow, 0.05),))
+    rest = replan_with_arm(found.plan, found.branch, 0.4, touched, setting)
+    assert rest.plan.status == "infeasible"
+    assert "the start pose is not free" in rest.plan.reason
+    assert "obstacle 0" in rest.plan.reason
+
+
 def test_a_search_for_a_camera_path_that_there_is_not_ends_with_its_time(planned):
     """A wall across the way, for the camera alone: with time enough all starts are tried."""
     problem, setting, found = planned
