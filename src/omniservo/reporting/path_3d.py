@@ -115,7 +115,9 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
     axes.set_xlim(low[columns[0]], high[columns[0]])
     axes.set_ylim(low[columns[1]], high[columns[1]])
     axes.set_aspect("equal", adjustable="box")
-    axes.locator_params(nbins=4)
+    across, up = (high - low)[flat]
+    axes.locator_params(axis="x", nbins=4 if 2.0 * across > up else 2)  # numbers stand apart on a narrow one
+    axes.locator_params(axis="y", nbins=4)
 
 
 def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
