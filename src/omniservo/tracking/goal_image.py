@@ -77,7 +77,7 @@ def _offsets(
     features: FloatArray, pixels: FloatArray, feature: Feature, path: CameraPath, points: FloatArray
 ) -> FloatArray:
     """Return features of the goal image (n, 2) [px] minus those that a path's end sees (n, 3)."""
-    (pose,), _ = path.sampled(np.ones(1))
+    pose = path(1.0).as_matrix()
     planned, exist = feature.value((points - pose[:3, 3]) @ pose[:3, :3])
     _refuse_missing(exist, pixels)
     offsets = np.zeros((len(points), 3))
