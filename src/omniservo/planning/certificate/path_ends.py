@@ -12,7 +12,8 @@ def ends_off(
 ) -> tuple[float, float]:
     """Return how far w = 0 is from the identity and w = 1 from the goal, in the largest coordinate.
 
-    φ/‖φ‖ counts with the sign that is nearer: either is the same rotation. NaN where φ is 0.
+    At w = 1 φ/‖φ‖ counts with the sign that is nearer to the goal's: either is the same rotation. NaN where
+    φ is 0 at an end.
 
     Args:
         rotation: φ (4, σ+1), highest power first.

@@ -74,13 +74,15 @@ def plan_with_arm(
     Paths that `plan_path` would find are followed by the arm; one that it cannot follow is moved until it
     can: its joint limits, its smallest singular value and the gaps of its bodies take part in the descent
     through J⁻¹, beside the camera's own constraints. If that fails, or where a problem asks for sight and a
-    link hides a point on the way (`own_sight`), another start is taken.
+    link hides a point on the way (`own_sight`), another start is taken. After `ATTEMPTS` of them it is paths
+    near curves in joint space, from where the arm stands to postures at the goal (`joint_curves`).
 
     Args:
         problem: what the camera has to keep; its obstacles count for the whole arm, too.
         setting: the arm, where it stands, and what it has to keep.
         seed: turns the directions in which detours are tried.
-        attempts: camera paths from different starts at most, up to the thousand that `plan_path` tries.
+        attempts: camera paths from different starts at most, up to the thousand that `plan_path` tries; what
+            is beyond `ATTEMPTS` comes after the curves, which are not counted.
 
     Raises:
         InputError: an obstacle that cannot be judged for the whole arm; or what `plan_path` refuses.
