@@ -5,8 +5,11 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
+from scipy.spatial.transform import Rotation
 from tests.cli.calling import call
+from tests.robots.urdf_arms import urdf
 
 from omniservo.robots import load_arm, shipped_arms
 
@@ -43,6 +46,26 @@ def test_the_tool_can_be_chosen(capsys):
     code, out, err = call(capsys, "robot", "show", "rx60", "--tool", "shoulder")
     assert (code, out) == (2, "")
     assert "tool 'shoulder': carried by 1 joint (j1); legal: 6 or 7 in a row, which carry flange" in err
+
+
+@pytest.mark.parametrize(
+    ("rpy", "mount"),
+    [
+        ("0 0 0.5", "{translation: [0, 0, 90.5], rotation_vector: [0, 0, 0]}"),
+        ("3.141592653589793 0 0", "{translation: [0, 0, -90.5], rotation_vector: [180, 0, 0]}"),
+        ("0 -1.5707963267948966 0", "{translation: [90.5, 0, 0], rotation_vector: [0, 90, 0]}"),
+        ("0.5235987755982988 0 0", "{translation: [0, 45.25, 78.38], rotation_vector: [-30, 0, 0]}"),
+    ],
+)
+def test_a_mount_is_suggested_that_looks_along_the_hand(capsys, tmp_path, rpy, mount):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf().replace('rpy="0 0 0.5"', f'rpy="{rpy}"'))
+    code, out, _ = call(capsys, "robot", "show", path)
+    assert code == 0
+    assert f"mount          {mount} mm, deg" in out
+    document = yaml.safe_load(mount)
+    turned = Rotation.from_rotvec(document["rotation_vector"], degrees=True).apply([0.0, 0.0, 90.5])
+    np.testing.assert_allclose(turned, document["translation"], atol=0.01)
 
 
 def test_a_bad_file_is_one_message_and_exit_code_2(capsys, tmp_path):

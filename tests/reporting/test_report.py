@@ -11,9 +11,10 @@ from omniservo.errors import InputError
 from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
-from omniservo.reporting.report_sections import verdict
+from omniservo.reporting.report_sections import key_numbers, verdict
 from omniservo.reporting.spelling import significant, spell
 from omniservo.reporting.verdict import verdict_of
+from omniservo.reporting.views import outside
 from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}
@@ -74,6 +75,24 @@ def test_report_tells_joints_and_time_and_what_other_branches_would_do(report, r
         for failure in branch.failures[:1]:
             assert str(failure) in said
     assert structure.words.count("can follow") == sum(b.feasible for b in motion.others.branches)
+
+
+def test_the_first_number_is_the_links_where_they_are_to_keep_a_distance(run, made_up_run):
+    assert "Camera to the obstacle" in key_numbers(run).html
+    whole_run = made_up_run("whole-arm-1", steps=3)
+    whole_run = replace(whole_run, metrics={**whole_run.metrics, "link_clearance_executed_m": 0.0123})
+    for status, certified in (("clear", "8.00 mm"), ("undecided", "–")):
+        whole = replace(whole_run.whole_arm, proof=replace(whole_run.whole_arm.proof, status=status))
+        said = key_numbers(replace(whole_run, whole_arm=whole)).html
+        assert "Camera to the obstacle" not in said
+        assert "<dt>Nearest link to anything</dt><dd>12.30 mm</dd>" in said
+        assert f"certified {certified}, asked 5.00 mm" in said
+
+
+def test_pictures_from_outside_name_only_what_is_in_them(run):
+    assert "what stands in the way (brick red), the target's boards, at the start" in outside(run).caption
+    empty = run.task.model_copy(update={"obstacles": ()})
+    assert "brick red" not in outside(replace(run, task=empty)).caption
 
 
 def test_report_of_a_run_without_a_plan_is_silent_about_joints(made_up_run, tmp_path):

@@ -6,7 +6,21 @@ import numpy as np
 import pytest
 from urdf_arms import SEVEN, SIX, fingers, urdf
 
-from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, handy_posture, load_arm, shipped_arms
+from omniservo.robots import (
+    CAMERA_HOUSING,
+    SELF_CLEARANCE,
+    Arm,
+    ArmBodies,
+    handy_mount,
+    handy_posture,
+    load_arm,
+    shipped_arms,
+)
+
+
+def looks(arm):
+    """The way that a camera with the suggested mount looks, in the flange frame."""
+    return handy_mount(arm).rotation.apply([0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("name", [*shipped_arms(), "six", "seven"])
@@ -16,12 +30,52 @@ def test_it_is_free_far_from_singular_and_the_hand_looks_down(tmp_path, name):
     arm = load_arm(name) if name in shipped_arms() else Arm(path)
     q = handy_posture(arm)
     assert arm.within_limits(q)
-    bodies = ArmBodies(arm)
+    camera = [solid.moved(handy_mount(arm)) for solid in CAMERA_HOUSING]
+    bodies = ArmBodies(arm, mounted=camera)
     bodies.place(q)
-    assert not bodies.near(SELF_CLEARANCE)
+    near = bodies.near(0.03)
+    assert not [
+        bodies.names(n.pair) for n in near if n.gap < SELF_CLEARANCE or "camera" in bodies.names(n.pair)
+    ]
     assert np.linalg.svd(arm.scaled_flange_jacobian(q), compute_uv=False)[-1] > 0.2
     x, y, z = arm.base_T_flange(q).translation
     assert z >= 0.25 * arm.reach
     assert math.hypot(x, y) >= 0.3 * arm.reach
+    hand = arm.base_T_flange(q).rotation.apply(looks(arm))
+    assert z >= -0.42 * hand[2]
     down = arm.base_T_flange(q).rotation.apply([0.0, 0.0, -1.0])[2]
     assert down >= 0.6  # of all these the tool's z axis points out of the hand
+
+
+def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path):
+    small = tuple((name, tuple(0.75 * np.array(xyz)), *rest) for name, xyz, *rest in SIX)
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(small, collision='<cylinder radius="0.02" length="0.05"/>'))
+    arm = Arm(path)
+    flange = arm.base_T_flange(handy_posture(arm))
+    hand = flange.rotation.apply(looks(arm))
+    assert hand[2] < -0.6
+    assert flange.translation[2] >= -0.42 * hand[2] > 0.4 * arm.reach
+
+
+@pytest.mark.parametrize("twist", [0.0, 1e-9])
+@pytest.mark.parametrize(("rpy", "way"), [((0, 0, 0.5), 2), ((math.pi, 0, 0), -2), ((0, -math.pi / 2, 0), 0)])
+def test_the_mount_looks_out_of_the_hand_however_the_tool_is_turned(tmp_path, rpy, way, twist):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(SIX).replace('rpy="0 0 0.5"', f'rpy="{rpy[0] + twist} {rpy[1]} {rpy[2]}"'))
+    arm = Arm(path)
+    mount = handy_mount(arm)
+    np.testing.assert_allclose(looks(arm), math.copysign(1, way) * np.eye(3)[abs(way)], atol=1e-8)
+    np.testing.assert_allclose(mount.translation, 0.0905 * looks(arm), atol=1e-9)
+    assert mount.rotation.as_rotvec()[2] == 0.0  # it does not turn about what it looks along
+
+
+def test_the_camera_stands_clear_of_what_a_link_carries(tmp_path):
+    ball = '<link name="ball"><collision><geometry><sphere radius="0.08"/></geometry></collision></link>'
+    holder = '<joint name="holder" type="fixed"><origin xyz="0.2 0 0"/><parent link="lift_link"/>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf(SIX, extra=f'{ball}{holder}<child link="ball"/></joint>'))
+    arm = Arm(path, tool="tool0")
+    bodies = ArmBodies(arm, mounted=[solid.moved(handy_mount(arm)) for solid in CAMERA_HOUSING])
+    bodies.place(handy_posture(arm))
+    assert min(n.gap for n in bodies.near(0.2) if "camera" in bodies.names(n.pair)) >= 0.03

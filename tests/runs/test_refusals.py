@@ -1,6 +1,7 @@
 """What a run cannot do is said in one message: exit code 2 for a wrong task, 1 for a computed no."""
 
 import copy
+import re
 
 import numpy as np
 import pytest
@@ -93,7 +94,47 @@ def test_a_block_in_front_of_the_target_leaves_too_few_dots(capsys, tmp_path, do
     document["obstacles"].append({"center": [0, -60, 250], "half_extents": [60, 60, 5]})
     code, message = refusal(capsys, tmp_path, document)
     assert code == 2
-    assert "dots found; at least 8 are needed" in message
+    assert re.search(r"[0-7] of the target's 9 dots can be seen in the goal image; at least 8", message)
+    assert "hidden by obstacle 1" in message
+
+
+def test_a_block_before_the_camera_at_the_start_only_is_named(capsys, tmp_path, document):
+    document["obstacles"].append({"center": [0, 10, 60], "half_extents": [80, 80, 2]})
+    document["teach"]["initial_T_goal"]["translation"] = [0, -80, 120]
+    code, message = refusal(capsys, tmp_path, document)
+    assert code == 2
+    assert "0 of the target's 9 dots can be seen in the initial image" in message
+    assert "hidden by obstacle 1" in message
+
+
+def test_a_target_below_the_floor_is_hidden_by_it(tmp_path):
+    document = copy.deepcopy(shipped("ur5e-table"))
+    document["target"]["boards"] = []
+    for dot in document["target"]["dots"]:
+        dot["center"][2] += 120  # the floor is 430 mm ahead
+    with pytest.raises(InputError, match="0 of the .* can be seen in the goal image; .*; hidden by floor$"):
+        teach_goal(load_task(written(tmp_path, document)))
+
+
+def test_a_tag_is_hidden_where_half_of_it_is(tmp_path):
+    document = copy.deepcopy(shipped("panda-table"))
+    panels = document["target"]["tags"]["panels"] = document["target"]["tags"]["panels"][:1]
+    x, y, z = panels[0]["center"]
+    half = 0.25 * panels[0]["edge"]
+    document["obstacles"].append({"center": [x + 2 * half, y, z - 10], "half_extents": [half, 4 * half, 1]})
+    with pytest.raises(InputError, match="0 of the target's 1 tags can be seen .* hidden by obstacle 1"):
+        teach_goal(load_task(written(tmp_path, document)))
+
+
+def test_one_tag_of_known_size_is_enough_to_teach(tmp_path):
+    document = copy.deepcopy(shipped("panda-table"))
+    document["target"]["tags"]["panels"] = document["target"]["tags"]["panels"][:1]
+    assert teach_goal(load_task(written(tmp_path, document))).features.shape == (4, 2)
+    document["scale"] = {"odometry": True}
+    with pytest.raises(
+        InputError, match="4 tag corners found; at least 8|1 of the target's 1 tags .* at least 2"
+    ):
+        teach_goal(load_task(written(tmp_path, document)))
 
 
 def test_a_goal_file_without_dots_is_refused():

@@ -15,6 +15,8 @@ from omniservo.cli.output import JsonOption, Output, QuietOption
 from omniservo.errors import InputError
 
 if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
     from omniservo.geometry.arrays import FloatArray
     from omniservo.robots import Arm, Link
 
@@ -34,7 +36,7 @@ def show(
     quiet: QuietOption = False,
 ) -> None:
     """Print an arm: joints, reach, links, a posture to begin with, and what of the file was left out."""
-    from omniservo.robots import handy_posture, load_arm
+    from omniservo.robots import handy_mount, handy_posture, load_arm
 
     output = Output(as_json, quiet)
     arm = load_arm(robot, tool=tool)
@@ -50,6 +52,8 @@ def show(
         output.line(f"{'link':<14} {_spelled_link(link, wide)}")
     posture = handy_posture(arm)
     output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
+    mount = handy_mount(arm)
+    output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the hand")
     for notice in arm.notices:
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
@@ -64,6 +68,7 @@ def show(
                 "link": arm.tool_link,
                 "link_T_flange": arm.link_T_flange.as_matrix(),
             },
+            "flange_T_camera": mount.as_matrix(),
             "posture": posture.tolist(),
             "closed_form": arm.has_closed_form,
             "links": [_link(link) for link in arm.links],
@@ -98,8 +103,15 @@ def _spelled_joint(joint: dict[str, Any], wide: int) -> str:
     )
 
 
+def _spelled_mount(mount: RigidTransform) -> str:
+    """Spell a mount as a task writes it, in mm and degrees."""
+    rows = (1e3 * mount.translation, np.rad2deg(mount.rotation.as_rotvec()))
+    shown = (", ".join(f"{number:.4g}" for number in np.round(row, 2) + 0.0) for row in rows)
+    return "{{translation: [{}], rotation_vector: [{}]}}".format(*shown)
+
+
 def _spelled_posture(posture: FloatArray) -> str:
-    return "[" + ", ".join(f"{angle:.0f}" for angle in np.rad2deg(posture)) + "]"
+    return "[" + ", ".join(f"{angle:z.0f}" for angle in np.rad2deg(posture)) + "]"
 
 
 def _link(link: Link) -> dict[str, Any]:

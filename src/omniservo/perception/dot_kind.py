@@ -17,6 +17,7 @@ class DotKind:
     """Dots of one radius: nobody knows which is which until two pictures are compared."""
 
     name = "dots"
+    least = LEAST_FEATURES
 
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the dots (n, 2) [px], top to bottom, then left to right."""

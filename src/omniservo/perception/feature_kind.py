@@ -75,6 +75,11 @@ class FeatureKind(Protocol):
         """In words, plural: "dots"."""
         ...
 
+    @property
+    def least(self) -> int:
+        """How many features a picture must show."""
+        ...
+
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the pixels (n, 2) [px] of every feature in a picture."""
         ...
@@ -83,7 +88,7 @@ class FeatureKind(Protocol):
         """Return the points that both pictures show.
 
         Raises:
-            InputError: a picture with fewer than `LEAST_FEATURES`.
+            InputError: a picture with fewer than ``least``.
             AnswerIsNo: they cannot be matched, or too few can.
         """
         ...

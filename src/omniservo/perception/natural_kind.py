@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.perception.feature_kind import MatchedPoints, require_features
+from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
 from omniservo.perception.find_features import find_features
 from omniservo.perception.match_images import match_images
 from omniservo.perception.patch_tracker import PatchTracker
@@ -17,6 +17,7 @@ class NaturalKind:
     """What a surface itself shows: found, matched and followed by its texture."""
 
     name = "natural features"
+    least = LEAST_FEATURES
 
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the features (n, 2) [px], strongest first."""

@@ -40,17 +40,13 @@ def verdict(result: RunResult, *, named: bool) -> Markup:
 def key_numbers(result: RunResult) -> Markup:
     """Return the few numbers that matter most, each with what it is measured against."""
     metrics = result.metrics
-    planning = result.task.planning
     values = [
-        (
-            "Nearest to the obstacle",
-            spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
-            f"certified {spell(certified_clearance(result), 'm')}, asked {spell(planning.clearance, 'm')}",
-        ),
+        _nearest(result),
         (
             "Points in view by",
             spell_metric("visibility_executed_px", metrics.get("visibility_executed_px")),
-            f"certified {spell(certified_visibility(result), 'px')}, more than 0 needed",
+            f"certified {spell(certified_visibility(result), 'px')}, "
+            f"asked {spell(result.task.planning.visibility_margin, 'px')}",
         ),
         (
             "Off the goal",
@@ -65,6 +61,23 @@ def key_numbers(result: RunResult) -> Markup:
         ),
     ]
     return tiles(values)
+
+
+def _nearest(result: RunResult) -> tuple[str, str, str]:
+    """Return the tile of the smallest distance: of any link where the task asks links to keep one."""
+    whole, planning = result.whole_arm, result.task.planning
+    if whole is not None and whole.asked is not None:
+        name, executed = "Nearest link to anything", "link_clearance_executed_m"
+        certified = whole.proof.clearance if whole.proof.status == "clear" else None
+        asked = whole.asked
+    else:
+        name, executed = "Camera to the obstacle", "clearance_executed_m"
+        certified, asked = certified_clearance(result), planning.clearance
+    return (
+        name,
+        spell_metric(executed, result.metrics.get(executed)),
+        f"certified {spell(certified, 'm')}, asked {spell(asked, 'm')}",
+    )
 
 
 def side_by_side(results: Sequence[RunResult]) -> Markup:

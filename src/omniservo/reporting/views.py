@@ -43,11 +43,13 @@ def outside(result: RunResult) -> Drawing:
     left, right = figure.subplots(1, 2)
     _picture(left, result.outside_initial, "Start")
     _picture(right, result.outside_final, "End")
+    task = result.task
+    named = {"what stands in the way (brick red)": task.obstacles, "the target's boards": task.target.boards}
+    things = "".join(f", {name}" for name, bodies in named.items() if bodies)
     return Drawing(
         "outside",
         "Robot and obstacle from outside",
-        "The arm with the camera in its hand, the obstacle (brick red) and the target's boards, at the start "
-        "and at the end of the run.",
+        f"The arm with the camera in its hand{things}, at the start and at the end of the run.",
         figure,
     )
 

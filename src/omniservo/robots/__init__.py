@@ -6,6 +6,7 @@ from omniservo.robots.arm_clearance import SELF_CLEARANCE, ArmClearance, Closene
 from omniservo.robots.arm_files import SHOWN_GROUP
 from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
+from omniservo.robots.handy_mount import handy_mount
 from omniservo.robots.handy_posture import handy_posture
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
@@ -40,6 +41,7 @@ __all__ = [
     "Tube",
     "arm_clearance",
     "follow_path",
+    "handy_mount",
     "handy_posture",
     "link_gaps",
     "load_arm",

@@ -9,8 +9,10 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm import Arm
-from omniservo.robots.arm_bodies import ArmBodies
+from omniservo.robots.arm_bodies import MOUNTED, ArmBodies
 from omniservo.robots.arm_clearance import SELF_CLEARANCE
+from omniservo.robots.camera_housing import CAMERA_HOUSING
+from omniservo.robots.handy_mount import handy_mount
 from omniservo.robots.solid import Solid
 
 _POSTURES = 4000
@@ -18,16 +20,20 @@ _WIDEST = math.radians(100.0)
 """no joint is bent further from the middle of its range"""
 _LEVELS = ((0.9, True), (0.6, True), (-1.0, True), (-1.0, False))
 """least cosine between hand and straight down, and whether the arm stands on a floor: tried in this order"""
+_APART = 0.03
+"""[m] between the camera and all else, so that it can be moved"""
 _ABOVE = 0.02
 """[m] between the floor and what moves"""
 _HIGH, _ASIDE = 0.4, 0.3
 """least height and distance of the flange from the first axis' foot, over the reach"""
+_ROOM = 0.42
+"""[m] along the hand, from the flange to the floor: a camera of 0.1 m, and its target"""
 
 
 def handy_posture(arm: Arm) -> FloatArray:
     """Return joints (n,) [rad]: flange aside of the foot and high above it, the hand down if it can be.
 
-    The hand's way is that of the last joint's axis, away from the arm.
+    A camera with `handy_mount` has room about it there, and its target before it.
 
     Of 4000 random postures whose links keep `SELF_CLEARANCE` from each other, the one farthest from singular
     ones.
@@ -36,26 +42,26 @@ def handy_posture(arm: Arm) -> FloatArray:
     half = np.minimum(0.4 * np.ptp(arm.joint_range, axis=1), _WIDEST)
     drawn = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, arm.dof))
     drawn[:, 0] = np.clip(0.0, *arm.joint_range[0])
-    flanges, hand, reach = [arm.locate(q)[0] for q in drawn], _hand(arm), arm.reach
+    flanges, reach, mount = [arm.locate(q)[0] for q in drawn], arm.reach, handy_mount(arm)
+    hand = mount.rotation.apply([0.0, 0.0, 1.0])
+    camera = tuple(solid.moved(mount) for solid in CAMERA_HOUSING)
     values = [np.linalg.svd(arm.scaled_flange_jacobian(q), compute_uv=False)[-1] for q in drawn]
     order = np.argsort(values)[::-1]
     floor = Solid.box("floor", RigidTransform.identity(), [2.0 * reach + 1.0, 2.0 * reach + 1.0, _ABOVE])
     for level, stands in _LEVELS:
-        bodies = ArmBodies(arm, surroundings=(floor,) if stands else ())
+        bodies = ArmBodies(arm, mounted=camera, surroundings=(floor,) if stands else ())
         for i in order:
             x, y, height = flanges[i][:, 3]
             aside, down = math.hypot(x, y), -float(flanges[i][2, :3] @ hand)
-            if stands and (height < _HIGH * reach or aside < _ASIDE * reach or down < level):
+            high = max(_HIGH * reach, _ROOM * down)
+            if stands and (height < high or aside < _ASIDE * reach or down < level):
                 continue
             bodies.place(drawn[i])
-            if not bodies.near(SELF_CLEARANCE):
+            if _is_free(bodies):
                 return np.asarray(drawn[i])
     return np.asarray(drawn[order[0]])
 
 
-def _hand(arm: Arm) -> FloatArray:
-    """Return the last joint's axis (3,) in the flange frame, away from the joint before."""
-    axes, anchors, flange, _ = arm.chain
-    outwards = float(axes[-1] @ (flange[:, 3] - anchors[-2])) >= 0.0
-    along: FloatArray = flange[:, :3].T @ axes[-1]
-    return along if outwards else -along
+def _is_free(bodies: ArmBodies) -> bool:
+    near = bodies.near(_APART)
+    return not any(one.gap < SELF_CLEARANCE or MOUNTED in bodies.names(one.pair) for one in near)

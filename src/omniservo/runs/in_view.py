@@ -1,21 +1,26 @@
-"""Whether a task's target is in the camera's picture at all: geometry, before any picture is searched."""
+"""Whether a task's target can be seen at all: geometry, before any picture is searched."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.perception.feature_kind import LEAST_FEATURES
-from omniservo.runs.feature_kind_of import LEAST_CORNERS
+from omniservo.runs.feature_kind_of import feature_kind_of
+from omniservo.simulation.ray_caster import MISS, RayCaster
+from omniservo.simulation.world import World
 from omniservo.tasks import Task
 from omniservo.tasks.target import Dot, Target, TexturedFace
 
 _GRID = 8
 """points along a side of a textured face; a part of a face is enough"""
+_SURFACE = 1e-3
+"""[m] what is met this close before a point is the surface that the point lies on"""
 
 
 @dataclass(frozen=True)
@@ -40,15 +45,53 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
         InputError: too few dots or tags, or too little of the textured faces, project into the image.
     """
     parts = _parts(task)
-    outlines = parts.outlines
-    pixels, valid = task.camera.project(initial_T_camera.inv().apply(outlines.reshape(-1, 3)))
-    seen = valid & task.camera.in_image(np.where(valid[:, None], pixels, -1e3))
-    shown = int(seen.reshape(outlines.shape[:2]).all(1).sum())
+    shown = int(_in_image(task, parts, initial_T_camera).sum())
     if shown < parts.least:
         raise InputError(
-            f"{task.name}: {shown} of the target's {len(outlines)} {parts.name} lie wholly in {where} of "
-            f"this camera ({task.camera.width}×{task.camera.height} px); at least {parts.least} are needed"
+            f"{task.name}: {shown} of the target's {len(parts.outlines)} {parts.name} lie wholly in {where} "
+            f"of this camera ({task.camera.width}×{task.camera.height} px); at least {parts.least} are needed"
         )
+
+
+def require_unhidden(task: Task, world: World, joints: FloatArray, where: str) -> None:
+    """Refuse a posture of the arm from which too much of the target is hidden by something in between.
+
+    Args:
+        task: its target and camera.
+        world: what stands in the simulator.
+        joints: (n,) of the arm where the picture is taken [rad].
+        where: the picture's name in the message.
+
+    Raises:
+        InputError: of the dots, tags or textured faces in the image too few are met first by the rays of
+            sight; it names what is.
+    """
+    parts = _parts(task)
+    caster = RayCaster(world, sees_camera=False)
+    world_T_camera = world.world_T_camera(caster.pose_arm(joints))
+    world_T_initial = task.start.world_T_camera.transform
+    shown = _in_image(task, parts, world_T_initial.inv() * world_T_camera)
+    outlines = world_T_initial.apply(parts.outlines.reshape(-1, 3)) - world_T_camera.translation
+    distances = np.linalg.norm(outlines, axis=1)
+    geoms, met, _ = caster.cast(world_T_camera.translation, outlines / distances[:, None])
+    hidden = ((geoms != MISS) & (met < distances - _SURFACE)).reshape(parts.outlines.shape[:2]) & shown[
+        :, None
+    ]
+    seen = int((shown & ~hidden.any(1)).sum())
+    if seen < parts.least:
+        hiders = Counter(world.body_of(int(geom)) for geom in geoms[hidden.ravel()])
+        raise InputError(
+            f"{task.name}: {seen} of the target's {len(shown)} {parts.name} can be seen in {where}; at least "
+            f"{parts.least} are needed; hidden by {', '.join(name for name, _ in hiders.most_common())}"
+        )
+
+
+def _in_image(task: Task, parts: _Parts, initial_T_camera: RigidTransform) -> BoolArray:
+    """(k,) whether every point of a part projects into the image, whatever stands in between."""
+    pixels, valid = task.camera.project(initial_T_camera.inv().apply(parts.outlines.reshape(-1, 3)))
+    seen = valid & task.camera.in_image(np.where(valid[:, None], pixels, -1e3))
+    wholly: BoolArray = seen.reshape(parts.outlines.shape[:2]).all(1)
+    return wholly
 
 
 def _parts(task: Task) -> _Parts:
@@ -56,8 +99,7 @@ def _parts(task: Task) -> _Parts:
     if target.tags is not None:
         corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
         tags = np.array([tag.transform.apply(0.5 * tag.edge * corners) for tag in target.tags.panels])
-        least = LEAST_CORNERS if task.scale.tags else LEAST_FEATURES
-        return _Parts(tags, "tags", least // 4)
+        return _Parts(tags, "tags", feature_kind_of(task).least // 4)
     if target.textures:
         points = np.concatenate([_grid(face) for face in target.textures])
         return _Parts(points[:, None], "sample points on textured faces", LEAST_FEATURES)

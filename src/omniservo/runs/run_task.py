@@ -15,11 +15,12 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan, RiskPlan
+from omniservo.robots import CameraImage
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
 from omniservo.runs.followed_points import followed_points
-from omniservo.runs.in_view import require_in_view
+from omniservo.runs.in_view import require_in_view, require_unhidden
 from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
@@ -80,7 +81,7 @@ def run_task(
     scene = scene_of_task(task)
     robot = SimulatedRobot(scene, seed=seed)
     progress("looking")
-    image, joints = take_picture(robot), robot.read().joint_positions
+    image, joints = _look(task, robot)
     seconds: dict[str, float] = {}
     kind = feature_kind_of(task)
     seen, seconds["perception"] = _timed(lambda: see(kind, task.camera, image.pixels, goal.image))
@@ -111,6 +112,12 @@ def run_task(
         truth, way, () if replanner is None else tuple(replanner.events), seconds,
     )  # fmt: skip
     return replace(result, metrics=_metrics(result, seed))
+
+
+def _look(task: Task, robot: SimulatedRobot) -> tuple[CameraImage, FloatArray]:
+    """Return the initial image, and the joints (n,) [rad] as they are read."""
+    require_unhidden(task, robot.world, robot.world.scene.start_joints, "the initial image")
+    return take_picture(robot), robot.read().joint_positions
 
 
 def _planned(
