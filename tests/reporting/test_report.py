@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
-from omniservo.reporting.report_sections import key_numbers, verdict
+from omniservo.reporting.report_sections import key_numbers, reproduce, verdict
 from omniservo.reporting.spelling import significant, spell
 from omniservo.reporting.verdict import verdict_of
 from omniservo.reporting.views import outside
@@ -86,11 +86,18 @@ def test_the_first_number_is_the_links_where_they_are_to_keep_a_distance(run, ma
         said = key_numbers(replace(whole_run, whole_arm=whole)).html
         assert "Camera to the obstacle" not in said
         assert "<dt>Nearest link to anything</dt><dd>12.30 mm</dd>" in said
-        assert f"certified {certified}, asked 5.00 mm" in said
+        assert f"certified {certified}, asked 5.00 mm" in said.replace("\u00a0", " ")
+
+
+def test_the_command_that_repeats_a_run_names_no_file_that_there_may_not_be(run):
+    assert "omniservo run paper-example-1 --method certified" in reproduce([run]).html
+    own = replace(run, task=run.task.model_copy(update={"name": "my-own"}))
+    assert "omniservo run TASK.yaml --method certified" in reproduce([own]).html
+    assert "TASK.yaml: the file of my-own." in reproduce([own]).html
 
 
 def test_pictures_from_outside_name_only_what_is_in_them(run):
-    assert "what stands in the way (brick red), the target's boards, at the start" in outside(run).caption
+    assert "what stands in the way (brick red) and the target's boards, at the start" in outside(run).caption
     empty = run.task.model_copy(update={"obstacles": ()})
     assert "brick red" not in outside(replace(run, task=empty)).caption
 
@@ -171,7 +178,7 @@ def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, tmp_path)
     assert "<script" not in page
     assert evil in structure.words
     assert "The paper's numbers and ours" not in structure.words
-    assert "omniservo run my-own.yaml --method certified" in structure.words
+    assert "omniservo run TASK.yaml --method certified" in structure.words
 
 
 def test_methods_stand_side_by_side(run, made_up_run, tmp_path):

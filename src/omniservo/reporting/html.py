@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -45,10 +46,15 @@ def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]]) -> Markup:
 def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
     """Return large numbers side by side: label, value, note."""
     cells = (
-        tag("div", tag("dt", label), tag("dd", value), tag("dd", note, class_="quiet"))
+        tag("div", tag("dt", label), tag("dd", value), tag("dd", _unparted(note), class_="quiet"))
         for label, value, note in values
     )
     return tag("dl", *cells, class_="tiles")
+
+
+def _unparted(words: str) -> str:
+    """Return words whose lines do not break between a number and its unit."""
+    return re.sub(r"(?<=\d) (?=\D)", "\u00a0", words)
 
 
 def page(title: str, body: Iterable[Cell]) -> str:

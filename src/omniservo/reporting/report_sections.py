@@ -194,14 +194,14 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
     """Return the command that repeats the run, and the versions that made it."""
     first = results[0]
     name = first.task.name
-    task = name if name in shipped_tasks() else f"{name}.yaml"
+    task, where = (name, "") if name in shipped_tasks() else ("TASK.yaml", f"TASK.yaml: the file of {name}. ")
     method = "compare" if len(results) > 1 else first.method
     seed = f" --seed {first.metrics['seed']}" if "seed" in first.metrics else ""
     versions = [f"{package} {version(package)}" for package in _PACKAGES]
     return joined(
         [
             tag("pre", tag("code", f"omniservo run {task} --method {method}{seed}")),
-            tag("p", f"Python {platform.python_version()}, {', '.join(versions)}.", class_="quiet"),
+            tag("p", f"{where}Python {platform.python_version()}, {', '.join(versions)}.", class_="quiet"),
         ]
     )
 

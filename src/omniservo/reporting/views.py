@@ -45,11 +45,12 @@ def outside(result: RunResult) -> Drawing:
     _picture(right, result.outside_final, "End")
     task = result.task
     named = {"what stands in the way (brick red)": task.obstacles, "the target's boards": task.target.boards}
-    things = "".join(f", {name}" for name, bodies in named.items() if bodies)
+    things = " and ".join(name for name, bodies in named.items() if bodies)
     return Drawing(
         "outside",
         "Robot and obstacle from outside",
-        f"The arm with the camera in its hand{things}, at the start and at the end of the run.",
+        f"The arm with the camera in its hand{', ' * bool(things)}{things}, at the start and at the end of "
+        "the run.",
         figure,
     )
 
