@@ -118,6 +118,24 @@ def test_commanded_twist_goes_on_where_another_way_is_taken_up():
     assert steps.max() < 0.02
 
 
+@pytest.mark.parametrize("with_arm", [False, True])
+def test_two_looks_after_one_image_leave_no_jump_either(arm, with_arm):
+    """The second finds the way that the first has found, to be taken up at the very same time."""
+    plan, carried = arm if with_arm else (PLAN, None)
+    tracker, replanner = following(arm=carried, plan=plan)
+    before = reference(tracker, 1.0 + replanner.options.ahead)
+    balls = []
+    for _ in range(2):
+        balls.append(Sphere(tracker.legs[-1].path(0.6).translation, 0.01))
+        replanner.set_obstacles(balls)
+        assert replanner.look(1.0).outcome == "replanned"
+        pose, twist = reference(tracker, tracker.legs[-1].time)
+        assert (before[0].inv() * pose).as_matrix() == pytest.approx(np.eye(4), abs=1e-8)
+        assert twist == pytest.approx(before[1], abs=1e-7)
+    assert [leg.time for leg in tracker.legs] == pytest.approx([0.0, 1.08, 1.08])
+    assert replanner.look(1.03) is None
+
+
 def test_joints_have_no_jump_and_their_new_way_is_clear(arm):
     plan, carried = arm
     random, taken = np.random.default_rng(2), 0

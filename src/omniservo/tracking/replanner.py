@@ -350,16 +350,18 @@ class Replanner:
 
     def _planned(self, known: _Known, fork: _Fork) -> tuple[Plan, JointPath | None]:
         seed, budget = self.options.seed, self.options.time_budget
-        followed = replace(self._plan, path=fork.leg.path)
+        followed, problem = replace(self._plan, path=fork.leg.path), known.problem
         if 1.0 - fork.s < LEAST_REST:
             reason = "it is too near to the goal to plan again"
             return replace(followed, status="not_found", reason=reason), None
+        if fork.s == 0.0 and fork.leg.law(fork.time)[1] > 0.0:  # to be taken up just then: it moves already
+            problem = replace(problem, initial_velocity=fork.leg.path(0.0, 1))
         if self._arm is None or fork.joints is None:
-            found = replan(followed, fork.s, known.problem, pose=fork.pose, time_budget=budget, seed=seed)
+            found = replan(followed, fork.s, problem, pose=fork.pose, time_budget=budget, seed=seed)
             return found, None
         setting = self._arm.setting
         with_arm = replan_with_arm(
-            followed, fork.joints, fork.s, known.problem, setting,
+            followed, fork.joints, fork.s, problem, setting,
             pose=fork.pose, bodies=known.bodies, time_budget=budget, seed=seed,
         )  # fmt: skip
         return with_arm.plan, with_arm.branch
