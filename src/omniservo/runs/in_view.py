@@ -74,11 +74,10 @@ def require_unhidden(task: Task, world: World, joints: FloatArray, where: str) -
     outlines = world_T_initial.apply(parts.outlines.reshape(-1, 3)) - world_T_camera.translation
     distances = np.linalg.norm(outlines, axis=1)
     geoms, met, _ = caster.cast(world_T_camera.translation, outlines / distances[:, None])
-    hidden = ((geoms != MISS) & (met < distances - _SURFACE)).reshape(parts.outlines.shape[:2]) & shown[
-        :, None
-    ]
+    blocked = (geoms != MISS) & (met < distances - _SURFACE)
+    hidden = blocked.reshape(parts.outlines.shape[:2]) & shown[:, None]
     seen = int((shown & ~hidden.any(1)).sum())
-    if seen < parts.least:
+    if hidden.any() and seen < parts.least:
         hiders = Counter(world.body_of(int(geom)) for geom in geoms[hidden.ravel()])
         raise InputError(
             f"{task.name}: {seen} of the target's {len(shown)} {parts.name} can be seen in {where}; at least "
