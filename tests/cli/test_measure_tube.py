@@ -64,3 +64,12 @@ def test_a_log_without_what_is_needed_is_refused_by_name(capsys, tmp_path, renam
     assert (code, out) == (2, "")
     assert said in err
     assert not (tmp_path / "tube.json").exists()
+
+
+def test_one_run_says_nothing_of_the_next(capsys, tmp_path):
+    out = tmp_path / "tube.json"
+    path = log(tmp_path / "log.csv", 1e-3)
+    code, said, err = call(capsys, "robot", "measure-tube", "paper-example-1", path, "--out", out)
+    assert (code, said) == (2, "")
+    assert "runs: 1 given; at least 2 are needed, and for a risk of 1% about three hundred" in err
+    assert not out.exists()

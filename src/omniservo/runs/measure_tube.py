@@ -28,10 +28,8 @@ def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
         logs: one file a run.
 
     Raises:
-        InputError: no log, or one without these columns, without a plan, or of another arm.
+        InputError: fewer than two logs, or one without these columns, without a plan, or of another arm.
     """
-    if not logs:
-        raise InputError("runs: none given; at least one log is needed")
     arm, mount = load_arm(task.arm.model, tool=task.arm.tool), task.arm.flange_T_camera.transform
     bodies = ArmBodies(arm, mounted=[solid.moved(mount) for solid in CAMERA_HOUSING])
     most, regular = [], []
@@ -43,6 +41,10 @@ def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
         jacobians = [arm.scaled_camera_jacobian(q, mount) for q in planned]
         regular.append(float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()))
         most.append(strayed(bodies, mount, planned, executed, _image(columns, path)))
+    if len(logs) < 2:
+        raise InputError(
+            f"runs: {len(logs)} given; at least 2 are needed, and for a risk of 1% about three hundred"
+        )
     return TrackingTube.of(arm.name, bodies.tube_parts, most, min(regular), f"{len(logs)} logged runs")
 
 
