@@ -35,7 +35,7 @@ def show(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Print an arm: joints, reach, links, a posture to begin with, and what of the file was left out."""
+    """Print an arm: joints, reach, links, posture and mount to begin with, what of the file was left out."""
     from omniservo.robots import handy_mount, handy_posture, load_arm
 
     output = Output(as_json, quiet)

@@ -10,7 +10,6 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.perception.feature_kind import LEAST_FEATURES
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.simulation.ray_caster import MISS, RayCaster
 from omniservo.simulation.world import World
@@ -94,15 +93,15 @@ def _in_image(task: Task, parts: _Parts, initial_T_camera: RigidTransform) -> Bo
 
 
 def _parts(task: Task) -> _Parts:
-    target = task.target
+    target, least = task.target, feature_kind_of(task).least
     if target.tags is not None:
         corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
         tags = np.array([tag.transform.apply(0.5 * tag.edge * corners) for tag in target.tags.panels])
-        return _Parts(tags, "tags", feature_kind_of(task).least // 4)
+        return _Parts(tags, "tags", least // 4)
     if target.textures:
         points = np.concatenate([_grid(face) for face in target.textures])
-        return _Parts(points[:, None], "sample points on textured faces", LEAST_FEATURES)
-    return _Parts(_rims(target), "dots", LEAST_FEATURES)
+        return _Parts(points[:, None], "sample points on textured faces", least)
+    return _Parts(_rims(target), "dots", least)
 
 
 def _grid(face: TexturedFace) -> FloatArray:
