@@ -1,9 +1,12 @@
 """Following a plan by the image, and planning again on the way: joins a plan and features."""
 
+from omniservo.tracking.following_arm import FollowingArm
 from omniservo.tracking.goal_servo import GoalServo
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
-from omniservo.tracking.replanner import FollowingArm, Replanner, Replanning, ReplanOptions
+from omniservo.tracking.replan_options import ReplanOptions
+from omniservo.tracking.replanner import Replanner
+from omniservo.tracking.replanning import Replanning
 from omniservo.tracking.tracker_options import TrackerOptions
 from omniservo.tracking.tracker_report import TrackerReport
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
@@ -12,19 +12,22 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.errors import Blocked, InputError
+from omniservo.errors import Blocked, InputError, NotFinite
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.geometry.polynomial import PROVEN
-from omniservo.planning import ArmSetting, CameraPath, Plan, PlanningProblem, replan, replan_with_arm
+from omniservo.planning import CameraPath, Plan, PlanningProblem, replan, replan_with_arm
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.problem_arrays import searched_demands
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.with_arm.part_of_joints import part_of_joints
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
-from omniservo.servoing import PathLimits, RestOfLaw
+from omniservo.servoing import RestOfLaw
+from omniservo.tracking.following_arm import FollowingArm
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
+from omniservo.tracking.replan_options import ReplanOptions
+from omniservo.tracking.replanning import Replanning
 
 LEAST_REST = 1e-3
 """Where less than this part of a leg is left nothing is planned any more."""
@@ -37,71 +40,6 @@ SLOWING = 0.3
 
 _SHORTEST = 1e-9
 """part of a leg that is worth a look"""
-
-
-@dataclass(frozen=True, eq=False)
-class FollowingArm:
-    """The arm that carries the camera along the plan."""
-
-    setting: ArmSetting
-    """with the plan's initial frame; what is proven of the plan is proven of what is planned later"""
-    joints: JointPath
-    """that follow the plan"""
-    limits: Callable[[CameraPath, JointPath], PathLimits] | None
-    """what a time law has to keep on another path, stated in the plan's frame; None: laws are carried on"""
-
-
-@dataclass(frozen=True)
-class ReplanOptions:
-    """When a plan is made again."""
-
-    ahead: float = 0.08
-    """The new way is taken up so long after the image with which planning began [s]: a period of the camera,
-    in which to plan, and the delay until a twist acts. Until then the old way is followed, and proven, too"""
-    tube: float = 0.005
-    """An estimate that has changed by more than this is planned for again [m]; see `Replanner.change`"""
-    time_budget: float | None = None
-    """A plan that took longer is not followed [s]; None: as long as it takes, where time stands meanwhile"""
-    seed: int = 0
-    """as for `plan_path`"""
-
-    def __post_init__(self) -> None:
-        finite_number("ahead", self.ahead, above=0.0)
-        finite_number("tube", self.tube, above=0.0)
-        finite_number("seed", self.seed, minimum=0)
-        if self.time_budget is not None:
-            finite_number("time_budget", self.time_budget, above=0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Replanning:
-    """One look at what has changed."""
-
-    time: float
-    """of the image after which it was made, since the servo's start [s]"""
-    cause: Literal["obstacles", "estimate"]
-    outcome: Literal["kept", "replanned", "blocked"]
-    """kept: the way is still proven. replanned: another one is. blocked: none is; the robot is stopped"""
-    w: float
-    """where the way is left, or the robot was"""
-    problem: PlanningProblem
-    """what was known then, in the plan's frame"""
-    seconds: float
-    """that it took [s]"""
-    reason: str = ""
-    """why no way on is proven; else empty"""
-    legs: tuple[Leg, ...] = ()
-    """what was taken up: the new way, and before it the old one slowed down if need be; none unless
-    replanned"""
-    joints: tuple[JointPath | None, ...] = ()
-    """that follow each"""
-    plan: Plan | None = None
-    """certified, in the camera frame where the old way is left; None unless replanned"""
-
-    @property
-    def leg(self) -> Leg | None:
-        """The new way; None unless replanned."""
-        return self.legs[-1] if self.legs else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +83,9 @@ class Replanner:
     has no jump in pose or twist, and the joints that follow it have none in position or, six of them, in
     speed. Its law is what is left of the old one, its clock slowed down where the joints ask for it
     (`RestOfLaw`); a way that would be entered too fast for its bend is planned anew from the old one slowed
-    down. If no way on is proven, `look` raises `Blocked`, and the robot is braked.
+    down. If no way on is proven, `look` raises `Blocked`, and the robot is braked. What has changed counts as
+    answered only once a way is proven for it: until then, whatever was raised, every later `look` answers it
+    anew, and a way that is blocked stays blocked.
 
     Args:
         tracker: follows the plan.
@@ -173,6 +113,7 @@ class Replanner:
             raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
         self._tracker, self._plan, self._arm = tracker, plan, arm
         self._problem = self._asked = plan.problem
+        self._time = -math.inf
         self._solids: tuple[Solid, ...] = ()
         self._joints = [None if arm is None else arm.joints]
         self._around: ArmBodies | None = None
@@ -196,11 +137,12 @@ class Replanner:
         turned = abs(float(pose[:4] @ problem.goal_quaternion)) / float(np.linalg.norm(pose[:4]))
         distance = float(np.linalg.norm(problem.points - problem.goal_translation, axis=1).mean())
         moved = self._tracker.points - problem.points
-        return max(
+        parts = [
             float(np.linalg.norm(shift)),
             distance * 2.0 * math.acos(min(turned, 1.0)),
             float(np.sqrt(np.mean(np.sum(moved * moved, axis=1)))),
-        )
+        ]
+        return float(np.max(parts))  # NaN where any of them is
 
     def set_obstacles(self, obstacles: Iterable[Obstacle]) -> None:
         """Say where obstacles are now, all of them: what is not among them is gone.
@@ -210,6 +152,7 @@ class Replanner:
 
         Raises:
             InputError: what a problem refuses; or an obstacle with a motion, which runs over a plan's own w.
+                What was said before still counts then.
         """
         asked = replace(self._problem, obstacles=tuple(obstacles))
         for i, obstacle in enumerate(asked.obstacles):
@@ -249,33 +192,44 @@ class Replanner:
         """Plan again where something has changed; return what came of it, None where nothing had changed.
 
         Args:
-            time: of the last image, since the servo's start [s].
+            time: of the last image, since the servo's start [s]; it does not run backwards.
 
         Raises:
             Blocked: no way on is proven.
+            NotFinite: the tracker's estimate is not.
+            InputError: the time is not finite, or before that of the last look.
         """
-        cause: Literal["obstacles", "estimate"] | None = None
-        problem = self._problem
-        asked, known = self._asked.obstacles, problem.obstacles
-        if len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
-            cause, problem = "obstacles", self._asked
-        if self.change > self.options.tube:
-            cause, pose = cause or "estimate", self._tracker.goal.pose
-            goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
-            problem = replace(problem, points=self._tracker.points, initial_T_goal=goal)
+        self._time = finite_number("time", time, minimum=self._time)
+        cause, problem = self._changed()
         if cause is None:
             return None
         begin = perf_counter()
         event = self._answer(time, cause, problem, begin)
         event = replace(event, seconds=perf_counter() - begin)
         self.events.append(event)
-        self._problem = problem
         if event.outcome == "blocked":
             raise Blocked(f"{cause} changed at {time:.3f} s and no way on is proven: {event.reason}")
         for leg, joints in zip(event.legs, event.joints, strict=True):
             self._tracker.take_up(leg)
             self._joints.append(joints)
+        self._problem = problem  # last: whatever is raised above, the next look answers the change anew
         return event
+
+    def _changed(self) -> tuple[Literal["obstacles", "estimate"] | None, PlanningProblem]:
+        """Return what has changed since a way was last proven, and what is known now."""
+        cause: Literal["obstacles", "estimate"] | None = None
+        problem = self._problem
+        asked, known = self._asked.obstacles, problem.obstacles
+        if len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
+            cause, problem = "obstacles", replace(problem, obstacles=asked)
+        change = self.change
+        if not math.isfinite(change):
+            raise NotFinite("the tracker's estimate of points and goal is not finite")
+        if change > self.options.tube:
+            cause, pose = cause or "estimate", self._tracker.goal.pose
+            goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
+            problem = replace(problem, points=self._tracker.points, initial_T_goal=goal)
+        return cause, problem
 
     def _answer(
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float

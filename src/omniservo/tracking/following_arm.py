@@ -1,0 +1,22 @@
+"""The arm that a way planned again has to suit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from omniservo.planning import ArmSetting, CameraPath
+from omniservo.robots import JointPath
+from omniservo.servoing import PathLimits
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingArm:
+    """The arm that carries the camera along the plan."""
+
+    setting: ArmSetting
+    """with the plan's initial frame; what is proven of the plan is proven of what is planned later"""
+    joints: JointPath
+    """that follow the plan"""
+    limits: Callable[[CameraPath, JointPath], PathLimits] | None
+    """what a time law has to keep on another path, stated in the plan's frame; None: laws are carried on"""
