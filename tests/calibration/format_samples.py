@@ -461,7 +461,14 @@ CAMERAS = {
     "pinhole, eight": RATIONAL,
     "equirectangular": Equirectangular(1000, 500),
     "OCam, lens": OcamPolynomial(
-        OCAM.coefficients, 456.25, 382.5, 1024, 768, max_angle=1.5, dead_zone=DeadZone((320.0, 240.0), 20.0)
+        OCAM.coefficients,
+        456.25,
+        382.5,
+        1024,
+        768,
+        max_angle=1.5,
+        dead_zone=DeadZone((320.0, 240.0), 20.0),
+        deviation_px=1 / 3,
     ),
     "lens": KannalaBrandt(
         311.0,
@@ -474,5 +481,11 @@ CAMERAS = {
         max_angle=1.5,
         dead_zone=DeadZone((320.0, 240.0), 20.0),
         mask=[[[0, 0], [50, 0], [0, 50]]],
+        deviation_px=1 / 3,
+    ),
+    "unified, deviation": UnifiedCamera(300.0, 301.0, 320.0, 240.0, 1.7, 640, 480, deviation_px=1 / 3),
+    "pinhole, deviation": Pinhole(611.0, 612.0, 320.25, 239.5, 640, 480, deviation_px=1 / 3),
+    "double sphere, deviation": DoubleSphere(
+        317.5, 316.25, 320.0, 239.5, -0.2, 0.6, 640, 480, deviation_px=1 / 3
     ),
 }

@@ -285,10 +285,11 @@ def test_skew_is_refused_by_formats_without_a_place_for_it(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_a_field_of_another_model_s_lens_is_refused(tmp_path):
+@pytest.mark.parametrize("lens", [{"xi": 0.5}, {"deviation_px": -0.5}, {"deviation_px": 1e10}, 3])
+def test_a_lens_field_that_is_none_or_not_legal_is_refused(tmp_path, lens):
     fields = json.loads(SAMPLES["OpenCV fisheye, said by distortion_model in JSON"][0])
-    fields["omniservo_lens"] = {"deviation_px": 0.5}
-    assert "omniservo_lens" in refusal(tmp_path, json.dumps(fields))
+    fields["omniservo_lens"] = lens
+    assert any(word in refusal(tmp_path, json.dumps(fields)) for word in ("omniservo_lens", "deviation_px: "))
 
 
 NONSENSE = (

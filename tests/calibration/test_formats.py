@@ -10,6 +10,7 @@ from tests.calibration.format_samples import CAMERAS, OCAM, SAMPLES
 from omniservo.calibration import FORMATS, closest_model, load_camera, load_model, save_camera
 from omniservo.calibration.camera_files import WRITTEN
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import to_unified
 from omniservo.cameras.models import (
     DoubleSphere,
     Equirectangular,
@@ -170,7 +171,7 @@ def real_models(shared_data):
         try:
             yield path, load_model(path, size=size)
         except InputError as error:
-            assert "cameras; name one of: " in str(error), error  # noqa: PT017
+            assert " cameras; say which: --camera-name" in str(error), error  # noqa: PT017
             for name in str(error).partition("name one of: ")[2].split(", "):
                 yield path, load_model(path, name=name, size=size)
 
@@ -223,6 +224,73 @@ def test_closest_model_is_as_close_as_its_residual_says(
     seen, also = read.project(rays)
     assert (valid & also).mean() > 0.6
     assert np.linalg.norm(seen - pixels, axis=1)[valid & also].max() <= 1.05 * residual.largest_px
+
+
+NARROW = KannalaBrandt(
+    190.978, 190.973, 254.932, 256.897, 512, 512,
+    k=(3.48e-3, 7.15e-4, -2.05e-3, 2.03e-4), max_angle=1.2, deviation_px=0.25,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("first", FORMATS)
+def test_a_deviation_stays_from_format_to_format_without_a_conversion(tmp_path, first):
+    camera = next(
+        c for c in CAMERAS.values() if c.deviation_px and isinstance(c, WRITTEN[first].kinds or object)
+    )
+    save_camera(camera, tmp_path / "first", first)
+    loaded = load_model(tmp_path / "first")
+    assert loaded.deviation_px == 1 / 3
+    for second in FORMATS:
+        if not WRITTEN[second].kinds or isinstance(camera, WRITTEN[second].kinds):
+            model, residual = closest_model(loaded, second)
+            save_camera(model, tmp_path / second, second)
+            assert (load_model(tmp_path / second).deviation_px, residual) == (1 / 3, None)
+
+
+def test_every_conversion_of_a_chain_adds_its_residual_to_the_deviation(tmp_path):
+    camera, total = NARROW, 0.25
+    for format_name in ("mei", "ros", "ocamcalib", "kalibr"):
+        model, residual = closest_model(camera, format_name)
+        assert residual.largest_px > 0.0
+        total += residual.largest_px
+        save_camera(model, tmp_path / format_name, format_name)
+        camera = load_model(tmp_path / format_name)
+        assert total <= camera.deviation_px < total + 1e-12
+    pixels = np.random.default_rng(4).uniform([0, 0], [511, 511], (2000, 2))
+    rays, valid = NARROW.unproject(pixels)
+    seen, also = camera.project(rays)
+    apart = np.linalg.norm(seen - pixels, axis=1)[valid & also]
+    assert apart.max() <= camera.deviation_px - 0.25 + 1e-3
+
+
+def test_an_exact_equivalent_keeps_the_deviation():
+    same = closest_model(CAMERAS["pinhole, deviation"], "mei")[0]
+    assert (type(same), same.deviation_px) == (UnifiedCamera, 1 / 3)
+    sphere = DoubleSphere(300.0, 300.0, 320.0, 240.0, 0.0, 0.6, 640, 480, deviation_px=2.5)
+    assert to_unified(sphere).camera.deviation_px == 2.5
+
+
+TRACKING = """cam0:
+  camera_model: pinhole
+  distortion_model: equidistant
+  distortion_coeffs: [-0.0073, 0.0435, -0.0412, 0.0077]
+  intrinsics: [285.4, 286.3, 416.2, 402.7]
+  resolution: [848, 800]
+"""
+
+
+def test_a_fisheye_file_that_describes_more_than_its_lens_sees_is_read_with_max_angle(tmp_path):
+    path = tmp_path / "camera.yaml"
+    path.write_text(TRACKING)
+    for read in (load_camera, lambda file: closest_model(load_model(file), "mei")):
+        with pytest.raises(InputError, match=r"formula reaches 1\d\d.*--max-angle DEG"):
+            read(path)
+    camera = load_camera(path, max_angle=np.radians(82.0))
+    assert 0.0 < camera.deviation_px < 0.3
+    assert camera.max_angle == pytest.approx(np.radians(82.0))
+    narrow = load_model(path, max_angle=1.2)
+    save_camera(narrow, path, "kalibr", force=True)
+    assert load_model(path, max_angle=1.4) == narrow, "a file's own limit stays where it is less"
 
 
 def test_a_model_that_the_format_holds_is_not_converted():

@@ -5,6 +5,7 @@ from omniservo.calibration.boards import board_from_text, find_board
 from omniservo.calibration.calibrate_images import ImageCalibration, calibrate_images
 from omniservo.calibration.camera_files import FORMATS, load_camera, load_model, save_camera
 from omniservo.calibration.closest_model import closest_model
+from omniservo.calibration.named_camera import named_camera, named_model
 
 __all__ = [
     "FORMATS",
@@ -17,5 +18,7 @@ __all__ = [
     "find_board",
     "load_camera",
     "load_model",
+    "named_camera",
+    "named_model",
     "save_camera",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -180,9 +179,8 @@ class CalibrationFile:
         """
         holder = self.value(*path) if path else self.fields
         lens = holder.get(LENS, {}) if isinstance(holder, Mapping) else {}
-        legal = [name for name in LENS_FIELDS if name in inspect.signature(make).parameters]
-        if not isinstance(lens, Mapping) or set(lens) - set(legal):
-            raise self.error(f"{spelled(lens)} given; legal fields: {', '.join(legal)}", *path, LENS)
+        if not isinstance(lens, Mapping) or set(lens) - set(LENS_FIELDS):
+            raise self.error(f"{spelled(lens)} given; legal fields: {', '.join(LENS_FIELDS)}", *path, LENS)
         try:
             return make(**{**parameters, **lens})
         except InputError as error:
@@ -205,7 +203,7 @@ def _joined(path: FieldPath) -> str:
 
 
 def lens_fields(model: CentralModel) -> dict[str, Any]:
-    """Return the extra field that keeps the lens's angle, dead zone and mask in a foreign file, if any."""
+    """Return the extra field that keeps the lens's limits and the deviation in a foreign file, if any."""
     described = model.to_dict()
     lens = {name: described[name] for name in LENS_FIELDS if described.get(name)}
     return {LENS: lens} if lens else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -22,8 +23,9 @@ from omniservo.calibration.formats import (
     visp,
 )
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.camera_fields import largest_angle
 from omniservo.cameras.conversion import to_unified
-from omniservo.cameras.models import CentralModel
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, spelled
 from omniservo.files import write_whole
 
@@ -98,6 +100,7 @@ def load_model(
     name: str | None = None,
     size: tuple[int, int] | None = None,
     model: str | None = None,
+    max_angle: float | None = None,
 ) -> CentralModel:
     """Return the camera of a calibration file as the file has it; its content tells the format.
 
@@ -109,6 +112,7 @@ def load_model(
         name: which camera of a file with several ("cam1"); a file with one needs none.
         size: (width, height) of the image [px]: needed where the file does not say it, else compared.
         model: "pinhole" or "fisheye", for an OpenCV file whose four numbers may be either's.
+        max_angle: how far from the axis the lens sees [rad], where the file says more or nothing.
 
     Raises:
         InputError: unreadable, of no known format, or not a legal camera: the message names file, line,
@@ -127,15 +131,26 @@ def load_model(
     if model is not None and reader is not opencv:
         raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")
     names = reader.names(file)
-    if name is None:
-        if len(names) != 1:
-            raise InputError(f"{path}: {len(names)} cameras; name one of: {', '.join(names)[:1000]}")
-        return reader.read(file, names[0])
-    if name not in names:
+    if name is None and len(names) != 1:
+        raise InputError(
+            f"{path}: {len(names)} cameras; say which: --camera-name NAME, name=; name one of:"
+            f" {', '.join(names)[:1000]}"
+        )
+    if name not in (None, *names):
         raise InputError(
             f"{path}: no camera named {spelled(name)}; legal: {', '.join(names)[:1000] or 'no name'}"
         )
-    return reader.read(file, name)
+    return seen_up_to(reader.read(file, names[0] if name is None else name), max_angle)
+
+
+def seen_up_to(camera: CentralModel, max_angle: float | None) -> CentralModel:
+    """Return the camera with a lens that sees no farther than ``max_angle`` [rad]; None: as it is."""
+    if max_angle is None:
+        return camera
+    stated = math.pi if camera.max_angle is None else camera.max_angle
+    return camera_from_dict(
+        {**camera.to_dict(), "max_angle": min(largest_angle(max_angle) or stated, stated)}
+    )
 
 
 def load_camera(
@@ -144,24 +159,34 @@ def load_camera(
     name: str | None = None,
     size: tuple[int, int] | None = None,
     model: str | None = None,
+    max_angle: float | None = None,
     largest_px: float = 1.0,
 ) -> UnifiedCamera:
     """Return the camera of a calibration file as a unified camera, converted where it is another model.
 
-    What the conversion leaves, at most ``largest_px`` [px], stands in ``deviation_px``, which planning adds
+    What the conversion leaves, at most ``largest_px`` [px], is added to ``deviation_px``, which planning adds
     to its visibility margin; `omniservo.cameras.conversion.to_unified` gives it as a map. Arguments are those
     of `load_model`.
 
     Raises:
         InputError: as `load_model`, or the conversion leaves more than ``largest_px``.
     """
-    camera = load_model(path, name=name, size=size, model=model)
+    model_in_file = load_model(path, name=name, size=size, model=model, max_angle=max_angle)
+    return as_unified(model_in_file, path, largest_px)
+
+
+def as_unified(camera: CentralModel, source: str | Path, largest_px: float) -> UnifiedCamera:
+    """Return `to_unified` of a camera that ``source`` holds.
+
+    Raises:
+        InputError: it leaves more than ``largest_px``.
+    """
     if isinstance(camera, UnifiedCamera):
         return camera
     try:
         return to_unified(camera, largest_px=largest_px).camera
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{source}: {error}") from None
 
 
 def save_camera(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omniservo.calibration.camera_files import FORMATS, WRITTEN, text_in_format
-from omniservo.cameras.conversion import Residual, convert
+from omniservo.cameras.conversion import Residual, convert, standing_for, where_it_ends
 from omniservo.cameras.conversion.residual import measured
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, spelled
@@ -47,7 +47,8 @@ def closest_model(
     if not residual.largest_px <= largest_px:
         raise InputError(
             f"format {format_name!r}: its closest model, {type(model).__name__}, is up to"
-            f" {residual.largest_px:.3g} px away; legal: <= {largest_px:g} px (--largest-px allows more)"
+            f" {residual.largest_px:.3g} px away; legal: <= {largest_px:g} px (--largest-px allows more)."
+            f" {where_it_ends(camera)}"
         )
     return model, residual
 
@@ -68,4 +69,5 @@ def _without_skew(
         model = camera_from_dict({**model.to_dict(), "skew": 0.0})
         text_in_format(model, format_name)
         residual = measured(model, camera)
+        model = standing_for(camera, model, residual)
     return model, residual

@@ -31,6 +31,7 @@ class KernelCamera:
         max_angle: float | None
         dead_zone: DeadZone | None
         mask: ImageMask
+        deviation_px: float
         usable_angle: float
         parameters: FloatArray
 

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omniservo.cli.calibrate import calibrate
-from omniservo.cli.camera_options import ModelOption, NameOption, SizeOption, open_camera
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.camera_options import (
+    LARGEST_PX,
+    LargestOption,
+    MaxAngleOption,
+    ModelOption,
+    SizeOption,
+    open_model,
+)
+from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
 
@@ -23,10 +30,6 @@ app = typer.Typer(help="Calibrate, show, convert and rectify cameras.", no_args_
 app.command("calibrate")(calibrate)
 app.command("rectify")(rectify)
 
-LargestOption = Annotated[
-    float, typer.Option("--largest-px", help="How far a converted camera may lie from the file's, in px.")
-]
-
 _ANY_PX = 1e9
 """a camera is shown however badly the unified model stands for it"""
 
@@ -34,9 +37,10 @@ _ANY_PX = 1e9
 @app.command("show")
 def show(
     camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
-    name: NameOption = None,
+    camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
+    max_angle: MaxAngleOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Draw its field and its pixels a degree into this folder.")
     ] = None,
@@ -48,7 +52,7 @@ def show(
     from omniservo.reporting.camera_field import past_right_angle
 
     output = Output(as_json, quiet)
-    shown = open_camera(camera, name, size, model)
+    shown = open_model(camera, camera_name, size, model, max_angle)
     fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
         output.line(f"{field:<14} {value}")
@@ -118,10 +122,11 @@ def convert(
             help="Format: own, mei, camodocal, kalibr, opencv, ros, basalt, ocamcalib, boofcv, colmap, visp.",
         ),
     ],
-    name: NameOption = None,
+    camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
-    largest_px: LargestOption = 1.0,
+    max_angle: MaxAngleOption = None,
+    largest_px: LargestOption = None,
     mask: Annotated[
         Path | None,
         typer.Option(
@@ -138,19 +143,23 @@ def convert(
 
     output = Output(as_json, quiet)
     writable(out, force=force)
-    given = open_camera(camera, name, size, model)
+    given = open_model(camera, camera_name, size, model, max_angle)
     added: dict[str, Any] = {}
     if mask is not None:
         if to != "own":
             raise InputError(f"--mask: given with --to {spelled(to)}; legal: --to own")
         given, added = _masked(given, mask, output)
-    found, residual = closest_model(given, to, largest_px=largest_px)
+    allowed = LARGEST_PX if largest_px is None else largest_px
+    found, residual = closest_model(given, to, largest_px=allowed)
     save_camera(found, out, to, force=force)
     written = found.to_dict()["model"]
     output.line(f"written: {out} ({written})")
     if residual is not None:
         output.line(f"residual: {_spelled(residual)}")
-    output.result({"out": str(out), "format": to, "model": written, **_numbers(residual), **added})
+    if found.deviation_px:
+        output.line(f"deviation_px: {found.deviation_px:.3g}, written with it; plans keep it as a margin")
+    numbers = {**_numbers(residual), "deviation_px": found.deviation_px}
+    output.result({"out": str(out), "format": to, "model": written, **numbers, **added})
 
 
 def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralModel, dict[str, Any]]:

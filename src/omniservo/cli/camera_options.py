@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,9 +10,12 @@ import typer
 from omniservo.errors import InputError, spelled
 
 if TYPE_CHECKING:
+    from omniservo.cameras import UnifiedCamera
     from omniservo.cameras.models import CentralModel
 
-NameOption = Annotated[str | None, typer.Option("--name", help="Which camera of a file with several.")]
+LARGEST_PX = 1.0
+_HALF_TURN = 180.0
+
 SizeOption = Annotated[
     str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
 ]
@@ -23,16 +27,51 @@ ModelOption = Annotated[
 ]
 
 
-def open_camera(camera: str, name: str | None, size: str | None, model: str | None) -> CentralModel:
-    """Return a preset, or the camera of a file."""
-    from omniservo.calibration import load_model
-    from omniservo.cameras import PRESETS, preset
+MaxAngleOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-angle", help="How far from its axis the lens sees, in degrees, where the file says more."
+    ),
+]
+LargestOption = Annotated[
+    float | None,
+    typer.Option("--largest-px", help="How far a converted camera may lie from the file's, in px (1)."),
+]
 
-    if camera in PRESETS and name is None and size is None and model is None:
-        return preset(camera)
-    return load_model(
-        camera, name=name, size=None if size is None else size_from_text("--size", size), model=model
-    )
+
+def open_model(
+    camera: str, name: str | None, size: str | None, model: str | None, max_angle: float | None = None
+) -> CentralModel:
+    """Return a preset, or the camera of a file as it stands there."""
+    from omniservo.calibration import named_model
+
+    stated = None if size is None else size_from_text("--size", size)
+    return named_model(camera, name=name, size=stated, model=model, max_angle=_radians(max_angle))
+
+
+def open_camera(
+    camera: str | None, name: str | None, max_angle: float | None, largest_px: float | None
+) -> UnifiedCamera | None:
+    """Return the unified camera that ``--camera`` stands for, or None where it is not given."""
+    from omniservo.calibration import named_camera
+
+    if camera is None:
+        options = {"--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px}
+        given = [option for option, value in options.items() if value is not None]
+        if given:
+            raise InputError(f"{given[0]}: given without --camera")
+        return None
+    allowed = LARGEST_PX if largest_px is None else largest_px
+    return named_camera(camera, name, max_angle=_radians(max_angle), largest_px=allowed)
+
+
+def _radians(max_angle: float | None) -> float | None:
+    """Return ``--max-angle`` [rad]."""
+    if max_angle is None:
+        return None
+    if not 0.0 < max_angle <= _HALF_TURN:
+        raise InputError(f"--max-angle: {max_angle:g} given; legal: > 0, <= {_HALF_TURN:g} (degrees)")
+    return math.radians(max_angle)
 
 
 def size_from_text(option: str, text: str) -> tuple[int, int]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import typer
 
+from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -25,6 +26,13 @@ if TYPE_CHECKING:
 
     from omniservo.estimation import TwoViewEstimate
 
+FeaturesOption = Annotated[
+    Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
+]
+DictionaryOption = Annotated[
+    str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
+]
+
 
 def estimate(
     task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
@@ -32,14 +40,12 @@ def estimate(
         str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")
     ] = None,
     camera_name: CameraNameOption = None,
+    max_angle: MaxAngleOption = None,
+    largest_px: LargestOption = None,
     initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
     goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
-    features: Annotated[
-        Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
-    ] = "dots",
-    dictionary: Annotated[
-        str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
-    ] = None,
+    features: FeaturesOption = "dots",
+    dictionary: DictionaryOption = None,
     target: Annotated[
         Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
     ] = None,
@@ -66,12 +72,13 @@ def estimate(
     images = initial is not None or goal is not None
     of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
     with output.working("estimating"):
+        replacement = open_camera(camera, camera_name, max_angle, largest_px)
         if task is not None and not images and not of_images:
-            found = estimate_simulated(task, camera=camera, camera_name=camera_name, seed=seed)
-        elif task is None and camera is not None and initial is not None and goal is not None:
+            found = estimate_simulated(task, camera=replacement, seed=seed)
+        elif task is None and replacement is not None and initial is not None and goal is not None:
             found = estimate_images(
-                camera, initial, goal, camera_name=camera_name, features=features, dictionary=dictionary,
-                target=target, displacement=displacement, planar=planar,
+                replacement, initial, goal, features=features, dictionary=dictionary, target=target,
+                displacement=displacement, planar=planar,
             )  # fmt: skip
         else:
             raise InputError("estimate: give a TASK alone, or --camera, --initial and --goal")

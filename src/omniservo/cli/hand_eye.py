@@ -38,12 +38,11 @@ def calibrate_hand_eye(
     quiet: QuietOption = False,
 ) -> None:
     """Find where the camera sits in the hand, from pictures of a board that stands still."""
-    from omniservo.calibration import board_from_text
+    from omniservo.calibration import board_from_text, named_camera
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
     from omniservo.files import writable
     from omniservo.reporting import write_hand_eye_report
     from omniservo.targets import Target
-    from omniservo.tasks import named_camera
 
     for path in (out, report):
         if path is not None:

@@ -26,7 +26,7 @@ QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
 CameraNameOption = Annotated[
-    str | None, typer.Option("--camera-name", help="Which camera of a --camera file with several.")
+    str | None, typer.Option("--camera-name", help="Which camera of a calibration file with several.")
 ]
 
 

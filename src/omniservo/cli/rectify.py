@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import ModelOption, NameOption, SizeOption, open_camera, size_from_text
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.camera_options import ModelOption, SizeOption, open_model, size_from_text
+from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def rectify(
         typer.Option("--field-of-view", help="Horizontal, degrees; tangent 90, cylindrical 180."),
     ] = None,
     view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT, in px.")] = None,
-    name: NameOption = None,
+    camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
     force: ForceOption = False,
@@ -54,7 +54,7 @@ def rectify(
         raise InputError("--field-of-view: given; an equirectangular view shows the whole sphere")
     shape = _SIZES[view] if view_size is None else size_from_text("--view-size", view_size)
     writable(out, force=force)
-    source = open_camera(camera, name, size, model)
+    source = open_model(camera, camera_name, size, model)
     seen = rectified(
         source,
         read_image(image),

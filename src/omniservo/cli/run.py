@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -28,6 +29,8 @@ def run(
     goal: Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")] = None,
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
     camera_name: CameraNameOption = None,
+    max_angle: MaxAngleOption = None,
+    largest_px: LargestOption = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -39,7 +42,7 @@ def run(
     from omniservo.tasks import TaughtGoal, load_task
 
     output = Output(as_json, quiet)
-    loaded = load_task(task, camera=camera, camera_name=camera_name)
+    loaded = load_task(task, camera=open_camera(camera, camera_name, max_angle, largest_px))
     folder = out if out is not None else Path("runs") / loaded.name
     taught = None if goal is None else TaughtGoal.load(goal)
     with whole_folder(folder, force=force) as work, output.working("starting") as progress:

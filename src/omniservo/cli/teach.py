@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
 
 
@@ -15,6 +16,8 @@ def teach(
     out: Annotated[Path, typer.Option("--out", help="Write the taught goal here (JSON).")],
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
     camera_name: CameraNameOption = None,
+    max_angle: MaxAngleOption = None,
+    largest_px: LargestOption = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -28,7 +31,8 @@ def teach(
     output = Output(as_json, quiet)
     writable(out, force=force)
     with output.working("teaching"):
-        goal = teach_goal(load_task(task, camera=camera, camera_name=camera_name), seed=seed)
+        replacement = open_camera(camera, camera_name, max_angle, largest_px)
+        goal = teach_goal(load_task(task, camera=replacement), seed=seed)
     goal.save(out, force=force)
     output.line(f"{len(goal.features)} features; written: {out}")
     output.result({"out": str(out), "features": goal.features, "joints": goal.joints})

@@ -8,6 +8,7 @@ from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.calibration import named_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
@@ -23,7 +24,7 @@ from omniservo.simulation.run_result import Seen
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
 from omniservo.targets import Target
-from omniservo.tasks import load_task, named_camera
+from omniservo.tasks import load_task
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,10 @@ class EstimatedImages:
 
 
 def estimate_images(
-    camera: str,
+    camera: str | UnifiedCamera,
     initial: Path,
     goal: Path,
     *,
-    camera_name: str | None = None,
     features: KindName = "dots",
     dictionary: str | None = None,
     target: Path | None = None,
@@ -49,10 +49,9 @@ def estimate_images(
     """Return what two image files say.
 
     Args:
-        camera: a calibration file or a preset's name.
+        camera: a calibration file, a preset's name, or a camera.
         initial: the initial image.
         goal: the goal image.
-        camera_name: which camera of a file with several.
         features: what is looked for.
         dictionary: of the tags.
         target: a target file: tags whose sizes and places are known make the estimate metric.
@@ -63,7 +62,7 @@ def estimate_images(
         InputError: a file that is not what it should be, or too few features.
         AnswerIsNo: the features cannot be matched.
     """
-    model = named_camera(camera, camera_name)
+    model = named_camera(camera) if isinstance(camera, str) else camera
     known = None if target is None else Target.load(target)
     if known is not None and displacement is not None:
         raise InputError("displacement, target: both given; one of them gives the scale")
@@ -89,14 +88,14 @@ def estimate_images(
 
 
 def estimate_simulated(
-    task: str, *, camera: str | None = None, camera_name: str | None = None, seed: int = 0
+    task: str, *, camera: str | UnifiedCamera | None = None, seed: int = 0
 ) -> EstimatedImages:
     """Return what a task's own two pictures say, taken in the simulator.
 
     Raises:
         InputError, AnswerIsNo: as `run_task`.
     """
-    loaded = load_task(task, camera=camera, camera_name=camera_name)
+    loaded = load_task(task, camera=camera)
     require_in_view(loaded, RigidTransform.identity(), "the initial image")
     goal = teach_goal(loaded, seed=seed + 1)
     scene = scene_of_task(loaded)

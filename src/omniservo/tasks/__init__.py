@@ -1,8 +1,8 @@
 """Task files: everything a run needs, validated."""
 
-from omniservo.tasks.load_task import load_task, named_camera, shipped_tasks
+from omniservo.tasks.load_task import load_task, shipped_tasks
 from omniservo.tasks.placed import Block
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
 
-__all__ = ["Block", "Task", "TaughtGoal", "load_task", "named_camera", "shipped_tasks"]
+__all__ = ["Block", "Task", "TaughtGoal", "load_task", "shipped_tasks"]

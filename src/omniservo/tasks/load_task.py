@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from omniservo.calibration import load_camera
+from omniservo.calibration import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, stated_units
@@ -25,24 +25,19 @@ def shipped_tasks() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")))
 
 
-def named_camera(camera: str | Path, name: str | None = None) -> UnifiedCamera:
-    """Return a preset by its name, or a calibration file's camera (the one called ``name``)."""
-    return preset(str(camera)) if str(camera) in PRESETS else load_camera(camera, name=name)
-
-
-def load_task(task: str | Path, *, camera: str | Path | None = None, camera_name: str | None = None) -> Task:
+def load_task(task: str | Path, *, camera: str | Path | UnifiedCamera | None = None) -> Task:
     """Read a task: a shipped name or the path of a YAML file.
 
     Args:
         task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
-        camera: a calibration file (or preset name) that replaces the task's camera.
-        camera_name: which camera of that file, if it has several.
+        camera: replaces the task's: a preset's name, a calibration file or, of a file with several cameras or
+            one that needs a `max_angle`, what `omniservo.calibration.named_camera` makes of it.
 
     Raises:
         InputError: the file is not a valid task; the message names file, field, value and what is legal.
     """
     names = shipped_tasks()
-    replacement = None if camera is None else named_camera(camera, camera_name)
+    replacement = named_camera(camera) if isinstance(camera, str | Path) else camera
     if str(task) in names:
         with resources.as_file(resources.files("omniservo.tasks") / "shipped" / f"{task}.yaml") as path:
             return _from_file(path, str(task), replacement)

@@ -12,7 +12,7 @@ from omniservo.cameras.conversion.equivalence import as_unified, from_unified
 from omniservo.cameras.conversion.families import FAMILIES
 from omniservo.cameras.conversion.fit import field_of, fitted
 from omniservo.cameras.conversion.residual import Residual, exact, measured
-from omniservo.cameras.models.central_model import CentralModel
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.cameras.unified_camera import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import finite_number
@@ -23,7 +23,7 @@ class Conversion:
     """A unified camera that stands for another model."""
 
     camera: UnifiedCamera
-    """With ``deviation_px`` set to the largest residual."""
+    """With the largest residual added to the model's ``deviation_px``."""
     residual: Residual
     warnings: tuple[str, ...]
     """What a person must know about both cameras' domains."""
@@ -35,7 +35,7 @@ def to_unified(model: CentralModel, *, largest_px: float = 1.0) -> Conversion:
     The field that is used is every pixel of the image, outside dead zone and mask, that the model can
     unproject. The nearest camera is the one whose largest residual is smallest; its k1, k2, p1, p2 are free
     (not where there is a mask). It keeps max_angle, dead zone and mask, sees no farther than the
-    model, and carries the largest residual as ``deviation_px``, which plans add to their visibility margin.
+    model, and carries what `convert` leaves in ``deviation_px``, which plans add to their visibility margin.
 
     Raises:
         InputError: the largest residual exceeds ``largest_px`` [px]; the message names it.
@@ -52,13 +52,15 @@ def to_unified(model: CentralModel, *, largest_px: float = 1.0) -> Conversion:
             f"the unified camera stays one-to-one only up to {angle:.3f} deg from the axis: "
             f"{100.0 * residual.lost:.2g}% of the field is lost",
         )
-    return Conversion(_with_deviation(camera, residual.largest_px), residual, warnings)
+    return Conversion(camera, residual, warnings)
 
 
 def convert(
     model: CentralModel, kind: type[CentralModel], *, largest_px: float = 1.0
 ) -> tuple[CentralModel, Residual]:
     """Return the camera of class ``kind`` that ``model`` is, or the nearest one over the field that is used.
+
+    Its ``deviation_px`` is the model's and the largest residual together: both may point the same way.
 
     Raises:
         InputError: the class cannot be fitted, or the largest residual exceeds ``largest_px`` [px].
@@ -74,7 +76,15 @@ def convert(
     camera, residual = min(found, key=lambda pair: (round(pair[1].lost, 3), pair[1].largest_px))
     if not residual.largest_px <= bound:
         raise InputError(_refusal(model, camera, residual, bound))
-    return camera, residual
+    return standing_for(model, camera, residual), residual
+
+
+def standing_for(model: CentralModel, camera: CentralModel, residual: Residual) -> CentralModel:
+    """Return ``camera`` with what it leaves of ``model`` added to the model's own deviation, rounded up."""
+    total = model.deviation_px + residual.largest_px
+    if 0.0 not in (model.deviation_px, residual.largest_px):
+        total = math.nextafter(total, math.inf)
+    return camera_from_dict({**camera.to_dict(), "deviation_px": total})
 
 
 def _candidates(model: CentralModel, kind: type[CentralModel]) -> list[CentralModel]:
@@ -104,13 +114,15 @@ def _refusal(model: CentralModel, camera: CentralModel, residual: Residual, boun
     return (
         f"camera: the nearest {_name(camera)} camera leaves {residual.largest_px:.3g} px "
         f"({math.degrees(residual.largest_rad):.3g} deg) of this {_name(model)} camera, at pixel "
-        f"({worst[0]:.0f}, {worst[1]:.0f}), {angle:.1f} deg from the axis; legal: at most {bound:g} px "
-        "(state a smaller max_angle, or allow more)"
+        f"({worst[0]:.0f}, {worst[1]:.0f}), {angle:.1f} deg from the axis; legal: at most {bound:g} px. "
+        f"{where_it_ends(model)}; or allow more: --largest-px PX, largest_px= (omniservo camera convert)"
     )
 
 
-def _with_deviation(camera: UnifiedCamera, deviation_px: float) -> UnifiedCamera:
-    return UnifiedCamera.from_dict({**camera.to_dict(), "deviation_px": deviation_px})
+def where_it_ends(model: CentralModel) -> str:
+    """Return what a person can do who knows that a lens ends before its formula does."""
+    reached = f"Its formula reaches {math.degrees(model.usable_angle):.1f} deg"
+    return f"{reached}; say where the lens ends, if earlier: --max-angle DEG, max_angle="
 
 
 def _name(model: CentralModel) -> str:

@@ -22,8 +22,8 @@ _LARGEST_ALPHA = 1.0 - 1e-6
 
 
 def lens_of(model: CentralModel) -> dict[str, Any]:
-    """Return the fields that every camera has: size, max_angle, dead zone, mask."""
-    names = ("width", "height", "max_angle", "dead_zone", "mask")
+    """Return the fields that every camera has: size, max_angle, dead zone, mask, deviation."""
+    names = ("width", "height", "max_angle", "dead_zone", "mask", "deviation_px")
     return {name: getattr(model, name) for name in names}
 
 

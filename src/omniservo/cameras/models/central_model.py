@@ -40,6 +40,10 @@ class CentralModel(Protocol):
         """The polygons of the image that show the camera itself, or nothing."""
 
     @property
+    def deviation_px(self) -> float:
+        """How far a true pixel may lie from `project`'s [px]: what conversions or a calibration leave."""
+
+    @property
     def usable_angle(self) -> float:
         """Largest angle from the axis at which points can be projected [rad]."""
 

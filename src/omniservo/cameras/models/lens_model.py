@@ -18,11 +18,11 @@ from omniservo.cameras.camera_fields import (
     largest_angle,
     pixel_number,
 )
-from omniservo.cameras.dead_zone import DeadZone, dead_zone_from
+from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, dead_zone_from
 from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen
 
 _COSINE_SLACK = 1e-15
 """a point at the largest angle itself is inside, whatever the rounding"""
@@ -59,11 +59,13 @@ class LensModel(KernelCamera, ABC):
         max_angle: largest angle from the axis that the lens sees [rad], in (0, π], or None.
         dead_zone: where the image shows the camera itself; anything that `DeadZoneLike` allows.
         mask: convex polygons [px] in which it shows the camera itself, or nothing.
+        deviation_px: how far a true pixel may lie from `project`'s [px]; conversions add what they leave.
     """
 
     max_angle: float | None = None
     dead_zone: DeadZone | None = None
     mask: ImageMask = ()
+    deviation_px: float = 0.0
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -80,6 +82,7 @@ class LensModel(KernelCamera, ABC):
             max_angle=largest_angle(self.max_angle),
             dead_zone=dead_zone_from(self.dead_zone),
             mask=mask_from(self.mask),
+            deviation_px=finite_number("deviation_px", self.deviation_px, minimum=0.0, maximum=LARGEST_PX),
         )
         domain = self._domain(math.pi if self.max_angle is None else self.max_angle)
         matrix, (cx, cy) = self._affine()
@@ -109,11 +112,13 @@ class LensModel(KernelCamera, ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return the model as it stands in a file; `camera_from_dict` gives an equal one."""
         lens = image_to_dict(self, self.max_angle)
+        optional = ("mask", "deviation_px")
         own = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name not in (*lens, "mask")
+            f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name not in (*lens, *optional)
         }
         plain = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
-        return {"model": self.model, **plain, **lens}
+        deviation = {"deviation_px": self.deviation_px} if self.deviation_px else {}
+        return {"model": self.model, **plain, **lens, **deviation}
 
     @classmethod
     def from_dict(cls: type[Model], given: Mapping[str, Any], source: str = "camera") -> Model:
