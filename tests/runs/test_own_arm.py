@@ -13,7 +13,7 @@ from tests.robots.urdf_arms import CYLINDER, SIX, fingers, urdf
 from omniservo.calibration import save_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.planning import plan_with_arm
-from omniservo.robots import Arm, handy_posture
+from omniservo.robots import Arm, handy_posture, handy_table
 from omniservo.runs import run_task
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
@@ -30,8 +30,13 @@ EXAMPLE, MORE = re.search(
 @pytest.fixture
 def file(tmp_path):
     (tmp_path / "my_arm.urdf").write_text(urdf(SIX, visual=CYLINDER, extra=fingers()))
-    joints = np.rad2deg(handy_posture(Arm(tmp_path / "my_arm.urdf"))).round().tolist()
-    text = re.sub(r"joints: \[.*?\]", f"joints: {joints}", EXAMPLE)
+    arm = Arm(tmp_path / "my_arm.urdf")
+    posture = handy_posture(arm)
+    table = handy_table(arm, posture)
+    text = re.sub(r"joints: \[.*?\]", f"joints: {np.rad2deg(posture).round().tolist()}", EXAMPLE)
+    places = [(1e3 * row).round().tolist() for row in (table.pose.translation, table.size)]
+    stated = "center: {}, half_extents: {}, frame: base".format(*places)
+    text = re.sub(r"center: .*?, frame: base", stated, text)
     text = re.sub(r"tool_T_camera: \{.*?\}", "tool_T_camera: {translation: [90, 0, 20]}", text)
     save_camera(UnifiedCamera(210.0, 210.0, 159.5, 119.5, 0.0, 320, 240), tmp_path / "camera.yaml")
     text = text.replace("camera: perspective", "sensor: {rate: 10}\ncamera: camera.yaml")  # to be quick

@@ -3,6 +3,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError
@@ -164,7 +165,7 @@ def test_a_cloud_is_read_from_its_file_in_the_units_of_the_task(tmp_path):
     at = np.array([[0.0, 0.0, 0.0], [0.15, 0.15, 0.15]])
     nearest = np.linalg.norm(cloud.points[:, None] - at, axis=2).min(axis=0)
     np.testing.assert_allclose(cloud.distance(at), nearest - 0.002)
-    moved = section.moved((0.1, 0.0, -0.1)).obstacle
+    moved = section.transformed(RigidTransform.from_translation([0.1, 0.0, -0.1])).obstacle
     np.testing.assert_allclose(moved.points - cloud.points, np.tile([0.1, 0.0, -0.1], (50, 1)))
     assert moved.clearance == cloud.clearance
     assert task.planning.common_obstacles == (0,)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
     from omniservo.geometry.arrays import FloatArray
-    from omniservo.robots import Arm, Link
+    from omniservo.robots import Arm, Link, Solid
 
 app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
@@ -36,7 +36,7 @@ def show(
     quiet: QuietOption = False,
 ) -> None:
     """Print an arm: joints, reach, links, posture and mount to begin with, what of the file was left out."""
-    from omniservo.robots import handy_mount, handy_posture, load_arm
+    from omniservo.robots import handy_mount, handy_posture, handy_table, load_arm
 
     output = Output(as_json, quiet)
     arm = load_arm(robot, tool=tool)
@@ -54,6 +54,9 @@ def show(
     output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
     mount = handy_mount(arm)
     output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the hand")
+    table = handy_table(arm, posture)
+    if table is not None:
+        output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")
     for notice in arm.notices:
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
@@ -70,6 +73,7 @@ def show(
             },
             "flange_T_camera": mount.as_matrix(),
             "posture": posture.tolist(),
+            "table": None if table is None else _table(table),
             "closed_form": arm.has_closed_form,
             "links": [_link(link) for link in arm.links],
             "notices": list(arm.notices),
@@ -108,6 +112,21 @@ def _spelled_mount(mount: RigidTransform) -> str:
     rows = (1e3 * mount.translation, np.rad2deg(mount.rotation.as_rotvec()))
     shown = (", ".join(f"{number:.4g}" for number in np.round(row, 2) + 0.0) for row in rows)
     return "{{translation: [{}], rotation_vector: [{}]}}".format(*shown)
+
+
+def _table(table: Solid) -> dict[str, Any]:
+    return {
+        "center": table.pose.translation.tolist(),
+        "half_extents": table.size.tolist(),
+        "frame": "base",
+    }
+
+
+def _spelled_table(table: Solid) -> str:
+    """Spell a table as a task writes it, in mm."""
+    rows = (1e3 * table.pose.translation, 1e3 * table.size)
+    shown = (", ".join(f"{number:.0f}" for number in row) for row in rows)
+    return "{{center: [{}], half_extents: [{}], frame: base}}".format(*shown)
 
 
 def _spelled_posture(posture: FloatArray) -> str:

@@ -44,8 +44,12 @@ def outside(result: RunResult) -> Drawing:
     _picture(left, result.outside_initial, "Start")
     _picture(right, result.outside_final, "End")
     task = result.task
-    named = {"what stands in the way (brick red)": task.obstacles, "the target's boards": task.target.boards}
-    things = " and ".join(name for name, bodies in named.items() if bodies)
+    named = {
+        "what stands in the way (brick red)": task.obstacles,
+        "what stands around (wood)": task.surroundings,
+        "the target's boards": task.target.boards,
+    }
+    things = ", ".join(name for name, bodies in named.items() if bodies)
     return Drawing(
         "outside",
         "Robot and obstacle from outside",

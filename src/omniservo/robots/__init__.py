@@ -8,6 +8,7 @@ from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
 from omniservo.robots.handy_mount import handy_mount
 from omniservo.robots.handy_posture import handy_posture
+from omniservo.robots.handy_table import handy_table
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.link_gaps import FARTHEST, link_gaps
@@ -43,6 +44,7 @@ __all__ = [
     "follow_path",
     "handy_mount",
     "handy_posture",
+    "handy_table",
     "link_gaps",
     "load_arm",
     "own_sight",

@@ -7,7 +7,6 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.planning import ArmSetting
 from omniservo.robots import CAMERA_HOUSING, Solid, Tube
-from omniservo.runs.own_branch import base_T_initial
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
@@ -26,11 +25,11 @@ def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
     planning, asked = task.planning, task.planning.arm_clearance
     return ArmSetting(
         arm=scene.arm,
-        base_T_initial=base_T_initial(task, scene),
+        base_T_initial=task.base_T_initial,
         flange_T_camera=scene.flange_T_camera,
         start=scene.start_joints,
         mounted=CAMERA_HOUSING,
-        surroundings=_floor(scene),
+        surroundings=(*_floor(scene), *_standing(scene)),
         clearance=None if asked is None else asked + planning.tracking_margin,
         tube=tube_of(task),
     )
@@ -52,3 +51,11 @@ def _floor(scene: Scene) -> tuple[Solid, ...]:
     middle = np.array([*scene.world_T_base.translation[:2], scene.floor - _FLOOR])
     world_T_block = RigidTransform.from_translation(middle)
     return (Solid.box("floor", scene.world_T_base.inv() * world_T_block, [wide, wide, _FLOOR]),)
+
+
+def _standing(scene: Scene) -> tuple[Solid, ...]:
+    base_T_world = scene.world_T_base.inv()
+    return tuple(
+        Solid.box(body.name, base_T_world * body.world_T_box, body.half_extents)
+        for body in scene.surroundings
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import AnswerIsNo
 from omniservo.geometry.arrays import FloatArray
@@ -20,7 +19,7 @@ def own_branch(task: Task, scene: Scene, path: CameraPath, aim: FloatArray | Non
         AnswerIsNo: the arm cannot follow on it; the message says which joint, at which w, by how much, and
             whether the arm could from another posture.
     """
-    frames = base_T_initial(task, scene), scene.flange_T_camera
+    frames = task.base_T_initial, scene.flange_T_camera
     branch = follow_path(scene.arm, path, *frames, start=scene.start_joints, aim=aim).best
     if branch.feasible:
         return branch
@@ -30,12 +29,7 @@ def own_branch(task: Task, scene: Scene, path: CameraPath, aim: FloatArray | Non
 
 def every_branch(task: Task, scene: Scene, path: CameraPath) -> FollowedPath:
     """Return what each branch in which the arm can begin makes of the path, each with its best full turns."""
-    return follow_path(scene.arm, path, base_T_initial(task, scene), scene.flange_T_camera)
-
-
-def base_T_initial(task: Task, scene: Scene) -> RigidTransform:
-    """Return the initial camera frame as seen from the arm's foot."""
-    return scene.world_T_base.inv() * task.start.world_T_camera.transform
+    return follow_path(scene.arm, path, task.base_T_initial, scene.flange_T_camera)
 
 
 def _advice(followed: FollowedPath) -> str:

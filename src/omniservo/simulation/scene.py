@@ -25,6 +25,9 @@ BOARD_COLOUR: Colour = (0.88, 0.88, 0.86)
 OBSTACLE_COLOUR: Colour = (0.42, 0.13, 0.08)
 """Brick red, dark for the camera."""
 
+SURROUNDINGS_COLOUR: Colour = (0.38, 0.27, 0.16)
+"""Wood, darker than card."""
+
 DOT_COLOUR: Colour = (0.03, 0.03, 0.03)
 """Black ink."""
 
@@ -178,8 +181,10 @@ class Scene:
     panels: tuple[Panel, ...] = ()
     """printed pictures: tags, textured faces"""
     boards: tuple[Box, ...] = ()
-    """what carries dots and panels or stands behind them, walls too"""
+    """what carries dots and panels or stands behind them"""
     obstacles: tuple[Box | Ball, ...] = ()
+    surroundings: tuple[Box, ...] = ()
+    """what else stands around: tables, walls"""
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
 
@@ -188,10 +193,15 @@ class Scene:
         if not self.arm.within_limits(joints):
             raise InputError(f"scene: start_joints {np.rad2deg(joints).round(1)} deg leave the arm's range")
         object.__setattr__(self, "start_joints", frozen(joints))
-        names = [body.name for body in (*self.boards, *self.obstacles, *self.panels)]
+        names = [body.name for body in (*self.bodies, *self.panels)]
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
+
+    @property
+    def bodies(self) -> tuple[Box | Ball, ...]:
+        """Everything that can be touched but the arm and the floor."""
+        return (*self.boards, *self.obstacles, *self.surroundings)
 
     def world_T_camera(self, q: FloatArray) -> RigidTransform:
         """Return the camera's pose for the joints ``q`` (n,) [rad]."""

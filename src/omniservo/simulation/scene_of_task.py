@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -9,7 +11,16 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import load_arm
 from omniservo.simulation.panels_of_target import panels_of_target
-from omniservo.simulation.scene import BOARD_COLOUR, OBSTACLE_COLOUR, Box, Colour, Dots, Scene, Sensor
+from omniservo.simulation.scene import (
+    BOARD_COLOUR,
+    OBSTACLE_COLOUR,
+    SURROUNDINGS_COLOUR,
+    Box,
+    Colour,
+    Dots,
+    Scene,
+    Sensor,
+)
 from omniservo.tasks import Block, Task
 
 
@@ -40,10 +51,9 @@ def scene_of_task(task: Task) -> Scene:
         sensor=Sensor(sensor.rate, sensor.latency, sensor.noise, sensor.blur),
         dots=_dots(task, world_T_initial),
         panels=panels_of_target(task.target, world_T_initial),
-        boards=tuple(_box(f"board {i}", b, world_T_initial) for i, b in enumerate(task.target.boards)),
-        obstacles=tuple(
-            _box(f"obstacle {i}", b, world_T_initial, OBSTACLE_COLOUR) for i, b in enumerate(task.obstacles)
-        ),
+        boards=_boxes("board", task.target.boards, world_T_initial, BOARD_COLOUR),
+        obstacles=_boxes("obstacle", task.obstacles, world_T_initial, OBSTACLE_COLOUR),
+        surroundings=_boxes("surroundings", task.surroundings, world_T_initial, SURROUNDINGS_COLOUR),
         floor=float(world_T_base.translation[2]),
     )
 
@@ -61,8 +71,13 @@ def goal_joints(task: Task, scene: Scene) -> FloatArray:
         raise InputError(f"teach.initial_T_goal: {error}") from None
 
 
-def _box(name: str, block: Block, world_T_initial: RigidTransform, colour: Colour = BOARD_COLOUR) -> Box:
-    return Box(name, world_T_initial * block.transform, np.asarray(block.half_extents), colour)
+def _boxes(
+    kind: str, blocks: Sequence[Block], world_T_initial: RigidTransform, colour: Colour
+) -> tuple[Box, ...]:
+    return tuple(
+        Box(f"{kind} {i}", world_T_initial * block.transform, np.asarray(block.half_extents), colour)
+        for i, block in enumerate(blocks)
+    )
 
 
 def _dots(task: Task, world_T_initial: RigidTransform) -> Dots | None:

@@ -51,7 +51,7 @@ class World:
         _put_base(spec, scene.world_T_base)
         link_T_camera = scene.arm.link_T_flange * scene.flange_T_camera
         _add_camera(spec, spec.body(scene.arm.tool_link), link_T_camera)
-        for body in (*scene.boards, *scene.obstacles):
+        for body in scene.bodies:
             _add_body(spec, body)
         if scene.dots is not None:
             _add_dots(spec, scene.dots)

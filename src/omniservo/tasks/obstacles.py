@@ -7,26 +7,28 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
-from scipy.spatial.transform import Rotation
+from pydantic import BeforeValidator, ConfigDict, Field, field_validator
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Sphere
 from omniservo.planning.checks import NEAR_UNIT
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
-from omniservo.tasks.quantities import Angle, Direction, Length, NonNegativeLength, Point, PositiveLength
+from omniservo.tasks.framed import Framed
+from omniservo.tasks.placed import Block
+from omniservo.tasks.quantities import Direction, Length, NonNegativeLength, Point, PositiveLength
 
 
-class _Obstacle(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+class _Obstacle(Framed):
+    model_config = ConfigDict(populate_by_name=True)
 
     clearance: NonNegativeLength | None = None
     """own clearance instead of the planner's [m]"""
 
-    def moved(self, by: tuple[float, float, float]) -> Self:
-        """Return it moved by so much in the initial camera frame [m]."""
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
         places = [name for name in ("center", "start", "end") if hasattr(self, name)]
         return self.model_copy(
-            update={name: tuple((np.array(getattr(self, name)) + by).tolist()) for name in places}
+            update={name: tuple(a_T_b.apply(getattr(self, name)).tolist()) for name in places}
         )
 
 
@@ -43,14 +45,10 @@ class SphereSection(_Obstacle):
         return Sphere(np.array(self.center), self.radius, self.clearance)
 
 
-class BoxSection(_Obstacle):
-    """A box along the initial camera frame's axes, or turned."""
+class BoxSection(Block, _Obstacle):
+    """A box along the axes of its frame, or turned."""
 
     type: Literal["box"]
-    center: Point
-    half_extents: tuple[PositiveLength, PositiveLength, PositiveLength]
-    rotation_vector: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """of the box's axes in the initial camera frame [rad]"""
 
     @property
     def obstacle(self) -> Box:
@@ -89,9 +87,11 @@ class HalfSpaceSection(_Obstacle):
             raise ValueError(f"length {length:g}; it must be 1 within {NEAR_UNIT:g}")
         return normal
 
-    def moved(self, by: tuple[float, float, float]) -> Self:
-        """Return it moved by so much in the initial camera frame [m]."""
-        return self.model_copy(update={"offset": self.offset + float(np.dot(self.normal, by))})
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
+        normal = a_T_b.rotation.apply(self.normal)
+        offset = self.offset + float(normal @ a_T_b.translation)
+        return self.model_copy(update={"normal": tuple(normal.tolist()), "offset": offset})
 
     @property
     def obstacle(self) -> HalfSpace:
@@ -107,9 +107,9 @@ class CloudSection(_Obstacle):
     """in the file in their place ``file``: a .npy, .xyz, .txt or .ply of them, in the task's units"""
     radius: NonNegativeLength = 0.0
 
-    def moved(self, by: tuple[float, float, float]) -> Self:
-        """Return it moved by so much in the initial camera frame [m]."""
-        there = (np.array(self.points) + by).tolist()
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
+        there = a_T_b.apply(self.points).tolist()
         return type(self)(type="cloud", points=there, radius=self.radius, clearance=self.clearance)
 
     @cached_property

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
+from scipy.spatial.transform import RigidTransform
 
 from omniservo import targets
 from omniservo.errors import InputError
 from omniservo.tag_dictionaries import dictionary_size
+from omniservo.tasks.framed import Framed
 from omniservo.tasks.placed import Block, Placed
 from omniservo.tasks.quantities import Direction, Point, PositiveLength
 from omniservo.tasks.section import Section
@@ -24,6 +26,11 @@ class Dot(Section):
     """[m]"""
     normal: Direction = (0.0, 0.0, -1.0)
     """out of the dot's face, towards the viewer"""
+
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
+        center, normal = a_T_b.apply(self.center), a_T_b.rotation.apply(self.normal)
+        return self.model_copy(update={"center": tuple(center.tolist()), "normal": tuple(normal.tolist())})
 
 
 class Tag(Placed):
@@ -76,8 +83,8 @@ class TexturedFace(Placed):
     """width along x, height along y [m]"""
 
 
-class Target(Section):
-    """Dots, tags or textured faces: exactly one of the three."""
+class Target(Framed):
+    """Dots, tags or textured faces: exactly one of the three; all places in its one frame."""
 
     dot_radius: PositiveLength | None = None
     """[m]; stands with dots"""
@@ -94,6 +101,17 @@ class Target(Section):
         if bool(self.dots) != (self.dot_radius is not None):
             raise ValueError("dot_radius stands with dots, and only with them")
         return self
+
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
+        parts = {
+            name: tuple(part.transformed(a_T_b) for part in getattr(self, name))
+            for name in ("dots", "textures", "boards")
+        }
+        tags = self.tags
+        if tags is not None:
+            tags = tags.model_copy(update={"panels": tuple(tag.transformed(a_T_b) for tag in tags.panels)})
+        return self.model_copy(update={**parts, "tags": tags})
 
     @property
     def known(self) -> targets.Target | None:

@@ -1,7 +1,8 @@
 """The task: everything that one run needs, read from a YAML file and validated.
 
-The file's frames: poses and points of target and obstacles are stated in the *initial camera frame*
-(what a person measures from the camera), the start pose in the world.
+The file's frames: target, obstacles and surroundings are stated in the *initial camera frame* (what a person
+measures from the camera), or in the ``frame`` that they name; the start pose in the world. A `Task` has all
+of them in the initial camera frame.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_va
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.robots import TrackingTube
+from omniservo.tasks.framed import Frame
 from omniservo.tasks.move import Move
 from omniservo.tasks.obstacles import ObstacleSection
-from omniservo.tasks.placed import Block
+from omniservo.tasks.placed import FramedBlock
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
 from omniservo.tasks.section import Section
 from omniservo.tasks.target import Target
@@ -181,7 +183,7 @@ class Planning(Section):
     """What the path must keep."""
 
     obstacles: tuple[ObstacleSection, ...] = ()
-    """as the planner knows them, in the initial camera frame"""
+    """as the planner knows them"""
     clearance: NonNegativeLength = 0.0
     """camera centre to every obstacle's surface, as executed [m]"""
     tracking_margin: NonNegativeLength = 0.0
@@ -259,8 +261,11 @@ class Task(Section):
     arm: ArmMount
     start: Start
     target: Target
-    obstacles: tuple[Block, ...] = ()
-    """the bodies that are really there"""
+    obstacles: tuple[FramedBlock, ...] = ()
+    """the bodies that are really there, known to the planner as ``planning.obstacles`` says"""
+    surroundings: tuple[FramedBlock, ...] = ()
+    """the bodies that are there and that the planner knows of as they are: the arm and the camera's housing
+    keep ``planning.arm_clearance`` from them; a table, a wall"""
     teach: Teach
     scale: Scale
     planning: Planning = Planning()
@@ -287,11 +292,34 @@ class Task(Section):
                     )
         return self
 
+    @model_validator(mode="after")
+    def _stated_in_the_initial_frame(self) -> Task:
+        initial_T_base = self.base_T_initial.inv()
+        initial_T: dict[Frame, RigidTransform] = {
+            "base": initial_T_base,
+            "goal": self.teach.initial_T_goal.transform,
+        }
+        known = tuple(section.in_initial(initial_T) for section in self.planning.obstacles)
+        for name, value in (
+            ("target", self.target.in_initial(initial_T)),
+            ("obstacles", tuple(block.in_initial(initial_T) for block in self.obstacles)),
+            ("surroundings", tuple(block.in_initial(initial_T) for block in self.surroundings)),
+            ("planning", self.planning.model_copy(update={"obstacles": known})),
+        ):
+            object.__setattr__(self, name, value)
+        return self
+
+    @property
+    def base_T_initial(self) -> RigidTransform:
+        """The initial camera in the arm's base frame, which stands upright at ``arm.foot``."""
+        foot_T_world = RigidTransform.from_translation(-np.asarray(self.arm.foot))
+        return foot_T_world * self.start.world_T_camera.transform
+
     def known_obstacles(self, time: float) -> tuple[ObstacleSection, ...]:
         """Return `planning.obstacles` as they are known at ``time`` [s] since the servo's start."""
         known = list(self.planning.obstacles)
         for move in self.moves:
             if move.time <= time:
                 for i in move.known:
-                    known[i] = known[i].moved(move.by)
+                    known[i] = known[i].transformed(RigidTransform.from_translation(move.by))
         return tuple(known)
