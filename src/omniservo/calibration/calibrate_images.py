@@ -14,11 +14,13 @@ from omniservo.calibration.adjustment import Calibration, calibrate_camera
 from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_board
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import AnswerIsNo, InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.image_files import image_size, read_grey_image
 
 MOST_IMAGES = 2000
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImageCalibration:
     """A calibration and what was seen in each image."""

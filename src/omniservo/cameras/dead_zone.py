@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import finite_number
 
 LARGEST_PX = 1e9
 """Coordinates and lengths in an image are at most this [px]."""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class DeadZone:
     """An open disc in the image that shows nothing of the scene.

@@ -15,6 +15,7 @@ from omniservo.cameras.distorted_region import convex_polygon, dead_zone_on_plan
 from omniservo.cameras.image_mask import outward_edges
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain, radius_of_angle
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ _SAFE_SIDE = 1e-15
 """on the cosine of max_angle: the cone errs inwards"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImageLimits:
     """The set of points c that a camera shows with a margin: n_i·c ≤ κ_i ‖c‖ for every i.

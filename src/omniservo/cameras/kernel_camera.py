@@ -13,6 +13,7 @@ from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_mask import ImageMask
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.short_repr import short_repr
 
 Kernels = tuple[
     Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
@@ -37,6 +38,8 @@ class KernelCamera:
 
         def to_dict(self) -> dict[str, Any]:
             """Return the camera's fields."""
+
+    __repr__ = short_repr
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from omniservo.cameras.models.central_model import CentralModel
 from omniservo.cameras.models.equirectangular import Equirectangular
 from omniservo.cameras.unified_camera import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 
 _LARGEST_SIDE = 16384
@@ -29,6 +30,7 @@ _LARGEST_IMAGE = 2**26
 ViewCamera = CentralModel | CylindricalView
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class RectifiedView:
     """An image as another central camera at the same centre sees it."""

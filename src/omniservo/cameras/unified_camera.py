@@ -28,6 +28,7 @@ from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
 
 _LARGEST_XI = 1e6
@@ -41,7 +42,8 @@ _REQUIRED = ("fx", "fy", "cx", "cy", "xi", "width", "height")
 _OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px")
 
 
-@dataclass(frozen=True, init=False)
+@with_field_docs
+@dataclass(frozen=True, init=False, repr=False)
 class UnifiedCamera(KernelCamera):
     """The unified model (2): m = (X, Y)/(Z + ξρ), p = K D(m), with ρ = ‖(X, Y, Z)‖.
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 
 Source = Literal["noise", "scale", "calibration"]
@@ -20,6 +21,7 @@ _ADDED = {"pixel_sigma", "size_variance"}
 """Fields that older files do not have."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class JointUncertainty:
     """First-order law of x = (t, δ, h₁ … hₘ), m the inliers, δ applied on the right of initial_T_goal.
@@ -146,6 +148,7 @@ def _rows(name: str, value: Any, *shape: int | None) -> FloatArray:
     return finite_array(name, value, (None, *shape))
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class EstimateSamples:
     """Equally likely answers to what the motion and the structure are; see `TwoViewEstimate.sample`."""

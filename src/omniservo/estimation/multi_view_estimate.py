@@ -12,9 +12,11 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_uncertainty import ViewUncertainty
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class MultiViewEstimate:
     """Motion and structure from v pictures of n points, or the reason why there is none.
@@ -57,6 +59,13 @@ class MultiViewEstimate:
     """σ of the covariances [px]: what was stated, or what the residuals say."""
     seconds: float
     """Wall time of the estimation [s]."""
+
+    def __repr__(self) -> str:
+        posed = sum(pose is not None for pose in self.initial_T_views)
+        words = [self.status, f"{posed} of {len(self.initial_T_views)} views", f"{len(self.points)} points"]
+        if self.status == "ok":
+            words += [f"{self.rms_px:.3g} px rms", "metric" if self.is_metric else "of unknown scale"]
+        return f"MultiViewEstimate({', '.join(words)})"
 
     def two_view(self, goal: int = 1) -> TwoViewEstimate:
         """Return what all views say about the motion from the first one to ``goal``.

@@ -10,7 +10,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.short_repr import short_repr
 
 PoseStatus = Literal["ok", "too_few_points", "collinear_points", "ambiguous", "not_converged"]
 
@@ -23,6 +25,7 @@ def pose_of(row: FloatArray) -> RigidTransform:
     return RigidTransform(matrix, normalize=False)
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
     """The camera's pose from n known points, or the reason why there is none.
@@ -57,6 +60,8 @@ class PoseEstimate:
     """(n, 2) projection minus pixel [px]; NaN where the point is outside the camera's domain."""
     seconds: float
     """Wall time of the estimation [s]."""
+
+    __repr__ = short_repr
 
     @property
     def reference_T_camera(self) -> RigidTransform | None:

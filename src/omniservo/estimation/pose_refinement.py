@@ -11,6 +11,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
 from omniservo.errors import InputError
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -28,6 +29,7 @@ SMALLEST_STEP = 1e-11
 FLAT_VALLEY = 1e-4
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class PoseRefinement:
     """A pose that minimises the reprojection error in px, with its evidence."""

@@ -18,6 +18,7 @@ from omniservo.estimation.deferred import deferring
 from omniservo.estimation.joint_uncertainty import SOURCES, EstimateSamples, JointUncertainty, Source
 from omniservo.estimation.likelihood_samples import likelihood_samples
 from omniservo.estimation.matches import Matches
+from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
 
@@ -36,6 +37,7 @@ _ADDED = {"scale_sigma", "uncertainty"}
 """Fields that older files of this format do not have."""
 
 
+@with_field_docs
 @deferring("covariance", "points_covariance", "uncertainty")
 @dataclass(frozen=True, eq=False)
 class TwoViewEstimate:
@@ -84,6 +86,12 @@ class TwoViewEstimate:
     uncertainty: JointUncertainty | None = None
     """Joint law of motion and structure, the scale aside; None where there is no pose, and in files written
     before there was one."""
+
+    def __repr__(self) -> str:
+        words = [self.status, f"{int(self.inliers.sum())} of {self.inliers.size} points"]
+        if self.initial_T_goal is not None:
+            words += [f"{self.rms_px:.3g} px rms", "metric" if self.is_metric else "of unknown scale"]
+        return f"TwoViewEstimate({', '.join(words)})"
 
     @classmethod
     def without_pose(cls, n: int, status: Status, message: str, started: float) -> TwoViewEstimate:

@@ -10,9 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ViewDistance:
     """The distance of the camera centres of two views, as a robot's odometry knows it."""
@@ -22,6 +25,7 @@ class ViewDistance:
     metres: float
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class KnownPoints:
     """Points of which the coordinates in some frame are known, such as the corners of a tag."""
@@ -30,6 +34,8 @@ class KnownPoints:
     """(k,) rows of the pixels"""
     points: npt.ArrayLike
     """(k, 3) [m]"""
+
+    __repr__ = short_repr
 
 
 ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | None

@@ -7,9 +7,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number, frozen
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Dots:
     """The dots of one picture, top to bottom, then left to right."""
@@ -35,6 +37,7 @@ class Dots:
         return cls(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2, 2)))
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class DotOptions:
     """Limits within which a dark blob counts as a dot."""

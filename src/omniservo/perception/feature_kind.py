@@ -12,12 +12,14 @@ import numpy as np
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 LEAST_FEATURES = 8
 """Motion and structure of an unknown target need eight points; every kind asks for them."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class MatchedPoints:
     """The same points in two pictures."""

@@ -7,10 +7,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception.image_points import ImagePoints
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Features:
     """The natural features of one picture, strongest first."""

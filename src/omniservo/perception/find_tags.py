@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from omniservo.cameras.models.central_model import CentralModel
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray, frozen
 from omniservo.perception.find_dots import check_image, noise_of
 from omniservo.perception.image_points import ImagePoints
@@ -20,6 +21,7 @@ _INSIDE = 0.7
 """a square whose middle lies so far inside a tag that was read is that tag again, or a part of it"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Tags:
     """The tags of one picture, by id."""

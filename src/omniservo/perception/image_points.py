@@ -8,12 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, frozen
 
 _SLACK = 1e-9
 """a covariance may be so far from symmetric and definite, relative to its size"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImagePoints:
     """Located points of one picture.

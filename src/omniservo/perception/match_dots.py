@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.perception.dot_centres import circles, tangent_ellipses
 from omniservo.perception.dots import Dots
@@ -30,6 +31,7 @@ RATIO, GAP = 2.5, 25.0
 """every other match must cost at least RATIO times as much as the best, and GAP more"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class DotMatch:
     """What `match_dots` found; only ``status`` "ok" is a match."""

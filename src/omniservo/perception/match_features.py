@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.perception.features import Features
 from omniservo.perception.rival_kernels import best_and_rival
@@ -27,6 +28,7 @@ LEAST_SHARE = 0.5
 Status = Literal["ok", "ambiguous", "too_few", "blurred"]
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class FeatureMatch:
     """What `match_features` found; only ``status`` "ok" is a match."""

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, frozen
 from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
 from omniservo.perception.features import Features
@@ -35,6 +36,7 @@ MOST_ERROR = 0.3
 """[px] standard deviation of the worst pair, in its worst direction"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImageMatch:
     """What `refine_matches` and `match_images` found; only ``status`` "ok" is a match.

@@ -11,11 +11,13 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.pose_kernels import powers_along, write_states
 from omniservo.planning.quick_poses import quaternion_of
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class CameraPath:
     """φ(w) = Ũ [w^σ … w 1]ᵀ, t(w) = Ṽ [w^τ … w 1]ᵀ, R = Λ(φ)/‖φ‖² for w in [0, 1] (23), (20).
@@ -30,6 +32,10 @@ class CameraPath:
     """Ũ (4, σ+1), rows x, y, z, w, highest power first; read-only"""
     translation: FloatArray
     """Ṽ (3, τ+1) [m], highest power first; read-only"""
+
+    def __repr__(self) -> str:
+        way = float(np.linalg.norm(self.translation[:, :-1].sum(axis=1)))
+        return f"CameraPath(degrees {self.degrees}, {way:.3g} m from start to end)"
 
     def __post_init__(self) -> None:
         for name, rows in (("rotation", 4), ("translation", 3)):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
@@ -24,6 +25,7 @@ infeasible: no path exists, because an end pose violates a constraint. not_found
 _FIELDS = ("format", "problem", "status", "path", "certificate", "seconds", "method", "reason")
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Plan:
     """What planning found for a problem."""
@@ -43,6 +45,16 @@ class Plan:
     aim: FloatArray | None = None
     """(7,) what an arm of seven joints is led to beside the camera's path, see `follow_path` [rad]; None:
     nothing. Not in files: a plan file knows no arm"""
+
+    def __repr__(self) -> str:
+        words: list[str] = [self.status]
+        if self.path is not None:
+            words.append(f"degrees {self.path.degrees}")
+        clearance = self.least_clearance(range(len(self.problem.obstacles)))
+        visibility = self.least_visibility()
+        words += [] if clearance is None else [f"clearance {clearance:.3g} m"]
+        words += [] if visibility is None else [f"visibility {visibility:.3g} px"]
+        return f"Plan({', '.join(words)}, {1e3 * self.seconds:.3g} ms)"
 
     def least_clearance(self, obstacles: Iterable[int]) -> float | None:
         """Return the path's smallest distance to the surfaces of these obstacles [m], by its certificate.

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
@@ -31,6 +32,7 @@ HIGHEST_DEGREE = 16
 """Highest degree of rotation and translation: every binomial coefficient that they need is an exact float."""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Degrees:
     """Highest polynomial degrees that a path may have."""
@@ -49,6 +51,7 @@ class Degrees:
             object.__setattr__(self, name, int(number))
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Workspace:
     """Where the camera centre stays, in the initial camera frame: a box, half-spaces, or both.
@@ -104,6 +107,7 @@ class Workspace:
         object.__setattr__(self, "half_spaces", half_spaces)
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
     """Find a camera path from the initial frame to the goal that keeps every constraint for all w in [0, 1].
@@ -133,6 +137,14 @@ class PlanningProblem:
     initial_velocity: FloatArray | None = None
     """twist that the path starts with (6,), (linear [m], angular [rad]) per unit of w, in the initial camera
     frame, read-only; None: any. It takes one degree more to leave a path as much freedom as without"""
+
+    def __repr__(self) -> str:
+        turn = np.rad2deg(self.initial_T_goal.rotation.magnitude())
+        return (
+            f"PlanningProblem({len(self.points)} points, {len(self.obstacles)} obstacles, "
+            f"goal {np.linalg.norm(self.initial_T_goal.translation):.3g} m and {turn:.3g} deg away, "
+            f"{type(self.camera).__name__} of {self.camera.width} × {self.camera.height} px)"
+        )
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, UnifiedCamera):

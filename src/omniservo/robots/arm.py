@@ -32,6 +32,9 @@ class Arm:
     (the tool that carries the camera).
     """
 
+    def __repr__(self) -> str:
+        return f"Arm({self.name}, {self.dof} joints, flange {self.tool}, reaches {self.reach:.3g} m)"
+
     def __init__(self, file: str | Path, *, tool: str | None = None) -> None:
         """Read the arm from an MJCF or URDF file, which need not be trusted.
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.robots.arm_bodies import ArmBodies
 from omniservo.robots.clearance_kernels import (
@@ -28,6 +29,7 @@ from omniservo.robots.clearance_kernels import (
 )
 from omniservo.robots.joint_path import JointPath
 from omniservo.robots.posture_gaps import PostureGaps
+from omniservo.short_repr import short_repr
 
 SELF_CLEARANCE = 0.002
 """What parts of the arm keep from each other [m], where nothing else is asked for."""
@@ -36,6 +38,7 @@ _SCANNED = 33
 """places at which a path that is too close is looked at for the worst"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Closeness:
     """Two bodies at one place of the path."""
@@ -51,6 +54,7 @@ class Closeness:
     """[m]"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ArmClearance:
     """What has been proven of a joint path: of the path itself, not of how an arm tracks it."""
@@ -68,6 +72,8 @@ class ArmClearance:
     """lower bound over all pairs and all w of what is left beyond what is asked [m]; −∞ unless clear"""
     postures: int
     """that were looked at"""
+
+    __repr__ = short_repr
 
     @property
     def reason(self) -> str:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm import LENGTH_SCALE, Arm
 from omniservo.robots.joint_path import JointPath, PathFailure
@@ -31,6 +32,7 @@ _BASIS = np.array([math.comb(5, k) * _SHARES**k * (1.0 - _SHARES) ** (5 - k) for
 """(16, 6) the quintic Bernstein polynomials there"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class FollowedPath:
     """What every branch makes of a camera path."""

@@ -10,12 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.quintic import pieces_between, quintic_pieces, quintic_values
+from omniservo.short_repr import short_repr
 
 FailureKind = Literal["limit", "singular", "jump"]
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class PathFailure:
     """What stops a branch."""
@@ -48,6 +51,7 @@ class PathFailure:
         return f"{self.joint} would jump at w = {self.w:.4f} by {np.rad2deg(self.amount):.2g} deg"
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class JointPath:
     """q(w) on one branch, at samples, and between them as quintics; w in [0, 1], or to where the branch ends.
@@ -75,6 +79,8 @@ class JointPath:
     """by w; none: the arm can follow"""
     travel: float
     """the time that the joint with the farthest way needs for it at its nominal speed [s]"""
+
+    __repr__ = short_repr
 
     @property
     def feasible(self) -> bool:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omniservo.field_docs import with_field_docs
 
+
+@with_field_docs
 @dataclass(frozen=True)
 class Shape:
     """One body of a link."""
@@ -15,6 +18,7 @@ class Shape:
     """of its bounding box along its own axes [m]"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Link:
     """A rigid part of the arm, possibly without any body: a frame."""

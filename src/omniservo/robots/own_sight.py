@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
 from omniservo.robots.arm import Arm
 from omniservo.robots.gap_kernels import middle_of_piece
@@ -28,6 +29,7 @@ _SHORTEST = 2.0**-12
 """of the path: parts that are no longer are called hidden where they cannot be told from it"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class OwnSight:
     """What lies between an arm's camera and its points along a joint path."""

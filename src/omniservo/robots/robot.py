@@ -7,9 +7,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy.typing as npt
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import ByteArray, FloatArray
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class RobotState:
     """The joints at one instant of the robot's clock."""
@@ -22,6 +24,7 @@ class RobotState:
     """(n,) [rad/s]"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class CameraImage:
     """One frame of the camera in the hand."""

@@ -11,7 +11,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.short_repr import short_repr
 
 Kind = Literal["sphere", "capsule", "cylinder", "box", "hull"]
 
@@ -21,6 +23,7 @@ _THINNEST = 1e-6
 """What is thinner is taken to be so thick [m]: MuJoCo knows no body without a size."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A convex body in the frame that it is stated in.
@@ -39,6 +42,8 @@ class Solid:
     """its own frame in that one"""
     vertices: FloatArray | None = None
     """(n, 3) of a hull, n ≥ 4, not all in one plane [m], read-only; else None"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if self.kind not in SIZES:

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
@@ -38,6 +39,7 @@ PARTS = ("position", "image")
 """of the camera: its centre [m], the points in its image [px]"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Tube:
     """What a run keeps within, but for a share of all runs: each against one place of the planned path."""
@@ -57,6 +59,7 @@ class Tube:
     """of runs that may leave it, as asked"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class TrackingTube:
     """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.

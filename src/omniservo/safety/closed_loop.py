@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import NotFinite, ServoStop, StaleImage
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.perception import FeatureTracker
 from omniservo.robots import CameraImage, RobotState
@@ -101,6 +102,7 @@ class Controller(Protocol):
         ...
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Step:
     """What the loop knows after one control step."""

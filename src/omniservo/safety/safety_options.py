@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 _POSITIVE = (
@@ -19,6 +20,7 @@ _POSITIVE = (
 )
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class SafetyOptions:
     """What no motion may exceed. The limits of the joints are those of the arm and not stated here.

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, JointLimit, NotFinite, SlowLoop, StaleImage, WorkspaceLimit
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots import Arm, CameraImage, Robot, RobotState
 from omniservo.robots.twist_matrix import twist_matrix
@@ -33,6 +34,7 @@ Wish: TypeAlias = Callable[[RobotState], FloatArray]
 [rad/s]"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Passed:
     """What became of a command."""

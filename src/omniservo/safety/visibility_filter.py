@@ -10,11 +10,13 @@ import numpy as np
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import outward_edges
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.safety import visibility_kernel as kernel
 from omniservo.safety.safety_options import SafetyOptions
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class FilteredTwist:
     """A twist that lets the points stay in view, and what that took."""

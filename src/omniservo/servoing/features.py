@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
 from omniservo.servoing.interaction import BEARING, VIRTUAL_PLANE, write_features, write_interaction
 
@@ -35,6 +36,7 @@ class Feature(Protocol):
         ...
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class BearingFeatures:
     """s = b = c/‖c‖ ∈ R³, for every c ≠ 0, also past 90° from the optical axis."""
@@ -57,6 +59,7 @@ class BearingFeatures:
         return _interaction(self, points)
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class VirtualPlaneFeatures:
     """s = (X/Z, Y/Z), the paper's points on the virtual plane (3): only where Z > 0."""

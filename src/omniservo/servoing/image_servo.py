@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import FeatureLoss, InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.servoing.control_law import camera_twist, limited_twist
 from omniservo.servoing.features import FeatureName, feature_named
@@ -15,6 +16,7 @@ from omniservo.servoing.features import FeatureName, feature_named
 MatrixName = Literal["current", "desired", "mean"]
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ImageServoOptions:
     """How the classical law is run."""
@@ -43,6 +45,7 @@ class ImageServoOptions:
         finite_number("max_angular_speed", self.max_angular_speed, above=0.0)
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ImageServoReport:
     """What the last step saw."""

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.geometry.kernel import kernel
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class PathLimits:
     """Joint speeds and accelerations along q(w), and whatever else bounds ẇ: q̇ = q′ẇ, q̈ = q″ẇ² + q′ẅ.

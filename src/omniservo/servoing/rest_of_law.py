@@ -9,6 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.servoing.path_limits import LimitsAt, PathLimits
 from omniservo.servoing.time_law import TimeLaw
@@ -37,6 +38,7 @@ class _Motion(NamedTuple):
     """(m,) d²s/dτ² [1/s²]"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class RestOfLaw:
     """s(t) = (w(τ(t)) − w₀)/(1 − w₀) from t = begin on, w₀ = w(begin): starts at 0 with the present speed.

@@ -7,6 +7,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.servoing.path_limits import PathLimits
 
@@ -33,6 +34,7 @@ class TimeLaw(Protocol):
         ...
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ExponentialLaw:
     """w(t) = 1 − exp(−λ₁ t), (42): starts with a jump to ẇ = λ₁ and never quite ends."""
@@ -65,6 +67,7 @@ class ExponentialLaw:
         return -np.expm1(-self.rate * times), self.rate * left, -(self.rate**2) * left
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class RestToRestLaw:
     """w(t) = 10u³ − 15u⁴ + 6u⁵, u = t/duration: speed and acceleration are zero at both ends."""

@@ -8,12 +8,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.tag_dictionaries import dictionary_names, dictionary_size
 
 _CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Tag:
     """One printed tag. Its frame: origin in the middle, x right and y down in the print, z **into** the face.

@@ -14,8 +14,10 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, stated_units, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.short_repr import short_repr
 from omniservo.targets.tag import Tag
 
 FORMAT = "omniservo.target/1"
@@ -27,6 +29,7 @@ _LONGEST_NAME = 100
 _NEAR_UNIT = 1e-6
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Target:
     """Named points [m] and tags in the target frame.
@@ -41,6 +44,8 @@ class Target:
     """(n, 3) [m]"""
     tags: tuple[Tag, ...] = ()
     """no two of one dictionary and number"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, (None, 3)) if len(self.points) else np.empty((0, 3))

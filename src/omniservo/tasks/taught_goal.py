@@ -15,6 +15,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, frozen
+from omniservo.short_repr import short_repr
 
 FORMAT = "omniservo.goal/2"
 """The file format that this version writes; it also reads /1, which calls the features dots."""
@@ -35,6 +36,8 @@ class TaughtGoal:
     """(n, 2) [px] what was found in the image"""
     joints: FloatArray | None
     """(n,) [rad], None where the arm's pose was not recorded"""
+
+    __repr__ = short_repr
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the goal as one JSON file (image as PNG inside).

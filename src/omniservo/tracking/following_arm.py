@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from omniservo.field_docs import with_field_docs
 from omniservo.planning import ArmSetting, CameraPath
 from omniservo.robots import JointPath
 from omniservo.servoing import PathLimits
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class FollowingArm:
     """The arm that carries the camera along the plan."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omniservo.field_docs import with_field_docs
 from omniservo.planning import CameraPath
 from omniservo.servoing import TimeLaw
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A path that is followed from some time on, to the goal or until the next leg is taken up."""

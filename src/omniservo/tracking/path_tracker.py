@@ -59,6 +59,10 @@ class PathTracker:
             point leaves the half-space Z > 0.
     """
 
+    def __repr__(self) -> str:
+        size = f"{self._camera.width} × {self._camera.height} px"
+        return f"PathTracker({len(self._points)} points, {len(self._legs)} path(s), images of {size})"
+
     def __init__(
         self,
         plan: Plan,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import finite_number
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ReplanOptions:
     """When a plan is made again."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from omniservo.field_docs import with_field_docs
 from omniservo.planning import Plan, PlanningProblem
 from omniservo.robots import JointPath
 from omniservo.tracking.leg import Leg
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Replanning:
     """One look at what has changed."""

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import finite_number
 from omniservo.servoing import FeatureName, feature_named
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class TrackerOptions:
     """How a path is tracked. The defaults suit an arm at 30 frames a second."""

@@ -5,11 +5,13 @@ from typing import Literal
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 Phase = Literal["path", "goal", "done"]
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class TrackerReport:
     """The evidence behind one twist."""

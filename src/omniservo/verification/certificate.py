@@ -31,6 +31,11 @@ class Certificate:
     constraints: tuple[Judgement, ...]
     reasons: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        held = sum(judgement.verdict == "holds" for judgement in self.constraints)
+        why = f"; {self.reasons[0][:100]}" if self.reasons else ""
+        return f"Certificate({self.status}, {held} of {len(self.constraints)} margins hold{why})"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain lists and numbers."""
         return {

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.calibration.adjustment.equivalence import SAME_PX, Equivalent
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 
 Status = Literal["ok", "too_few_views", "views_alike", "views_disagree", "not_determined", "not_converged"]
@@ -40,6 +41,7 @@ class Errors:
     """between the corner's ray and the target point's [deg]"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A calibrated camera, or the reason why there is none.
@@ -102,6 +104,12 @@ class Calibration:
     """the side of the targets' planes on which the camera was: "-z" (z points away from the viewer, as on
     OpenCV's boards), "+z", "both" (some views' corners are in mirrored order), "solid" (not planar)"""
     seconds: float
+
+    def __repr__(self) -> str:
+        words = [self.status, f"{len(self.views_used)} views"]
+        if self.camera is not None:
+            words += [f"{self.rms_px:.3g} px rms", f"xi {self.camera.xi:.4g}, fx {self.camera.fx:.5g}"]
+        return f"Calibration({', '.join(words)})"
 
     @property
     def standard_deviations(self) -> FloatArray:

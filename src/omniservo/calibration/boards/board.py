@@ -10,12 +10,14 @@ from typing import Literal
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number, frozen
 
 MOST_CELLS = 100
 """most columns or rows of a board"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Board(ABC):
     """What all boards have: ``points`` (n, 3) [m] with z = 0, right-handed; a point's identity is its row."""
@@ -45,6 +47,7 @@ class Board(ABC):
         return np.stack([column.ravel(), row.ravel()], axis=1).astype(np.float64)
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class Checkerboard(Board):
     """A chequered board, counted in inner corners.
@@ -66,6 +69,7 @@ class Checkerboard(Board):
         return self.square
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class CharucoBoard(Board):
     """A chequered board with ArUco markers in its bright squares, as OpenCV prints it; counted in squares.
@@ -108,6 +112,7 @@ class CharucoBoard(Board):
         return np.asarray(middle[:, None, :] + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class AprilGrid(Board):
     """Kalibr's grid of AprilTags 36h11 with dark squares between their corners; counted in tags.
@@ -141,6 +146,7 @@ class AprilGrid(Board):
         return np.asarray(corners.reshape(-1, 2))
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class CircleGrid(Board):
     """Dark discs on a bright ground, in a square grid, or asymmetric as OpenCV's.

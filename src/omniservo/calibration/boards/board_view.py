@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.calibration.boards.board import Board
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, frozen
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class BoardView:
     """The points of a board that one image shows, or the reason why there are none."""

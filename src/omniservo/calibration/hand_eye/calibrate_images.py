@@ -16,6 +16,7 @@ from omniservo.calibration.hand_eye.hand_eye import HandEye
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.image_files import read_grey_image
 from omniservo.perception import find_tags
@@ -25,6 +26,7 @@ _SAME = 1e-6
 """of the board's extent: how near a turned board's points are to its own"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImageHandEye:
     """A hand-eye calibration and the images that it is from."""

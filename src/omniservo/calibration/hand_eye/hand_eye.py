@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array
 
@@ -35,6 +36,7 @@ DISPUTED = 4.0
 _NEAR_UNIT = 1e-6
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class HandEyeView:
     """What one picture says."""
@@ -64,6 +66,7 @@ class HandEyeView:
         return float(np.sqrt((self.loop_px**2).sum(axis=1).mean())) if len(self.loop_px) else math.nan
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class HandEye:
     """tool_T_camera and base_T_board from n views, or the reason why there are none.
@@ -100,6 +103,14 @@ class HandEye:
     """in the order given"""
     seconds: float
     """wall time [s]"""
+
+    def __repr__(self) -> str:
+        words = [self.status, f"{len(self.views)} views"]
+        if self.tool_T_camera is not None:
+            words.append(
+                f"camera {1e3 * float(np.linalg.norm(self.tool_T_camera.translation)):.1f} mm from the tool"
+            )
+        return f"HandEye({', '.join(words)})"
 
     @property
     def board_size_disputed(self) -> bool:

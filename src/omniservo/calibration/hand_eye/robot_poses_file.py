@@ -14,8 +14,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.hand_eye.robot_poses import ROUNDED, pose_from_matrix
 from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, stated_units
 from omniservo.geometry.arrays import finite_array
+from omniservo.short_repr import short_repr
 
 FORMAT = "omniservo.robot_poses/1"
 
@@ -25,6 +27,7 @@ _PLACE, _QUATERNION, _VECTOR = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("rx",
 _ROTATIONS = ("quaternion", "rotation_vector", "matrix")
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class RobotPoses:
     """base_T_tool of n views, and what says which picture belongs to each."""
@@ -36,6 +39,8 @@ class RobotPoses:
     """names of the image files; None: in the order of the images"""
     numbers: tuple[int, ...] | None = None
     """last number in the names of the image files, as ViSP numbers its files; None: as above"""
+
+    __repr__ = short_repr
 
     def of_images(self, images: Sequence[Path]) -> tuple[RigidTransform, ...]:
         """Return the pose of each image: by name or number, else by order. Other poses are left out.

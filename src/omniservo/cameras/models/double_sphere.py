@@ -14,7 +14,7 @@ from omniservo.cameras.models.sphere_kernels import project_double_sphere, unpro
 from omniservo.geometry.arrays import finite_number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DoubleSphere(FocalModel):
     """Usenko, Demmel, Cremers 2018; Kalibr and Basalt ``ds``.
 

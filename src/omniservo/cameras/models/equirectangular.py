@@ -14,7 +14,7 @@ from omniservo.cameras.models.sphere_kernels import project_equirectangular, unp
 from omniservo.geometry.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Equirectangular(LensModel):
     """u = W(λ/2π + ½) − ½ with λ = atan2(X, Z), v = H(φ/π + ½) − ½ with φ = atan2(Y, ‖(X, Z)‖).
 

@@ -14,7 +14,7 @@ from omniservo.cameras.models.sphere_kernels import project_extended, unproject_
 from omniservo.geometry.arrays import finite_number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ExtendedUnified(FocalModel):
     """Khomutenko, Garcia, Martinet 2016; Kalibr and Basalt ``eucm``.
 

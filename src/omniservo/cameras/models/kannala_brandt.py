@@ -20,7 +20,7 @@ _LARGEST_ANGLE = math.pi * (1.0 - 1e-9)
 """straight behind is a circle in the image, not a point"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class KannalaBrandt(FocalModel):
     """Kannala and Brandt 2006, four coefficients; OpenCV ``fisheye``, Kalibr ``equidistant``, Basalt ``kb4``.
 

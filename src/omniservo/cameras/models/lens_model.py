@@ -47,7 +47,7 @@ class Domain:
     """the model's own numbers for the kernels"""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class LensModel(KernelCamera, ABC):
     """A central model whose plane m goes to pixels by an affine map, with its lens's limits.
 

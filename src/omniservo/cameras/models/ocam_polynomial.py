@@ -25,7 +25,7 @@ _LARGEST_RADIUS = 1e6
 """[px]"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OcamPolynomial(LensModel):
     """Scaramuzza, Martinelli, Siegwart 2006, OCamCalib's model in our axes.
 

@@ -18,7 +18,7 @@ from omniservo.errors import InputError
 _COUNTS = (0, 4, 5, 8, 12, 14)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pinhole(FocalModel):
     """OpenCV's pinhole camera: (u, v, 1) = K (T D(X/Z, Y/Z), 1).
 

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Separator:
     """Separating planes along the path: the proof of one constraint about a box or a capsule."""
@@ -21,6 +23,7 @@ class Separator:
     """(k, 5): from w, to w, and the plane's normal there, which points from the body to the path"""
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class ConstraintMargin:
     """What is left of one constraint beyond what the problem asks for."""
@@ -35,6 +38,7 @@ class ConstraintMargin:
     """where the smallest value was found"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """Every constraint of the problem with its margin along the path."""
@@ -48,6 +52,13 @@ class Certificate:
     was proven with"""
     separators: tuple[Separator, ...] = ()
     """of every constraint about a box or a capsule that is proven"""
+
+    def __repr__(self) -> str:
+        worst = self.worst
+        return (
+            f"Certificate({len(self.constraints)} constraints, worst: {worst.name} "
+            f"{worst.margin:+.3g} {worst.unit} at w = {worst.w:.3g})"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the certificate of a plan file."""

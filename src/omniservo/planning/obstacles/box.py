@@ -8,10 +8,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion, unit_vector
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Box:
     """The points center + R(quaternion) y with |y_k| ≤ half_extents_k, in the initial camera frame.
@@ -31,6 +34,8 @@ class Box:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))

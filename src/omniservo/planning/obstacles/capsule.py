@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Capsule:
     """The points at most ``radius`` away from the segment from ``start`` to ``end``, in the initial frame.
@@ -29,6 +32,8 @@ class Capsule:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", bounded_array("from", self.start, (3,)))

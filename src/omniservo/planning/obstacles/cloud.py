@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 from omniservo.planning.obstacles.ball_tree import BallTree, ball_tree, nearest_point
 from omniservo.planning.obstacles.cloud_boxes import MOST_BOXES, CloudBoxes, cloud_boxes
+from omniservo.short_repr import short_repr
 
 MOST_CLOUD_POINTS = 100_000
 """Points of a cloud, and of all clouds of a problem together."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """Balls of one radius about many points, in the initial camera frame.
@@ -36,6 +39,8 @@ class Cloud:
     """what the camera centre keeps from every ball's surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _checked_points(self.points))

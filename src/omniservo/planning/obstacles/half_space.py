@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, own_clearance, own_motion, unit_vector
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class HalfSpace:
     """The solid normal·x < offset, in the initial camera frame: free is what the normal points to.
@@ -30,6 +33,8 @@ class HalfSpace:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "normal", unit_vector("normal", self.normal, 3))

@@ -8,15 +8,18 @@ from functools import cached_property
 import numpy as np
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap
 from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
+from omniservo.short_repr import short_repr
 
 MOST_GIVEN = 100_000
 """Points of which the hull is taken."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """The convex hull of vertices, in the initial camera frame.
@@ -34,6 +37,8 @@ class Mesh:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         points = bounded_array("vertices", self.vertices, (None, 3))

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Sphere:
     """The ball ‖x − center‖ ≤ radius, in the initial camera frame.
@@ -26,6 +29,8 @@ class Sphere:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.estimation import EstimateSamples
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
@@ -26,6 +27,7 @@ IMAGE = "image"
 """Name of the one demand that all image limits share: the visibility margin."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class Executions:
     """Samples of the true points and camera, and what a problem demands of each."""

@@ -6,9 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from omniservo.field_docs import with_field_docs
 from omniservo.planning.plan import Plan
+from omniservo.short_repr import short_repr
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class UncertainMargin:
     """What uncertainty does to one demand of the problem."""
@@ -30,6 +33,7 @@ class UncertainMargin:
         return self.executed / max(self.planned - self.executed, 1e-12)
 
 
+@with_field_docs
 @dataclass(frozen=True)
 class LinkMargin:
     """What gaps of the arm, and of what it carries, to what stands around are kept wider for [m]."""
@@ -46,6 +50,7 @@ class LinkMargin:
     """by how much more clearance was planned with, so that the samples keep what is asked"""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class RiskPlan:
     """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none."""
@@ -76,6 +81,8 @@ class RiskPlan:
     """wall time [s]"""
     links: LinkMargin | None = None
     """of the whole arm, where it was planned for; its risk comes on top"""
+
+    __repr__ = short_repr
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report without the plan, as plain numbers."""

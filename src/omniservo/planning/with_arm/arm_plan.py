@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from omniservo.field_docs import with_field_docs
 from omniservo.planning.plan import Plan
 from omniservo.robots import ArmClearance, FollowedPath, JointPath
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ArmPlan:
     """A camera path, and what the arm makes of it."""
@@ -24,6 +26,10 @@ class ArmPlan:
     """time that all of it took [s]"""
     attempts: int
     """camera paths from different starts that were tried"""
+
+    def __repr__(self) -> str:
+        gap = "" if self.clearance is None else f", {self.clearance.status}"
+        return f"ArmPlan({self.plan!r}{gap}, {self.attempts} camera paths tried, {self.seconds:.3g} s)"
 
     @property
     def certified(self) -> bool:

@@ -10,17 +10,20 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
+from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid, Tube
 from omniservo.robots.arm import SINGULAR_VALUE
+from omniservo.short_repr import short_repr
 
 LIMIT_RESERVE = math.radians(1.0)
 """What joints keep to the ends of their ranges [rad], where nothing else is asked for."""
 
 
+@with_field_docs
 @dataclass(frozen=True, eq=False)
 class ArmSetting:
     """An arm, its camera and its surroundings.
@@ -51,6 +54,8 @@ class ArmSetting:
     tube was measured at, if there is one"""
     tube: Tube | None = None
     """how far a run strays from its path: what links stray is added to every clearance. None: it does not"""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name in ("clearance", "self_clearance", "limit_reserve"):
