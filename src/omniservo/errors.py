@@ -4,6 +4,7 @@ A wrong call raises; an unlucky computation returns a result with a status and i
 """
 
 import reprlib
+from pathlib import Path
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxtuple, _SHORT.maxdict = 4, 6, 6, 3
@@ -29,6 +30,22 @@ class OmniservoError(Exception):
 
 class InputError(OmniservoError, ValueError):
     """The call or a file is wrong. The message names file, field, given value and what is legal."""
+
+
+class AlreadyExists(InputError):
+    """A result's file or folder is there already, and nobody said that it may be replaced."""
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(f"{path}: exists; force=True replaces it")
+        self.path = path
+
+
+class NotWritten(InputError):
+    """A file could not be written: the disk is full, or the folder is not ours. Nothing of it is left."""
+
+    def __init__(self, path: str | Path, reason: str) -> None:
+        super().__init__(f"{path}: {reason}")
+        self.path, self.reason = path, reason
 
 
 class AnswerIsNo(OmniservoError):

@@ -1,3 +1,7 @@
+import resource
+import subprocess
+import sys
+
 import pytest
 
 from omniservo.errors import InputError
@@ -65,3 +69,59 @@ def test_an_interrupted_folder_leaves_nothing_and_keeps_the_old_one(tmp_path):
         raise KeyboardInterrupt
     assert (folder / "a").read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def limited(script, folder, limit):
+    """Run a script in a process of its own whose files may have ``limit`` bytes: as on a full disk."""
+    return subprocess.run(
+        [sys.executable, "-c", script, str(folder)],
+        capture_output=True,
+        text=True,
+        check=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    ).stdout
+
+
+def test_a_disk_that_gets_full_costs_only_what_did_not_fit(tmp_path):
+    script = """if True:
+        import sys
+        from pathlib import Path
+        from omniservo.errors import InputError
+        from omniservo.files import whole_folder, write_whole
+        for _ in range(2):
+            try:
+                with whole_folder(Path(sys.argv[1]) / "out") as work:
+                    write_whole(work / "metrics.json", "{}")
+                    write_whole(work / "film.gif", b"0" * 100_000)
+                    write_whole(work / "report.html", "never reached")
+            except InputError as error:
+                print(error)
+        try:
+            write_whole(Path(sys.argv[1]) / "plan.json", b"0" * 100_000)
+        except InputError as error:
+            print(error)
+        """
+    first, second, third = limited(script, tmp_path, 10_000).splitlines()
+    reason = f"{tmp_path}/out/film.gif: File too large; what was written before is kept in {tmp_path}"
+    assert first == f"{reason}/out.incomplete"
+    assert second == f"{reason}/out.incomplete-2"
+    assert third == f"{tmp_path}/plan.json: File too large"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.incomplete", "out.incomplete-2"]
+    assert [p.name for p in (tmp_path / "out.incomplete").iterdir()] == ["metrics.json"]
+
+
+def test_a_disk_without_the_room_is_refused_before_the_work(tmp_path):
+    with pytest.raises(InputError, match=r"MiB are free there; about 1099511627776 are"):  # noqa: SIM117
+        with whole_folder(tmp_path / "new" / "out", room=2**60):
+            pytest.fail("the work began")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_appeared_during_the_work_is_not_replaced(tmp_path):
+    with pytest.raises(InputError, match="exists by now; what was .* is kept in .*out.incomplete"):  # noqa: SIM117
+        with whole_folder(tmp_path / "out") as work:
+            (work / "mine").write_text("new")
+            (tmp_path / "out").mkdir()
+            (tmp_path / "out" / "theirs").write_text("old")
+    assert (tmp_path / "out" / "theirs").read_text() == "old"
+    assert (tmp_path / "out.incomplete" / "mine").read_text() == "new"

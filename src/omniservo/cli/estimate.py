@@ -20,6 +20,8 @@ from omniservo.cli.output import (
     answer_is_no,
 )
 from omniservo.errors import InputError
+from omniservo.files import writable
+from omniservo.shipped_tasks import task_file
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -32,6 +34,7 @@ FeaturesOption = Annotated[
 DictionaryOption = Annotated[
     str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
 ]
+_NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal"
 
 
 def estimate(
@@ -61,16 +64,19 @@ def estimate(
     quiet: QuietOption = False,
 ) -> None:
     """Estimate the camera's motion and the target's structure from two images."""
-    from omniservo.files import writable
-    from omniservo.reporting import write_estimate_report
-    from omniservo.runs import estimate_images, estimate_simulated
-
     output = Output(as_json, quiet)
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
     images = initial is not None or goal is not None
     of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
+    if task is None and None in (camera, initial, goal):
+        raise InputError(_NEEDED)
+    if task is not None:
+        task_file(task)
+    from omniservo.reporting import write_estimate_report
+    from omniservo.runs import estimate_images, estimate_simulated
+
     with output.working("estimating"):
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
         if task is not None and not images and not of_images:
@@ -81,13 +87,17 @@ def estimate(
                 displacement=displacement, planar=planar,
             )  # fmt: skip
         else:
-            raise InputError("estimate: give a TASK alone, or --camera, --initial and --goal")
-    result = found.estimate
+            raise InputError(_NEEDED)
     if report is not None:
-        write_estimate_report(found.seen, result, report, force=force)
-        output.line(f"report: {report}")
+        write_estimate_report(found.seen, found.estimate, report, force=force)
+        output.written(report)
     if out is not None:
-        result.save(out, force=force)
+        found.estimate.save(out, force=force)
+        output.written(out)
+    _say(output, found.estimate)
+
+
+def _say(output: Output, result: TwoViewEstimate) -> None:
     output.result(result.to_dict())
     if result.initial_T_goal is None:
         raise answer_is_no(f"motion and structure cannot be estimated: {result.status}: {result.message}")

@@ -7,10 +7,11 @@ from omniservo.cli.output import JsonOption, Output, QuietOption
 
 def examples(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     """List the shipped tasks, one line each."""
-    from omniservo.tasks import load_task, shipped_tasks
+    from omniservo.files import read_document
+    from omniservo.shipped_tasks import shipped_tasks, task_file
 
     output = Output(as_json, quiet)
-    summaries = {name: load_task(name).summary for name in shipped_tasks()}
+    summaries = {name: read_document(task_file(name))["summary"] for name in shipped_tasks()}
     for name, summary in summaries.items():
         output.line(f"{name:<20} {summary}")
     output.result({"tasks": [{"name": n, "summary": s} for n, s in summaries.items()]})

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
 import omniservo
 from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify
-from omniservo.cli.output import ANSWER_IS_NO, WRONG_INPUT
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
+from omniservo.cli.progress import DOING
+from omniservo.errors import AlreadyExists, AnswerIsNo, InputError
 
 app = typer.Typer(
     name="omniservo",
@@ -50,17 +51,28 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: what follows the program's name; None: what the process was called with.
     """
+    DOING.stage, DOING.written = "", []
     try:
         app(args=arguments)
+    except AlreadyExists as error:
+        _end(WRONG_INPUT, f"{error.path}: exists; --force replaces it")
     except InputError as error:
-        print(f"omniservo: {error}", file=sys.stderr)
-        sys.exit(WRONG_INPUT)
+        _end(WRONG_INPUT, str(error))
     except AnswerIsNo as answer:
-        print(f"omniservo: {answer}", file=sys.stderr)
-        sys.exit(ANSWER_IS_NO)
+        _end(ANSWER_IS_NO, str(answer))
+    except OSError as error:  # such as a full disk behind standard output
+        _end(WRONG_INPUT, ": ".join(str(w) for w in (error.filename, error.strerror or error) if w))
     except KeyboardInterrupt:
-        print("omniservo: interrupted; nothing was written", file=sys.stderr)
-        sys.exit(130)
+        _end(INTERRUPTED, DOING.interrupted())
+    except SystemExit as end:  # what typer makes of Ctrl-C
+        if end.code == INTERRUPTED:
+            _end(INTERRUPTED, DOING.interrupted())
+        raise
+
+
+def _end(code: int, message: str) -> NoReturn:
+    print(f"omniservo: {message}", file=sys.stderr)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

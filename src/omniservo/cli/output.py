@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from omniservo.cli.progress import DOING, Progress
 
 DONE = 0
 """the job is done"""
@@ -20,6 +20,8 @@ ANSWER_IS_NO = 1
 """computed, and the answer is no"""
 WRONG_INPUT = 2
 """the input or the call is wrong"""
+INTERRUPTED = 130
+"""by Ctrl-C"""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]
@@ -47,16 +49,19 @@ class Output:
         if self.as_json:
             print(json.dumps(_plain(values), allow_nan=False))
 
-    @contextmanager
-    def working(self, what: str) -> Iterator[Any]:
-        """Show progress on standard error while the block runs; yields a function that changes the words."""
-        if self.quiet or self.as_json or not sys.stderr.isatty():
-            yield lambda words: None
-            return
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            bar = progress.add_task(what, total=None)
-            yield lambda words: progress.update(bar, description=words)
+    def written(self, path: Path) -> None:
+        """Say that a file or folder is there."""
+        DOING.written.append(path)
+        self.line(f"written: {path}")
+
+    def working(self, what: str) -> Progress:
+        """Show progress on standard error while the block runs; call what is entered to change the words."""
+        return Progress(what, silent=self.quiet or self.as_json)
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Return a signed number with its unit; a number that has none has no "1" behind it."""
+    return f"{value:+.6g}" if unit == "1" else f"{value:+.6g} {unit}"
 
 
 def answer_is_no(reason: str) -> typer.Exit:

@@ -7,8 +7,17 @@ from typing import Annotated, Literal
 
 import typer
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption, answer_is_no
+from omniservo.cli.output import (
+    ForceOption,
+    JsonOption,
+    Output,
+    QuietOption,
+    SeedOption,
+    answer_is_no,
+    with_unit,
+)
 from omniservo.errors import InputError
+from omniservo.files import writable
 
 
 def plan(
@@ -37,9 +46,6 @@ def plan(
     quiet: QuietOption = False,
 ) -> None:
     """Plan a camera path that is proven to keep every constraint of the problem."""
-    from omniservo.files import writable
-    from omniservo.planning import PlanningProblem, plan_path
-
     output = Output(as_json, quiet)
     if out is not None:
         writable(out, force=force)
@@ -50,18 +56,21 @@ def plan(
         return
     if risk is not None:
         raise InputError("plan: --risk given without --estimate, which says what is uncertain")
+    from omniservo.geometry.compiler_watch import CompilerWatch
+    from omniservo.planning import PlanningProblem, plan_path
+
     with output.working("planning"):
-        result = plan_path(
-            PlanningProblem.load(problem), method=method, quality=quality, time_budget=time_budget, seed=seed
-        )
+        asked = PlanningProblem.load(problem)
+        with CompilerWatch() as watch:
+            result = plan_path(asked, method=method, quality=quality, time_budget=time_budget, seed=seed)
     if out is not None:
         result.save(out, force=force)
-    output.line(f"{result.status} in {1e3 * result.seconds:.2f} ms (method {method})")
+    output.line(f"{result.status} in {_time(result.seconds, watch.seconds)} (method {method})")
     if result.certificate is not None:
         for c in result.certificate.constraints:
-            output.line(f"  {c.name:<36} {c.margin:+.6g} {c.unit} at w = {c.w:.4f}")
+            output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)} at w = {c.w:.4f}")
     if out is not None:
-        output.line(f"written: {out}")
+        output.written(out)
     output.result(result.to_dict())
     if result.status != "certified":
         raise answer_is_no(f"{result.status}: {result.reason}")
@@ -72,16 +81,18 @@ def _plan_with_risk(
 ) -> None:
     """Plan to the estimate's goal with margins that its uncertainty needs."""
     from omniservo.estimation import TwoViewEstimate
+    from omniservo.geometry.compiler_watch import CompilerWatch
     from omniservo.planning import PlanningProblem, plan_with_risk
 
     with output.working("planning with risk"):
         asked, known = PlanningProblem.load(problem), TwoViewEstimate.load(estimate)
-        found = plan_with_risk(asked, known, risk=risk, seed=seed)
+        with CompilerWatch() as watch:
+            found = plan_with_risk(asked, known, risk=risk, seed=seed)
     if out is not None:
         found.plan.save(out, force=force)
     output.line(f"goal and {int(known.inliers.sum())} points of {estimate} instead of the problem's own")
     output.line(
-        f"{found.plan.status} in {1e3 * found.seconds:.0f} ms; {100 * found.predicted:.2g}% of"
+        f"{found.plan.status} in {_time(found.seconds, watch.seconds)}; {100 * found.predicted:.2g}% of"
         f" {found.samples} samples violate a demand (at most {100 * found.predicted_bound:.2g}%, asked"
         f" {100 * risk:g}%)"
     )
@@ -98,7 +109,13 @@ def _plan_with_risk(
     if found.ok:
         output.line(found.advice)
     if out is not None:
-        output.line(f"written: {out}")
+        output.written(out)
     output.result({**found.plan.to_dict(), "risk": found.to_dict()})
     if not found.ok:
         raise answer_is_no(f"{found.plan.status}: {found.plan.reason}")
+
+
+def _time(seconds: float, code: float) -> str:
+    """Return how long planning took, and what of it was loading code, as a process's first plan does."""
+    planned = f"{1e3 * seconds:.2f} ms"
+    return f"{planned}, of which {1e3 * code:.2f} ms loading or compiling code" if code else planned

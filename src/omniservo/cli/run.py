@@ -17,11 +17,20 @@ from omniservo.cli.output import (
     SeedOption,
     answer_is_no,
 )
+from omniservo.errors import AlreadyExists
+from omniservo.files import unused, whole_folder
+from omniservo.shipped_tasks import task_file
+
+_ROOM = 20 * 2**20
+"""[bytes] that the results of a run may take"""
 
 
 def run(
     task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of results; default runs/TASK.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
+    ] = None,
     method: Annotated[
         Literal["certified", "paper", "ibvs", "compare"],
         typer.Option("--method", help="compare runs all three and shows them side by side."),
@@ -32,28 +41,50 @@ def run(
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
     seed: SeedOption = 0,
+    film: Annotated[
+        bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
+    ] = True,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Do the whole job: images, estimate, plan, servo on the simulated arm, report."""
-    from omniservo.files import whole_folder
-    from omniservo.runs import run_into
-    from omniservo.tasks import TaughtGoal, load_task
-
+    task_file(task)
+    if out is not None and out.exists() and not force:
+        raise AlreadyExists(out)
     output = Output(as_json, quiet)
-    loaded = load_task(task, camera=open_camera(camera, camera_name, max_angle, largest_px))
-    folder = out if out is not None else Path("runs") / loaded.name
-    taught = None if goal is None else TaughtGoal.load(goal)
-    with whole_folder(folder, force=force) as work, output.working("starting") as progress:
-        metrics = run_into(work, loaded, method=method, goal=taught, seed=seed, progress=progress)
-    for name, value in metrics.items():
-        output.line(f"{name:<28} {_readable(value)}")
-    output.line(f"written: {folder}/report.html")
-    output.result({**metrics, "out": str(folder)})
-    if metrics["status"] != "converged":
-        raise answer_is_no(f"{metrics['status']}: {metrics['reason']}")
+    with output.working("starting") as progress:
+        progress("loading", 0.0)
+        from omniservo.runs import run_into
+        from omniservo.tasks import TaughtGoal, load_task
+
+        taught = None if goal is None else TaughtGoal.load(goal)
+        loaded = load_task(task, camera=open_camera(camera, camera_name, max_angle, largest_px))
+        folder = out if out is not None else _folder(loaded.name, method, force)
+        with whole_folder(folder, force=force, room=_ROOM) as work:
+            found = run_into(
+                work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
+            )
+    _say(output, folder, found)
 
 
-def _readable(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _folder(name: str, method: str, force: bool) -> Path:
+    """Return where results go that nobody named a place for: such as runs/paper-example-1-compare-2."""
+    folder = Path("runs") / (name if method == "certified" else f"{name}-{method}")
+    return folder if force else unused(folder)
+
+
+def _say(output: Output, folder: Path, found: dict[str, dict[str, object]]) -> None:
+    """Say what came out; of several methods the first is the one that counts."""
+    from omniservo.cli.run_summary import how_it_ended, run_summary
+
+    first, *others = found.values()
+    for line in run_summary(first):
+        output.line(line)
+    for metrics in others:
+        output.line(f"{metrics['method']:<22}{how_it_ended(metrics)}")
+    output.written(folder / "report.html")
+    compared = {"methods": found} if others else {}
+    output.result({**first, "out": str(folder), **compared})
+    if first["status"] != "converged":
+        raise answer_is_no(f"{first['status']}: {first['reason']}")

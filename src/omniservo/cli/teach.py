@@ -9,6 +9,8 @@ import typer
 
 from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
+from omniservo.files import writable
+from omniservo.shipped_tasks import task_file
 
 
 def teach(
@@ -24,15 +26,16 @@ def teach(
     quiet: QuietOption = False,
 ) -> None:
     """Bring the arm to the goal, take a picture, save it with its features and the arm's joints."""
-    from omniservo.files import writable
+    output = Output(as_json, quiet)
+    writable(out, force=force)
+    task_file(task)
     from omniservo.runs import teach_goal
     from omniservo.tasks import load_task
 
-    output = Output(as_json, quiet)
-    writable(out, force=force)
     with output.working("teaching"):
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
         goal = teach_goal(load_task(task, camera=replacement), seed=seed)
     goal.save(out, force=force)
-    output.line(f"{len(goal.features)} features; written: {out}")
+    output.line(f"{len(goal.features)} features found in the goal image")
+    output.written(out)
     output.result({"out": str(out), "features": goal.features, "joints": goal.joints})

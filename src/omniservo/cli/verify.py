@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no
+from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no, with_unit
 
 
 def verify(
@@ -27,7 +27,7 @@ def verify(
             raise InputError(str(error)) from None
     output.line(f"{certificate.status}: {len(certificate.constraints)} constraints judged")
     for c in certificate.constraints:
-        output.line(f"  {c.name:<36} {c.margin:+.6g} {c.unit}: {c.verdict}")
+        output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)}: {c.verdict}")
     output.result(certificate.to_dict())
     if certificate.status != "certified":
         raise answer_is_no(f"{certificate.status}: {'; '.join(certificate.reasons)}")

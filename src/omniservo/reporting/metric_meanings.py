@@ -52,7 +52,9 @@ _MEANINGS = {
     "contacts": Meaning("Bodies that touched", ""),
     "estimate_rms_px": Meaning("Residual of motion and structure, rms", "px"),
     "perception_seconds": Meaning("Time: finding and matching the points", "s"),
+    "perception_code_seconds": Meaning("… of it loading or compiling code", "s"),
     "estimation_seconds": Meaning("Time: motion and structure", "s"),
+    "estimation_code_seconds": Meaning("… of it loading or compiling code", "s"),
     "risk_asked": Meaning("Risk asked for: something is unmet because not all is known exactly", "share"),
     "risk_of_camera": Meaning("… of it: a demand of the camera, because of the estimate", "share"),
     "risk_of_links": Meaning("… of it: a gap of the arm, because of estimate and mount", "share"),
@@ -75,6 +77,7 @@ _MEANINGS = {
     "replanning_twist_jump": Meaning("Jump of the reference's twist there [m/s or rad/s]", ""),
     "replanning_joint_jump": Meaning("… of its joints' speeds [rad/s]", ""),
     "planning_seconds": Meaning("Time: planning", "s"),
+    "planning_code_seconds": Meaning("… of it loading or compiling code", "s"),
     "control_seconds_median": Meaning("Time: one control step, median", "s"),
     "whole_seconds": Meaning("Time: the whole job, simulation included", "s"),
 }

@@ -50,7 +50,7 @@ def report_html(results: Sequence[RunResult]) -> str:
         tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
-        _animations(results),
+        *([_animations(results)] if all(r.is_filmed for r in results) else []),
         *_paper(results),
         part("Figures", *_figures(results)),
         *(block for r in results for block in _replanning(r, several)),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from PIL import Image
-
 from omniservo.files import write_whole
+from omniservo.image_files import write_png
 from omniservo.reporting import write_animation, write_figures, write_report
+from omniservo.runs.job_progress import JobProgress, Progress
 from omniservo.runs.run_task import Method, run_task
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import Task, TaughtGoal
@@ -26,30 +25,42 @@ def run_into(
     method: Literal["certified", "paper", "ibvs", "compare"] = "certified",
     goal: TaughtGoal | None = None,
     seed: int = 0,
-    progress: Callable[[str], object] = lambda words: None,
-) -> dict[str, object]:
-    """Run a task and leave everything that interface files promise in ``folder``; return the metrics.
+    filmed: bool = True,
+    progress: Progress = lambda stage, done: None,
+) -> dict[str, dict[str, object]]:
+    """Run a task and leave everything that interface files promise in ``folder``; return metrics by method.
 
     "compare" runs all methods: the folder holds the certified run, each other run has a folder of its own
     below it, and the report shows them side by side.
+
+    Args:
+        folder: an empty one.
+        task: the job.
+        method: of planning.
+        goal: what `teach_goal` saved; None: taught now.
+        seed: of everything random.
+        filmed: whether there is an animation.
+        progress: told what is being done, and the share of the whole job that is behind.
 
     Raises:
         InputError, AnswerIsNo: as `run_task`.
     """
     methods = METHODS if method == "compare" else (method,)
+    job = JobProgress(progress, methods, filmed=filmed)
     results = []
-    for name in methods:
-        result = run_task(task, method=name, goal=goal, seed=seed, progress=progress)
+    for number, name in enumerate(methods):
+        job.begin_run(number)
+        result = run_task(task, method=name, goal=goal, seed=seed, filmed=filmed, progress=job)
         results.append(result)
-        progress(f"writing the {name} run")
-        target = folder if name == methods[0] else folder / name
+        target = folder if number == 0 else folder / name
         target.mkdir(exist_ok=True)
-        _write(result, target)
+        _write(result, target, job)
+    job.report()
     write_report(folder, results)
-    return results[0].metrics
+    return {result.method: result.metrics for result in results}
 
 
-def _write(result: RunResult, folder: Path) -> None:
+def _write(result: RunResult, folder: Path, progress: Progress) -> None:
     """Everything but the report."""
     write_whole(folder / "metrics.json", json.dumps(result.metrics, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "log.csv", result.log.to_csv())
@@ -64,6 +75,9 @@ def _write(result: RunResult, folder: Path) -> None:
         "goal": result.goal.image,
         "final": result.final_image,
     }.items():
-        Image.fromarray(image).save(folder / f"{name}.png")
+        write_png(image, folder / f"{name}.png")
+    progress("drawing figures", 0.0)
     write_figures(result, folder)
-    write_animation(result, folder / "recording.gif")
+    if result.is_filmed:
+        progress("drawing the animation", 0.0)
+        write_animation(result, folder / "recording.gif")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
@@ -13,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan, RiskPlan
 from omniservo.robots import CameraImage
@@ -21,6 +23,7 @@ from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.in_view import require_in_view, require_unhidden
+from omniservo.runs.job_progress import Progress
 from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
@@ -59,7 +62,7 @@ def run_task(
     goal: TaughtGoal | None = None,
     seed: int = 0,
     filmed: bool = True,
-    progress: Callable[[str], object] = lambda words: None,
+    progress: Progress = lambda stage, done: None,
 ) -> RunResult:
     """Do a whole job in the simulator and return everything that it produced.
 
@@ -69,28 +72,26 @@ def run_task(
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
         filmed: whether to render the animation's pictures, which takes nearly half of the time.
-        progress: told what is being done.
+        progress: told what is being done, and the share of that stage that is behind.
 
     Raises:
         InputError: the task or the goal cannot be worked on: too few features, another camera, out of reach.
         AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
-    progress("teaching the goal")
-    goal = _goal(task, goal, seed)
+    goal = _goal(task, goal, seed, progress)
     scene = scene_of_task(task)
     robot = SimulatedRobot(scene, seed=seed)
-    progress("looking")
-    image, joints = _look(task, robot)
+    image, joints = _look(task, robot, progress)
     seconds: dict[str, float] = {}
     kind = feature_kind_of(task)
-    seen, seconds["perception"] = _timed(lambda: see(kind, task.camera, image.pixels, goal.image))
-    progress("estimating motion and structure")
-    estimate, seconds["estimation"] = _timed(lambda: estimate_task(task, scene, seen, goal, joints))
+    seen = _timed("perception", seconds, lambda: see(kind, task.camera, image.pixels, goal.image))
+    progress("estimating motion and structure", 0.0)
+    estimate = _timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
     followed = followed_points(estimate, seen.matched.initial)
-    progress("planning")
+    progress("planning", 0.0)
     plan, risk, motion = _planned(task, scene, estimate, followed, method, seed, seconds)
-    progress("servoing")
+    progress("following the path", 0.0)
     matched = seen.matched.where(followed)
     truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
@@ -98,10 +99,10 @@ def run_task(
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, robot, controller, replanner, truth.points)
-    log = _drive(task, robot, controller, replanner, tracker, recorder)
+    log = _drive(task, robot, controller, replanner, tracker, recorder, progress)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
-    progress("drawing")
-    film = film_of(log, recorder.images, recorder.worlds) if filmed else Film((), (), ())
+    film = _film(log, recorder, progress) if filmed else Film((), (), ())
+    progress("measuring the run", 0.0)
     final = take_picture(robot).pixels
     outside_final = OutsideView(robot.world).render(robot.read().joint_positions)
     way = None if replanner is None else followed_way(replanner)
@@ -114,8 +115,14 @@ def run_task(
     return replace(result, metrics=_metrics(result, seed))
 
 
-def _look(task: Task, robot: SimulatedRobot) -> tuple[CameraImage, FloatArray]:
+def _film(log: RunLog, recorder: Recorder, progress: Progress) -> Film:
+    progress("filming", 0.0)
+    return film_of(log, recorder.images, recorder.worlds)
+
+
+def _look(task: Task, robot: SimulatedRobot, progress: Progress) -> tuple[CameraImage, FloatArray]:
     """Return the initial image, and the joints (n,) [rad] as they are read."""
+    progress("looking at the target", 0.0)
     require_unhidden(task, robot.world, robot.world.scene.start_joints, "the initial image")
     return take_picture(robot), robot.read().joint_positions
 
@@ -132,14 +139,13 @@ def _planned(
     """Return plan, risk and motion; nothing for "ibvs", which plans nothing."""
     if method == "ibvs":
         return None, None, None
-    (plan, risk), seconds["planning"] = _timed(
-        lambda: plan_task(task, scene, estimate, followed, method, seed)
-    )
+    plan, risk = _timed("planning", seconds, lambda: plan_task(task, scene, estimate, followed, method, seed))
     motion = pace(task, scene, plan)
     return plan, risk, motion
 
 
-def _goal(task: Task, goal: TaughtGoal | None, seed: int) -> TaughtGoal:
+def _goal(task: Task, goal: TaughtGoal | None, seed: int, progress: Progress) -> TaughtGoal:
+    progress("teaching the goal", 0.0)
     require_in_view(task, RigidTransform.identity(), "the initial image")
     if goal is None:
         return teach_goal(task, seed=seed + 1)
@@ -182,6 +188,7 @@ def _drive(
     replanner: Replanner | None,
     tracker: FeatureTracker,
     recorder: Recorder,
+    progress: Progress,
 ) -> RunLog:
     scene, options, moves = robot.world.scene, safety_of_task(task), Moves(task, robot, replanner)
 
@@ -190,6 +197,8 @@ def _drive(
         recorder.step(step)
         if replanner is not None:
             replanner.look(step.time)
+        w = math.nan if controller.report is None else controller.report.w
+        progress("following the path", 0.0 if math.isnan(w) else w)
 
     stop = servo(
         Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance, options=options),
@@ -292,9 +301,10 @@ def _risk_metrics(result: RunResult) -> dict[str, object]:
     }
 
 
-def _timed(work: Callable[[], T]) -> tuple[T, float]:
-    """Call twice and time the second call: the first one may compile or load kernels."""
-    work()
+def _timed(stage: str, seconds: dict[str, float], work: Callable[[], T]) -> T:
+    """Return what the work gives; note how long it took, and what of that was loading or compiling code."""
     before = perf_counter()
-    value = work()
-    return value, perf_counter() - before
+    with CompilerWatch() as watch:
+        value = work()
+    seconds[stage], seconds[f"{stage}_code"] = perf_counter() - before, watch.seconds
+    return value

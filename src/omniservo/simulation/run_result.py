@@ -86,9 +86,15 @@ class RunResult:
     replannings: tuple[Replanning, ...]
     """every time when something had changed on the way"""
     seconds: dict[str, float]
-    """perception, estimation, planning (each once), control (median of a step), whole run"""
+    """perception, estimation, planning, each as it was done, with what of it was loading or compiling code
+    (perception_code, …); control (median of a step); whole run"""
     metrics: dict[str, object] = field(default_factory=dict)
     """as in metrics.json"""
+
+    @property
+    def is_filmed(self) -> bool:
+        """Whether it can be shown moving; a run that was stopped before its first step stands still."""
+        return bool(self.film.times) or not self.log.rows
 
     @property
     def points(self) -> FloatArray:

@@ -1,6 +1,7 @@
 """Task files: everything a run needs, validated."""
 
-from omniservo.tasks.load_task import load_task, shipped_tasks
+from omniservo.shipped_tasks import shipped_tasks
+from omniservo.tasks.load_task import load_task
 from omniservo.tasks.placed import Block
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +14,9 @@ from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, stated_units
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
+from omniservo.shipped_tasks import task_file
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
-
-
-def shipped_tasks() -> tuple[str, ...]:
-    """Names of the tasks that come with the package, sorted."""
-    folder = resources.files("omniservo.tasks") / "shipped"
-    return tuple(sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")))
 
 
 def load_task(task: str | Path, *, camera: str | Path | UnifiedCamera | None = None) -> Task:
@@ -36,17 +30,8 @@ def load_task(task: str | Path, *, camera: str | Path | UnifiedCamera | None = N
     Raises:
         InputError: the file is not a valid task; the message names file, field, value and what is legal.
     """
-    names = shipped_tasks()
     replacement = named_camera(camera) if isinstance(camera, str | Path) else camera
-    if str(task) in names:
-        with resources.as_file(resources.files("omniservo.tasks") / "shipped" / f"{task}.yaml") as path:
-            return _from_file(path, str(task), replacement)
-    path = Path(task)
-    if not path.is_file():
-        raise InputError(
-            f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
-        )
-    return _from_file(path, str(path), replacement)
+    return _from_file(task_file(task), str(task), replacement)
 
 
 def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Task:

@@ -1,0 +1,135 @@
+"""What a command is at, said on standard error while a person waits."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+if TYPE_CHECKING:
+    from omniservo.geometry.compiler_watch import CompilerWatch
+
+_LEAST_SHARE = 0.05
+"""Of the job: before, what is left cannot be told from the time that it took so far."""
+
+_ANOTHER_LINE = 15.0
+"""[s] of compiling after which, where lines are written one below the other, another says so"""
+
+
+@dataclass
+class Doing:
+    """What the running command is at and what it has written: said to a person who interrupts it."""
+
+    stage: str = ""
+    written: list[Path] = field(default_factory=list)
+
+    def interrupted(self) -> str:
+        """Return the message of an interruption."""
+        during = f" while {self.stage}" if self.stage else ""
+        kept = (
+            f"written before: {', '.join(map(str, self.written))}" if self.written else "nothing was written"
+        )
+        return f"interrupted{during}; {kept}"
+
+
+DOING = Doing()
+
+
+class Progress:
+    """Says the stages of a job, the time that they take, and when code is compiled.
+
+    On a terminal one line changes; elsewhere there is a line a stage.
+
+    Args:
+        what: the first stage.
+        silent: says nothing, but knows the stage all the same.
+    """
+
+    def __init__(self, what: str, *, silent: bool) -> None:
+        self._what, self._silent = what, silent
+        self._share: float | None = None
+        self._begin = self._last_line = perf_counter()
+        self._watch: CompilerWatch | None = None
+        self._bar: Bar | None = None
+        self._entered = ExitStack()
+
+    def __enter__(self) -> Self:
+        DOING.stage = self._what
+        if self._silent:
+            return self
+        self._listen()
+        if sys.stderr.isatty():
+            self._bar = self._entered.enter_context(_bar())
+            self._row = self._bar.add_task(self._what, total=None, left="")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *raised: object) -> None:
+        self._entered.close()
+        if kind is None:
+            DOING.stage = ""
+        if self._watch is not None and self._watch.compiled:
+            self._line(
+                f"compiling took {self._watch.seconds:.0f} s; what is compiled is kept for the next time"
+            )
+
+    def __call__(self, stage: str, share: float | None = None) -> None:
+        """Go on to a stage, or within it.
+
+        Args:
+            stage: such as "planning".
+            share: of the whole job, what is behind it; None: not known, and no line is worth it.
+        """
+        changed, self._what = stage != self._what, stage
+        self._share, DOING.stage = share, stage
+        if self._silent:
+            return
+        self._listen()
+        if self._bar is not None:
+            self._bar.update(
+                self._row, description=stage, total=None if share is None else 1.0, completed=share or 0.0,
+                left=self._left().removeprefix("; "),
+            )  # fmt: skip
+        elif changed and share is not None:
+            self._line(f"{stage}{self._left()}")
+
+    def _listen(self) -> None:
+        """Watch the compiler once it is loaded: what never loads it is not made to wait for it."""
+        if self._watch is None and "numba" in sys.modules:
+            from omniservo.geometry.compiler_watch import CompilerWatch
+
+            self._watch = self._entered.enter_context(CompilerWatch(self._compiling))
+
+    def _left(self) -> str:
+        """Say how long it takes if the rest goes as fast as what is behind; compiling does not count."""
+        if self._share is None or self._share < _LEAST_SHARE:
+            return ""
+        compiling = self._watch.seconds if self._watch is not None and self._watch.compiled else 0.0
+        taken = perf_counter() - self._begin - compiling
+        return f"; about {taken * (1.0 / self._share - 1.0):.0f} s left"
+
+    def _compiling(self, name: str) -> None:
+        if self._bar is not None:
+            self._bar.update(self._row, description=f"compiling, once: {name} ({self._what})")
+            return
+        compiled = 0 if self._watch is None else self._watch.compiled
+        if compiled == 1 or perf_counter() - self._last_line > _ANOTHER_LINE:
+            self._line(f"compiling, once: {compiled} functions so far ({self._what})")
+
+    def _line(self, words: str) -> None:
+        self._last_line = perf_counter()
+        print(f"[{self._last_line - self._begin:4.0f} s] {words}", file=sys.stderr, flush=True)
+
+
+def _bar() -> Any:
+    columns = (
+        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(),
+        TextColumn("{task.fields[left]}"),
+    )  # fmt: skip
+    return Bar(*columns, console=Console(stderr=True), transient=True)

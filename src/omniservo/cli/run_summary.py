@@ -1,0 +1,67 @@
+"""What a run came to, in the few lines that a person reads; metrics.json has the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from omniservo.reporting.metric_meanings import spell_contacts, spell_metric
+from omniservo.reporting.spelling import spell
+
+_STAGES = ("estimation", "planning")
+
+
+def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of one run, from what metrics.json holds of it."""
+    yield f"{how_it_ended(metrics)}"
+    if metrics["clearance_executed_m"] is not None:
+        yield (
+            f"camera to obstacles   {_of(metrics, 'clearance_planned_m')} {_planned(metrics)}, "
+            f"{_of(metrics, 'clearance_executed_m')} executed ({_of(metrics, 'clearance_asked_m')} asked)"
+        )
+    yield from _links(metrics)
+    yield (
+        f"points in view by     {_of(metrics, 'visibility_planned_px')} {_planned(metrics)}, "
+        f"{_of(metrics, 'visibility_executed_px')} executed"
+    )
+    yield f"computing             {_times(metrics)}"
+
+
+def how_it_ended(metrics: Mapping[str, Any]) -> str:
+    """Return the line that says whether the job is done, and how well."""
+    status = metrics["status"]
+    if status == "contact":
+        return f"touched: {spell_contacts(metrics['contacts'])}"
+    if status != "converged":
+        return f"{status}: {metrics['reason']}"
+    off = ", ".join(
+        _of(metrics, name)
+        for name in ("final_translation_error_m", "final_rotation_error_rad", "final_error_px")
+    )
+    return f"converged: {off} off the taught view; nothing was touched"
+
+
+def _links(metrics: Mapping[str, Any]) -> Iterator[str]:
+    executed = metrics["arm_clearance_executed_m"]
+    if executed is None:
+        return
+    asked = metrics.get("link_clearance_asked_m")
+    more = "" if asked is None else f" ({spell(asked, 'm')} asked)"
+    yield f"any link to anything  {spell(executed, 'm')} executed{more}"
+
+
+def _times(metrics: Mapping[str, Any]) -> str:
+    told = [f"motion and structure {_of(metrics, 'estimation_seconds')}"]
+    if metrics["planning_seconds"] is not None:
+        told.append(f"planning {_of(metrics, 'planning_seconds')}")
+    code = sum(metrics.get(f"{stage}_code_seconds", 0.0) for stage in _STAGES)
+    loading = f" ({spell(code, 's')} of it loading or compiling code)" if code else ""
+    return f"{', '.join(told)}{loading}; the motion took {_of(metrics, 'servo_seconds')}"
+
+
+def _planned(metrics: Mapping[str, Any]) -> str:
+    return "certified" if metrics["plan_status"] == "certified" else "planned"
+
+
+def _of(metrics: Mapping[str, Any], name: str) -> str:
+    return spell_metric(name, metrics[name])

@@ -1,0 +1,183 @@
+"""What a person meets who uses the command for the first time."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+
+import pytest
+from tests.cli.calling import call
+from tests.cli.test_command_line import problem, written
+
+from omniservo.cli.progress import DOING
+from omniservo.cli.run_summary import run_summary
+
+COMMAND = [sys.executable, "-m", "omniservo.cli.main"]
+HEAVY = ("numba", "scipy", "mujoco", "matplotlib", "cv2")
+
+
+def imports_of(*arguments, folder):
+    """The heavy packages that a command loads, its exit code and its standard error."""
+    script = (
+        "import sys; from omniservo.cli.main import main\n"
+        "try: main(sys.argv[1:])\n"
+        f"finally: print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+    return ended.stdout.splitlines()[-1], ended.returncode, ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "says"),
+    [
+        (["examples"], 0, ""),
+        (["run", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+        (["run", "no-such-task"], 2, "neither a file nor one of the shipped tasks"),
+        (["teach", "no-such-task", "--out", "goal.json"], 2, "neither a file nor one of the shipped tasks"),
+        (["teach", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+        (["plan", "problem.json", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+        (["estimate"], 2, "give a TASK alone"),
+    ],
+)
+def test_lists_and_wrong_calls_load_nothing_heavy(tmp_path, arguments, code, says):
+    (tmp_path / "there").mkdir()
+    heavy, ended, err = imports_of(*arguments, folder=tmp_path)
+    assert (heavy, ended) == ("[]", code)
+    assert says in err
+
+
+def interrupted(process):
+    """Exit code and the rest of standard error of a process that gets Ctrl-C now."""
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate()
+    return process.returncode, err
+
+
+def test_ctrl_c_says_at_what_and_that_nothing_was_written(tmp_path):
+    process = subprocess.Popen(
+        [*COMMAND, "run", "paper-example-1", "--out", "out"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    for line in process.stderr:
+        if "teaching the goal" in line:
+            break
+    code, err = interrupted(process)
+    assert code == 130
+    assert err.splitlines()[-1].startswith("omniservo: interrupted while ")
+    assert err.endswith("; nothing was written\n")
+    assert "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interruption_names_what_was_written_before(capsys, tmp_path, monkeypatch):
+    from omniservo.cli.output import Output
+
+    def interrupt(self, values):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Output, "result", interrupt)
+    out = tmp_path / "plan.json"
+    code, _, err = call(capsys, "plan", written(tmp_path / "problem.json", problem()), "--out", out)
+    assert (code, DOING.stage) == (130, "")
+    assert err.splitlines()[-1] == f"omniservo: interrupted; written before: {out}"
+
+
+def test_a_plan_tells_its_time_from_that_of_loading_code(tmp_path):
+    written(tmp_path / "problem.json", problem())
+    ended = subprocess.run(
+        [*COMMAND, "plan", "problem.json"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    first, *constraints = ended.stdout.splitlines()
+    words = first.split()
+    assert words[:2] == ["certified", "in"]
+    assert "ms, of which" in first
+    assert first.endswith("ms loading or compiling code (method certified)")
+    assert float(words[6]) <= float(words[2])
+    assert [line for line in constraints if line.split()[0] == "rotation"]
+    assert not [line for line in constraints if " 1 at w" in line]
+
+
+def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from omniservo.cli.output import Output\n"
+        "from omniservo.geometry.kernel import kernel\n\n"
+        "def half(x: float) -> float:\n"
+        "    return 0.5 * x\n\n"
+        "with Output(as_json=False, quiet=False).working('planning'):\n"
+        "    kernel(half)(1.0)\n"
+    )
+    first, second = (
+        subprocess.run([sys.executable, script], capture_output=True, text=True, check=True).stderr
+        for _ in range(2)
+    )
+    begun, done = first.splitlines()
+    assert begun.endswith("compiling, once: 1 functions so far (planning)")
+    assert "compiling took" in done
+    assert second == ""
+
+
+def test_a_terminal_shows_one_line_that_changes():
+    script = (
+        "from omniservo.cli.output import Output\n"
+        "with Output(as_json=False, quiet=False).working('starting') as progress:\n"
+        "    progress('planning', 0.5)\n"
+        "    progress('writing', 0.9)\n"
+    )
+    ours, theirs = pty.openpty()
+    subprocess.run([sys.executable, "-c", script], stderr=theirs, check=True)
+    os.close(theirs)
+    shown = b""
+    while True:
+        try:
+            shown += os.read(ours, 4096)
+        except OSError:
+            break
+    assert b"about" in shown
+    assert shown.endswith(b"\x1b[2K")  # the line is taken away again
+
+
+METRICS = {
+    "method": "certified",
+    "status": "converged",
+    "reason": "",
+    "contacts": [],
+    "plan_status": "certified",
+    "clearance_asked_m": 0.055,
+    "clearance_planned_m": 0.0650027,
+    "clearance_executed_m": 0.0649824,
+    "arm_clearance_executed_m": 0.0092195,
+    "visibility_planned_px": 100.533,
+    "visibility_executed_px": 100.513,
+    "final_error_px": 0.0162652,
+    "final_translation_error_m": 4.05876e-05,
+    "final_rotation_error_rad": 0.000248256,
+    "servo_seconds": 4.3,
+    "estimation_seconds": 0.0005,
+    "estimation_code_seconds": 0.0,
+    "planning_seconds": 0.0063,
+    "planning_code_seconds": 0.0,
+    "link_clearance_asked_m": None,
+}
+
+
+def test_a_run_ends_in_five_lines_in_mm():
+    lines = list(run_summary(METRICS))
+    assert len(lines) == 5
+    assert lines[0] == "converged: 0.0406 mm, 0.0142°, 0.0163 px off the taught view; nothing was touched"
+    assert lines[1].endswith("65.00 mm certified, 64.98 mm executed (55.00 mm asked)")
+    assert not [line for line in lines if "None" in line or "[]" in line or "loading" in line]
+    touched = {**METRICS, "status": "contact", "contacts": [["link_6", "obstacle 0"]], "plan_status": None}
+    touched |= {"planning_seconds": None, "clearance_planned_m": None, "visibility_planned_px": None}
+    lines = list(run_summary(touched))
+    assert lines[0] == "touched: link_6 and obstacle 0"
+    assert not [line for line in lines if "None" in line or "certified" in line]
+    json.dumps(lines)

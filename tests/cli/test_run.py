@@ -1,0 +1,91 @@
+"""The whole job by command, with a slow camera: pictures take most of the time."""
+
+import contextlib
+import io
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from tests.cli.test_command_line import written
+
+from omniservo.cli.main import main
+from omniservo.files import read_document
+from omniservo.reporting.metric_meanings import meaning_of
+from omniservo.runs import run_task
+from omniservo.runs.run_task import plan_task, see
+from omniservo.shipped_tasks import task_file
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """The folder it was called in, what it wrote on both outputs, and how often each stage was computed."""
+    folder, calls = tmp_path_factory.mktemp("run"), Counter()
+
+    def counted(work):
+        def counting(*arguments):
+            calls[work.__name__] += 1
+            return work(*arguments)
+
+        return counting
+
+    document = read_document(task_file("paper-example-1"))
+    document["sensor"]["rate"] = 4
+    (folder / "runs" / "paper-example-1").mkdir(parents=True)
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.ExitStack() as outputs:
+        outputs.enter_context(contextlib.redirect_stdout(out))
+        outputs.enter_context(contextlib.redirect_stderr(err))
+        patch.chdir(folder)
+        for work in (see, plan_task):
+            patch.setitem(run_task.__globals__, work.__name__, counted(work))
+        main_ends(["run", str(written(folder / "task.yaml", document)), "--no-film"])
+    return folder, out.getvalue(), err.getvalue(), calls
+
+
+def main_ends(arguments):
+    """Call the command; it ends well."""
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert not end.value.code
+
+
+def test_everything_is_computed_once_and_timed_as_it_was(ran):
+    folder, _, _, calls = ran
+    assert calls == {"see": 1, "plan_task": 1}
+    metrics = json.loads((folder / "runs" / "paper-example-1-2" / "metrics.json").read_text())
+    for stage in ("perception", "estimation", "planning"):
+        assert 0.0 <= metrics[f"{stage}_code_seconds"] <= metrics[f"{stage}_seconds"]
+        assert meaning_of(f"{stage}_code_seconds").unit == "s"
+
+
+def test_results_go_beside_earlier_ones_and_end_in_a_few_lines(ran):
+    folder, out, _, _ = ran
+    lines = out.splitlines()
+    assert lines[0].startswith("converged: 0.0")
+    assert lines[-1] == "written: runs/paper-example-1-2/report.html"
+    assert len(lines) == 6
+    assert not list((folder / "runs" / "paper-example-1").iterdir())
+    assert sorted(p.name for p in (folder / "runs").iterdir()) == ["paper-example-1", "paper-example-1-2"]
+
+
+def test_without_a_film_there_is_no_animation(ran):
+    results = Path(ran[0] / "runs" / "paper-example-1-2")
+    assert not (results / "recording.gif").exists()
+    assert "image/gif" not in (results / "report.html").read_text()
+
+
+def test_stages_are_told_one_a_line_with_what_is_left(ran):
+    stages = [line.split("] ")[1] for line in ran[2].splitlines() if "compiling" not in line]
+    assert [stage.split(";")[0] for stage in stages] == [
+        "loading",
+        "teaching the goal",
+        "looking at the target",
+        "estimating motion and structure",
+        "planning",
+        "following the path",
+        "measuring the run",
+        "drawing figures",
+        "writing the report",
+    ]
+    assert all("; about " in stage for stage in stages[5:])
