@@ -1,14 +1,19 @@
-"""Links between camera and target: named where they are, none where there are none."""
+"""What stands between camera and target: named where something does, nothing where nothing does."""
+
+import math
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
-from omniservo.robots import load_arm, own_sight
+from omniservo.robots import Solid, load_arm, own_sight
+from omniservo.robots.own_sight import own_sight_in
+from omniservo.robots.sight_kernel import SURFACE
 
 MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
+AHEAD = np.radians([0.0, 20.0, 110.0, 0.0, 50.0, 0.0])
 START = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2])
 
 
@@ -17,10 +22,12 @@ def arm():
     return load_arm("rx60")
 
 
-@pytest.fixture(scope="module")
-def hit(arm):
-    """What a ray from the camera's centre to a point meets on its way: MuJoCo's ray casting."""
-    model = arm.spec().compile()
+def rays(arm, around=()):
+    """What a ray from the camera's centre to a point meets before its last millimetre, cast by MuJoCo."""
+    spec = arm.spec()
+    for solid in around:
+        solid.add_to(spec, spec.worldbody.add_body(name=solid.name))
+    model = spec.compile()
     data = mujoco.MjData(model)
 
     def first(q, point):
@@ -28,13 +35,19 @@ def hit(arm):
         mujoco.mj_kinematics(model, data)
         centre = (arm.base_T_flange(q) * MOUNT).translation
         way, met = point - centre, np.zeros(1, dtype=np.int32)
+        length = np.linalg.norm(way)
         groups = np.ones(6, dtype=np.uint8)
         part = mujoco.mj_ray(model, data, centre, way, groups, 1, -1, met)
-        if met[0] < 0 or part > 1.0 or model.geom_contype[met[0]] == 0:
+        if met[0] < 0 or part * length > length - SURFACE or model.geom_contype[met[0]] == 0:
             return ""
         return model.body(model.geom_bodyid[met[0]]).name
 
     return first
+
+
+@pytest.fixture(scope="module")
+def hit(arm):
+    return rays(arm)
 
 
 def test_points_before_the_camera_are_free_on_the_whole_path(arm):
@@ -57,7 +70,7 @@ def test_what_is_called_free_or_hidden_is_what_rays_meet(arm, hit):
         found = own_sight(arm, path, MOUNT, [point])
         seen[found.status] += 1
         if found.status == "free":
-            assert all(hit(q, point) in ("", "base") for q in path(np.linspace(0.0, 1.0, 40)))
+            assert all(hit(q, point) == "" for q in path(np.linspace(0.0, 1.0, 40)))
         elif found.gap < -1e-3:
             assert hit(path(found.w), point)
             assert f"{found.link} stands" in found.reason
@@ -72,7 +85,7 @@ def test_links_that_pass_through_a_line_of_sight_between_places_are_found(arm, h
         begin = random.uniform(-1.5, 1.5, 6)
         path = straight_joint_path(begin, begin + random.uniform(-1.0, 1.0, 6), knots=2)
         point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
-        hidden = np.mean([hit(q, point) not in ("", "base") for q in path(w)])
+        hidden = np.mean([hit(q, point) != "" for q in path(w)])
         if hidden > 0.0:
             assert own_sight(arm, path, MOUNT, [point]).status == "hidden"
             short += hidden < 0.2
@@ -88,7 +101,7 @@ def test_links_keep_what_they_may_stray_from_every_line_but_what_carries_the_cam
     data, speck = mujoco.MjData(model), int(model.body("speck").geomadr[0])
     welded, names = model.body_weldid[model.geom_bodyid], [model.body(b).name for b in model.geom_bodyid]
     last = welded[:speck].max()
-    moving = [g for g in range(speck) if model.geom_contype[g] and welded[g] not in (0, last)]
+    moving = [g for g in range(speck) if model.geom_contype[g] and welded[g] != last]
 
     def distances(q, point):
         """Of every link (k,) from the line [m]."""
@@ -117,3 +130,115 @@ def test_links_keep_what_they_may_stray_from_every_line_but_what_carries_the_cam
             assert found.gap <= found.kept == kept
             assert "30.00 mm are kept from it for what a run strays" in found.reason
     assert min(seen.values()) >= 4
+
+
+KINDS = ("sphere", "capsule", "cylinder", "box", "hull")
+
+
+def somewhere(random, kind, name):
+    """A body of some kind beside the arm."""
+    place = np.array([random.uniform(0.15, 0.6), 0.0, random.uniform(0.0, 0.8)])
+    turned = Rotation.from_euler("z", random.uniform(-np.pi, np.pi))
+    pose = RigidTransform.from_components(turned.apply(place), Rotation.random(rng=random))
+    if kind == "hull":
+        return Solid(name, kind, np.zeros(0), pose, random.uniform(-0.12, 0.12, (8, 3)))
+    size = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3}[kind]
+    return Solid(name, kind, random.uniform(0.01, 0.12, size), pose)
+
+
+@pytest.mark.parametrize("name", ["rx60", "panda"])
+def test_what_stands_around_hides_what_rays_meet_there(name):
+    arm, random = load_arm(name), np.random.default_rng(8)
+    low, high = arm.joint_range.T
+    seen = {"free": 0, **dict.fromkeys(KINDS, 0)}
+    w = np.linspace(0.0, 1.0, 60)
+    for trial in range(60):
+        around = tuple(somewhere(random, kind, kind) for kind in KINDS)
+        hit = rays(arm, around)
+        begin = np.clip(random.uniform(-1.5, 1.5, arm.dof), low, high)
+        path = straight_joint_path(begin, begin + random.uniform(-0.4, 0.4, arm.dof))
+        point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
+        if trial % 3 == 0:  # it lies on what stands around
+            point = around[0].pose.translation + np.array([0.0, 0.0, around[0].size[0]])
+        found = own_sight(arm, path, MOUNT, [point], surroundings=around)
+        met = {hit(q, point) for q in path(w)} - {""}
+        if found.status == "free":
+            seen["free"] += 1
+            assert not met
+        else:
+            seen[found.link] = seen.get(found.link, 0) + 1
+            assert found.gap > -1e-3 or hit(path(found.w), point)
+        assert found.status == "hidden" or not met
+    assert seen["free"] >= 5
+    assert sum(seen[kind] for kind in KINDS) >= 5
+
+
+TABLE = Solid.box("table", RigidTransform.from_translation([0.0, 0.0, -0.05]), [20.0, 20.0, 0.05])
+
+
+def test_points_on_a_table_and_before_a_wall_are_not_hidden_by_them(arm):
+    """Their lines of sight end on the surface, one of them at five degrees to it."""
+    path = straight_joint_path(AHEAD, AHEAD + np.array([0.1, 0.1, -0.1, 0.1, 0.1, 0.2]))
+    x, y, z = (arm.base_T_flange(AHEAD) * MOUNT).translation
+    wall = Solid.box("wall", RigidTransform.from_translation([x + 0.4, 0, 0.5]), [0.1, 2.0, 0.5])
+    low = [x + 0.1, y + z / math.tan(math.radians(5.0)), 0.0]
+    points = np.array([[x + 0.1, 0.1, 0.0], [x + 0.3, 0.05, 0.3], low])
+    around = TABLE, wall
+    for strays in (0.0, 0.02):
+        found = own_sight(arm, path, MOUNT, points, surroundings=around, camera_strays=strays)
+        assert found.status == "free"
+    assert own_sight(arm, path, MOUNT, points[:1] - [0, 0, 0.002], surroundings=around).link == "table"
+    assert own_sight(arm, path, MOUNT, points[1:2] - [-0.003, 0, 0], surroundings=around).link == "wall"
+
+
+@pytest.mark.parametrize(("before", "status"), [(0.9e-3, "free"), (1.1e-3, "hidden"), (-1e-3, "free")])
+def test_the_last_millimetre_before_a_point_is_the_surface_that_it_lies_on(arm, before, status):
+    camera = arm.base_T_flange(START) * MOUNT
+    around = camera * RigidTransform.from_translation([0.0, 0.0, 0.5 - before + 0.01])
+    plate = Solid.box("plate", around, [0.1, 0.1, 0.01])
+    point = camera.apply([0.0, 0.0, 0.5])
+    assert own_sight_in(arm, START, MOUNT, [point], surroundings=(plate,)).status == status
+    near = straight_joint_path(START, START + 1e-5)
+    assert own_sight(arm, near, MOUNT, [point], surroundings=(plate,)).status == status
+
+
+def test_a_camera_that_strays_is_kept_free_by_what_its_lines_then_sweep(arm):
+    """At the share s of a line (1 − s) of it: a cone to the point, by balls along the line."""
+    random, strays, seen = np.random.default_rng(11), 0.04, {"free": 0, "hidden": 0}
+    shares = np.linspace(0.0, 1.0, 200)
+    camera = arm.base_T_flange(START) * MOUNT
+    for _ in range(80):
+        point = camera.apply(random.uniform([-0.1, -0.1, 0.3], [0.1, 0.1, 0.5]))
+        post = somewhere(random, "capsule", "post")
+        place = camera.apply(random.uniform([-0.1, -0.1, 0.05], [0.1, 0.1, 0.4]))
+        post = Solid("post", "capsule", 0.3 * post.size, RigidTransform.from_translation(place))
+        found = own_sight_in(arm, START, MOUNT, [point], surroundings=(post,), camera_strays=strays)
+        ends = place[:, None] + np.array([[0, 0], [0, 0], [-1, 1]]) * post.size[1]
+        begin, along = ends[:, 0], ends[:, 1] - ends[:, 0]
+        line = camera.translation + shares[:, None] * (point - camera.translation)
+        nearest = np.clip((line - begin) @ along / (along @ along), 0, 1)[:, None] * along + begin
+        left = np.linalg.norm(line - nearest, axis=1) - post.size[0] - (1.0 - shares) * strays
+        if abs(left.min()) < 1e-3:
+            continue
+        seen[found.status] += 1
+        assert (found.status == "free") == (left.min() > 0.0)
+        if found.status == "hidden":
+            assert (found.link, found.kept) == ("post", strays)
+    assert min(seen.values()) >= 8
+
+
+def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
+    """The camera goes by a thin post: at no more than a tenth of the path it hides the point."""
+    path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)
+    point = np.array([1.2, 0.5, 0.4])
+    camera = (arm.base_T_flange(path(0.437)) * MOUNT).translation
+    middle = 0.5 * (camera + point)
+    post = Solid("post", "cylinder", [0.004, 0.05], RigidTransform.from_translation(middle))
+    hit = rays(arm, (post,))
+    hidden = [hit(q, point) == "post" for q in path(np.linspace(0.0, 1.0, 301))]
+    assert 0.0 < np.mean(hidden) < 0.1
+    found = own_sight(arm, path, MOUNT, [point], surroundings=(post,))
+    assert (found.status, found.link) == ("hidden", "post")
+    assert found.w == pytest.approx(0.437, abs=0.05)
+    assert own_sight(arm, path, MOUNT, [point], surroundings=(post,), span=(0.5, 1.0)).status == "free"
+    assert own_sight(arm, path, MOUNT, [point]).status == "free"

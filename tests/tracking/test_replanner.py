@@ -20,7 +20,7 @@ from omniservo.planning import (
     plan_path,
     plan_with_arm,
 )
-from omniservo.robots import CAMERA_HOUSING, load_arm
+from omniservo.robots import CAMERA_HOUSING, Solid, load_arm
 from omniservo.servoing import PathLimits, RestOfLaw, RestToRestLaw, feature_named
 from omniservo.tracking import FollowingArm, Leg, PathTracker, Replanner, ReplanOptions
 from omniservo.tracking.goal_image import GoalImage
@@ -250,6 +250,22 @@ def test_obstacles_said_before_a_better_estimate_and_after_it_all_count():
     for event in (first, second):
         np.testing.assert_allclose(event.problem.initial_T_goal.translation, there.translation, atol=1e-6)
         assert (event.leg.path(1.0).inv() * there).as_matrix() == pytest.approx(np.eye(4), abs=1e-6)
+
+
+@pytest.mark.parametrize(("aside", "outcome"), [(1.0, "kept"), (0.0, "blocked")])
+def test_a_way_on_which_something_hides_the_target_is_not_kept(arm, aside, outcome):
+    """A plate between camera and points, or beside them."""
+    plan, carried = arm
+    base_T_plate = carried.setting.base_T_initial * RigidTransform.from_translation([aside, 0.0, 0.4])
+    plate = Solid.box("plate", base_T_plate, [0.3, 0.3, 0.005])
+    setting = replace(carried.setting, surroundings=(plate,))
+    _, replanner = following(arm=replace(carried, setting=setting), plan=plan)
+    replanner.set_obstacles([Sphere([0.0, 0.6, 0.0], 0.02)])
+    if outcome == "kept":
+        assert replanner.look(1.0).outcome == "kept"
+        return
+    with pytest.raises(Blocked, match="not clear"):
+        replanner.look(1.0)
 
 
 def test_what_lies_behind_does_not_matter():

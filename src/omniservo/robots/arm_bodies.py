@@ -194,6 +194,16 @@ class ArmBodies:
         """Return the indices of a link's shapes."""
         return np.flatnonzero([name == link for name in self._owners])
 
+    @property
+    def model(self) -> Any:
+        """MuJoCo's, not to be written to."""
+        return self._model
+
+    @property
+    def touched(self) -> IntArray:
+        """Indices (k,) of the shapes that can be touched; others are there to be looked at."""
+        return np.flatnonzero(self._model.geom_contype | self._model.geom_conaffinity)
+
     def corners(self, q: npt.ArrayLike) -> FloatArray:
         """Return the corners (g, 8, 3) of boxes that hold the shapes, in the base frame [m], at ``q`` (n,).
 
@@ -206,10 +216,16 @@ class ArmBodies:
         found: FloatArray = self._data.geom_xpos[:, None] + own @ axes.transpose(0, 2, 1)
         return found
 
+    def owner(self, shape: int) -> str:
+        """Return whose a shape is: a link's, or something's that stands around."""
+        name = self._owners[shape]
+        thing: str = self._names.get(name, name)
+        return thing
+
     def names(self, pair: int) -> tuple[str, str]:
         """Return what a pair is called: the link, and the surroundings or the other link."""
-        fixed, moving = (self._owners[shape] for shape in self.pairs[pair].tolist())
-        return moving, self._names.get(fixed, fixed)
+        fixed, moving = self.pairs[pair].tolist()
+        return self.owner(moving), self.owner(fixed)
 
     def is_around(self, pair: int) -> bool:
         """Return whether a pair is a part of the arm and something that stands around."""

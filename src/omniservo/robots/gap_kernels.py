@@ -15,6 +15,9 @@ from omniservo.geometry.kernel import kernel, leaf
 SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 2, 3, 4, 5, 6, 7
 """MuJoCo's numbers of the shapes."""
 
+TAPERED = 100
+"""The hull of two balls, which MuJoCo has not: radius at −z, half of the axis, radius at +z."""
+
 
 @leaf
 def extent(
@@ -37,6 +40,8 @@ def extent(
         return float(size[0] * abs(a) + size[1] * abs(b) + size[2] * abs(c))
     if kind == ELLIPSOID:
         return math.sqrt((size[0] * a) ** 2 + (size[1] * b) ** 2 + (size[2] * c) ** 2)
+    if kind == TAPERED:
+        return float(max(size[0] - size[1] * c, size[2] + size[1] * c))
     most = -math.inf
     for i in range(corners.shape[0]):
         most = max(most, a * corners[i, 0] + b * corners[i, 1] + c * corners[i, 2])

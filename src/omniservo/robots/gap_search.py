@@ -12,7 +12,7 @@ import math
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import leaf
-from omniservo.robots.gap_kernels import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE
+from omniservo.robots.gap_kernels import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE, TAPERED
 
 _STEPS = 24
 """at most: polyhedra take a few, round bodies some more"""
@@ -52,6 +52,11 @@ def support(
     elif kind == ELLIPSOID:
         length = math.sqrt((size[0] * a) ** 2 + (size[1] * b) ** 2 + (size[2] * c) ** 2)
         u, v, w = size[0] ** 2 * a / length, size[1] ** 2 * b / length, size[2] ** 2 * c / length
+    elif kind == TAPERED:
+        radius, along = (
+            (size[0], -size[1]) if size[0] - size[1] * c > size[2] + size[1] * c else (size[2], size[1])
+        )
+        u, v, w = radius * a, radius * b, radius * c + along
     else:
         most, best = -math.inf, 0
         for i in range(corners.shape[0]):

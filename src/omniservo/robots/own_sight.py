@@ -1,12 +1,13 @@
-"""Whether an arm's own links stand between its camera and what it looks at, between any samples too."""
+"""Whether the arm, or what stands around it, hides points from its camera, between any samples too."""
 
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -14,16 +15,19 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import middle_of_piece
+from omniservo.robots.arm_bodies import ArmBodies
+from omniservo.robots.gap_kernels import TAPERED, middle_of_piece
 from omniservo.robots.joint_path import JointPath
-from omniservo.robots.read_shapes import read_shapes
-from omniservo.robots.shapes import Scene, Shapes
-from omniservo.robots.sight_kernel import GAP, LEFT, POINT, SHAPE, Sights, lay, nearest_to_sights
+from omniservo.robots.shapes import Scene
+from omniservo.robots.sight_kernel import LEFT, POINT, SHAPE, Sights, nearest_to_sights
+from omniservo.robots.solid import Solid
+
+_LINE = "line of sight"
 
 _THIN = 1e-6
-"""[m] radius of a line of sight"""
+"""[m] radius of the line that depths are measured of"""
 
 _SHORTEST = 2.0**-12
 """of the path: parts that are no longer are called hidden where they cannot be told from it"""
@@ -35,19 +39,19 @@ class OwnSight:
     """What lies between an arm's camera and its points along a joint path."""
 
     status: Literal["free", "hidden"]
-    """free: no link comes nearer to a line of sight than it is to keep, for every w"""
+    """free: no body comes nearer to a line of sight than it is to keep, for every w"""
     link: str
-    """the link that hides a point; "" where none does"""
+    """the link, or what stands around, that hides a point; "" where none does"""
     point: int
     w: float
     gap: float
-    """of link and line there [m]; negative: depth"""
+    """of body and line there [m]; negative: depth"""
     kept: float = 0.0
-    """what that link was to keep from it [m]"""
+    """what that body was to keep from it, at the camera [m]"""
 
     @property
     def what(self) -> str:
-        """Which link hides which point, by how much; "" where all are free."""
+        """What hides which point, by how much; "" where all are free."""
         if self.status == "free":
             return ""
         line = f"the line of sight to point {self.point}"
@@ -70,41 +74,50 @@ def own_sight(
     flange_T_camera: RigidTransform,
     base_points: npt.ArrayLike,
     *,
+    surroundings: tuple[Solid, ...] = (),
     kept: Mapping[str, float] | None = None,
+    camera_strays: float = 0.0,
+    span: tuple[float, float] = (0.0, 1.0),
 ) -> OwnSight:
-    """Look whether links hide points from the camera on a path.
+    """Look whether the arm, or what stands around it, hides points from the camera on a path.
 
-    A line of sight runs from the camera's centre to a point that stands still. The path is halved until, in
-    the middle of each part, every link is farther from every line than the two can come nearer to each other
-    before the part ends (`nearest_to_sights`). Distances are bounded from below by slabs between the two, as
-    for `arm_clearance`. The camera's own housing is not looked at.
+    A line of sight runs from the camera's centre to `SURFACE` before a point that stands still. The path is
+    halved until, in the middle of each part, every body is farther from every line than the two can come
+    nearer to each other before the part ends (`nearest_to_sights`). Distances are bounded from below by slabs
+    between the two, as for `arm_clearance`. What the camera's holder carries, `ArmSetting.mounted`, is not
+    looked at.
 
     Args:
-        arm: whose links, those with shapes that move.
+        arm: whose links, the base among them, may hide points.
         path: of that arm.
         flange_T_camera: where the camera sits.
         base_points: (m, 3) in the base frame [m].
-        kept: by link, what it keeps from every line [m]: how far line and link may be from where the path has
-            them; but for what the last joint carries, which goes with the camera. None: nothing.
+        surroundings: what else may, in the base frame.
+        kept: by link, what it keeps from every line [m]: how far it may be from where the path has it. None:
+            nothing.
+        camera_strays: how far the camera's centre may be from there [m]: everything keeps so much more from a
+            line at its beginning, evenly less until its point. But for what the last joint carries, which
+            goes with the camera: that keeps nothing.
+        span: of w, the part of the path that is looked at.
 
     Raises:
         InputError: wrong shape, NaN or infinity.
     """
-    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)), kept or {})
-    knots, pieces = path.bernstein_pieces()
+    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    still = np.zeros(arm.dof)
+    knots, pieces = path.bernstein_pieces(*span)
     work = [(float(knots[i]), float(knots[i + 1]), pieces[i]) for i in range(len(pieces))][::-1]
     while work:
         begin, end, piece = work.pop()
         first, second, turns = np.empty_like(piece), np.empty_like(piece), np.empty(arm.dof)
         middle_of_piece(piece, first, second, turns)
         middle = 0.5 * (begin + end)
-        if lines.all_clear(first[-1], turns):
+        if lines.are_clear(first[-1], turns):
             continue
-        nearest = lines.nearest_pair(middle)
-        if nearest.gap <= nearest.kept or end - begin < _SHORTEST:
-            return nearest
+        if end - begin < _SHORTEST or not lines.are_clear(first[-1], still):
+            return lines.hidden(middle)
         work += [(middle, end, second), (begin, middle, first)]
-    return OwnSight("free", "", -1, 0.0, 0.0)
+    return _FREE
 
 
 def own_sight_in(
@@ -113,73 +126,93 @@ def own_sight_in(
     flange_T_camera: RigidTransform,
     base_points: npt.ArrayLike,
     *,
+    surroundings: tuple[Solid, ...] = (),
     kept: Mapping[str, float] | None = None,
+    camera_strays: float = 0.0,
 ) -> OwnSight:
-    """Look whether links hide points in one posture q (n,); its w is 0. See `own_sight`."""
-    lines = _Lines(arm, flange_T_camera, finite_array("base_points", base_points, (None, 3)), kept or {})
-    if lines.all_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof)):
-        return OwnSight("free", "", -1, 0.0, 0.0)
-    return lines.nearest_pair(0.0)
+    """Look whether points are hidden in one posture q (n,); its w is 0. See `own_sight`."""
+    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    is_clear = lines.are_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
+    return _FREE if is_clear else lines.hidden(0.0)
+
+
+_FREE = OwnSight("free", "", -1, 0.0, 0.0)
 
 
 class _Lines:
-    """The arm and one thin capsule that becomes every line of sight in turn."""
+    """The arm, what stands around, and one body that becomes every line of sight in turn."""
 
     def __init__(
-        self, arm: Arm, flange_T_camera: RigidTransform, points: FloatArray, kept: Mapping[str, float]
+        self,
+        arm: Arm,
+        flange_T_camera: RigidTransform,
+        base_points: npt.ArrayLike,
+        surroundings: tuple[Solid, ...],
+        kept: Mapping[str, float],
+        camera_strays: float,
     ) -> None:
-        self._model, shapes, links, line = _arm_with_line(arm)
-        self._chain, self._data, self._found = arm.chain, mujoco.MjData(self._model), np.zeros(4)
-        self._shapes = shapes._replace(sizes=shapes.sizes.copy())
+        points = finite_array("base_points", base_points, (None, 3))
+        finite_number("camera_strays", camera_strays, minimum=0.0)
+        self._bodies = bodies = _arm_with_line(arm, surroundings)
+        shapes, self._found, self._q = bodies.shapes, np.zeros(3), np.zeros(arm.dof)
+        line = len(shapes.kinds) - 1  # it was added last
+        self._shapes = shapes._replace(kinds=shapes.kinds.copy(), sizes=shapes.sizes.copy())
+        self._shapes.kinds[line] = TAPERED
+        at_points = np.array([kept.get(bodies.owner(g), 0.0) for g in range(len(shapes.kinds))])
+        at_camera = at_points + camera_strays
+        at_points[shapes.carried == arm.dof] = at_camera[shapes.carried == arm.dof] = 0.0
         centre = (arm.base_T_flange(np.zeros(arm.dof)) * flange_T_camera).translation
-        kept_of = np.array([kept.get(self._link(g), 0.0) for g in range(self._model.ngeom)])
-        kept_of[shapes.carried == arm.dof] = 0.0
-        self._sights = Sights(points, np.array(centre), links, np.array([line]), kept_of)
-        self._scene = Scene(
-            frames=np.zeros((arm.dof + 1, 3, 4)),
-            anchors=np.empty((arm.dof, 3)),
-            directions=np.empty((arm.dof, 3)),
-            places=self._data.geom_xpos,
-            axes=self._data.geom_xmat,
-            moves=np.zeros((0, 0)),
-            normals=np.zeros((0, 3)),
+        hiders = bodies.touched[bodies.touched != line]
+        self._sights = Sights(points, np.array(centre), hiders, line, at_camera, at_points)
+        self._data = mujoco.MjData(bodies.model)
+        self._chain, self._scene = (
+            arm.chain,
+            Scene(
+                frames=np.zeros((arm.dof + 1, 3, 4)),
+                anchors=np.empty((arm.dof, 3)),
+                directions=np.empty((arm.dof, 3)),
+                places=self._data.geom_xpos,
+                axes=self._data.geom_xmat,
+                moves=np.zeros((0, 0)),
+                normals=np.zeros((0, 3)),
+            ),
         )
 
-    def all_clear(self, q: FloatArray, turns: FloatArray) -> bool:
+    def are_clear(self, q: FloatArray, turns: FloatArray) -> bool:
         """Tell whether ``turns`` leave something of every gap in a posture; see `nearest_to_sights`."""
-        nearest_to_sights(
-            self._chain, self._shapes, self._scene, self._sights, np.ascontiguousarray(q), turns, self._found
-        )
+        self._q = np.ascontiguousarray(q)
+        nearest_to_sights(self._chain, self._shapes, self._scene, self._sights, self._q, turns, self._found)
         return bool(self._found[LEFT] >= 0.0)
 
-    def nearest_pair(self, w: float) -> OwnSight:
-        """Return the link that left least of a line in that posture, as if it hid its point at ``w``."""
+    def hidden(self, w: float) -> OwnSight:
+        """Return that at ``w`` what left least of a line, when they were last looked at, hides it."""
         shape, point = int(self._found[SHAPE]), int(self._found[POINT])
-        gap, kept = float(self._found[GAP]), float(self._sights.kept[shape])
-        gap = self._measured() if gap == -np.inf else gap
-        return OwnSight("hidden", self._link(shape), point, w, gap, kept)
+        kept = float(self._sights.at_camera[shape])
+        return OwnSight("hidden", self._bodies.owner(shape), point, w, self._gap(shape, point), kept)
 
-    def _link(self, shape: int) -> str:
-        return str(self._model.body(int(self._model.geom_bodyid[shape])).name)
-
-    def _measured(self) -> float:
-        """Return the distance of that link and line [m]: MuJoCo's, negative: depth."""
-        model, line = copy.copy(self._model), int(self._sights.line[0])  # its sizes are not ours alone
-        last = self._scene.frames[-1]
-        centre = last[:, :3] @ self._sights.centre + last[:, 3]
-        point = self._sights.points[int(self._found[POINT])]
-        lay(centre, point, model.geom_size[line], self._data.geom_xpos[line], self._data.geom_xmat[line])
+    def _gap(self, shape: int, point: int) -> float:
+        """Return the distance of a shape and a line [m]; negative: depth, which MuJoCo finds roughly."""
+        nothing = np.zeros_like(self._sights.at_camera)
+        thin = self._sights._replace(
+            points=self._sights.points[point : point + 1],
+            hiders=np.array([shape]),
+            at_camera=nothing,
+            at_points=nothing,
+        )
+        nearest_to_sights(
+            self._chain, self._shapes, self._scene, thin, self._q, np.zeros_like(self._q), self._found
+        )
+        if 0.0 <= self._found[LEFT] < math.inf:
+            return float(self._found[LEFT])
+        model, line = copy.copy(self._bodies.model), thin.line  # its sizes are not ours alone
+        model.geom_size[line] = _THIN, self._shapes.sizes[line, 1], 0.0
         model.geom_rbound[line] = model.geom_size[line, :2].sum()
-        return float(mujoco.mj_geomDistance(model, self._data, int(self._found[SHAPE]), line, 10.0, None))
+        measured = float(mujoco.mj_geomDistance(model, self._data, shape, line, 10.0, None))
+        return min(measured, 0.0) if self._found[LEFT] < 0.0 else measured
 
 
 @lru_cache(maxsize=8)
-def _arm_with_line(arm: Arm) -> tuple[Any, Shapes, IntArray, int]:
-    """Return an arm's model with a line of sight, its shapes, which of them may hide, and the line."""
-    spec = arm.spec()
-    holder = spec.worldbody.add_body(name="line of sight", mocap=True)
-    holder.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[_THIN, 0.1, 0.0])
-    model = spec.compile()
-    shapes = read_shapes(model, mujoco.MjData(model), np.zeros(model.ngeom, dtype=np.bool_))
-    links = np.flatnonzero((model.geom_contype != 0) & (shapes.carried > 0))
-    return model, shapes, links, int(model.body("line of sight").geomadr[0])
+def _arm_with_line(arm: Arm, surroundings: tuple[Solid, ...]) -> ArmBodies:
+    """Return an arm, what stands around, and beside it a thin capsule."""
+    line = Solid(_LINE, "capsule", np.array([_THIN, 0.1]), RigidTransform.identity())
+    return ArmBodies(arm, surroundings=(*surroundings, line))

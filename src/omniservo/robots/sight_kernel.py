@@ -1,4 +1,4 @@
-"""How near an arm's links come to the lines of sight of its camera, compiled."""
+"""Whether bodies keep off the lines of sight of an arm's camera, compiled."""
 
 from __future__ import annotations
 
@@ -15,27 +15,33 @@ from omniservo.robots.clearance_kernels import place_all
 from omniservo.robots.gap_search import widen
 from omniservo.robots.shapes import Scene, Shapes
 
-SHAPE, POINT, GAP, LEFT = range(4)
-"""Places in ``found``: the shape and the point of the pair with the least left, a lower bound of their
-distance (−∞: they may touch), and what is left of it."""
+SHAPE, POINT, LEFT = range(3)
+"""Places in ``found``: the shape and the point of the pair with the least left, and the width of the slab
+between the two [m]: negative where no slab keeps them apart."""
+
+SURFACE = 1e-3
+"""[m] of every line of sight before its point that are not looked at: what is met there is the surface that
+the point lies on"""
 
 _ROUNDING = 1e-8
 """[m] that floating point may have taken from a gap"""
 
 
 class Sights(NamedTuple):
-    """A camera's lines of sight."""
+    """A camera's lines of sight, and what may hide its points."""
 
     points: FloatArray
     """(m, 3) that stand still [m]"""
     centre: FloatArray
     """(3,) of the camera at q = 0 [m]"""
-    links: IntArray
+    hiders: IntArray
     """(k,) the shapes that may hide a point"""
-    line: IntArray
-    """(1,) the shape that becomes every line in turn: a thin capsule"""
-    kept: FloatArray
-    """(g,) what each shape keeps from every line [m]"""
+    line: int
+    """the shape that becomes every line in turn: the hull of two balls"""
+    at_camera: FloatArray
+    """(g,) what each shape keeps from the lines at the camera's centre [m]"""
+    at_points: FloatArray
+    """(g,) what it keeps at the points, linearly less or more in between [m]"""
 
 
 @kernel
@@ -48,18 +54,21 @@ def nearest_to_sights(
     turns: FloatArray,
     found: FloatArray,
 ) -> None:
-    """Write which link leaves least of a line, in the posture q (n,), with what ``turns`` (n,) take of it.
+    """Write which shape leaves least of a line in the posture q (n,), whatever ``turns`` (n,) take of it.
 
-    That is beyond what the link keeps.
+    As seen from a shape that k joints carry, the line's one end, the camera's centre c, is moved by the
+    joints behind it, Σ_{j>k} r_j(c) · turn_j at most (`gap_kernels.farthest_moves`); its other one, the point
+    p, by those before it, Σ_{j≤k} r_j(p) · turn_j. What the shape is to keep there comes on top. A place on
+    the line at the share s between them goes no farther than (1 − s) of the one plus s of the other: the line
+    stays in the hull of two balls, and is free where a slab lies between that hull and the shape.
 
-    As seen from a link that k joints carry, the line's one end, the camera's centre c, is moved by the joints
-    behind it, Σ_{j>k} r_j(c) · turn_j at most (`gap_kernels.farthest_moves`); its other one, the point p, by
-    those before it, Σ_{j≤k} r_j(p) · turn_j. No point of the line goes farther than the larger of these.
+    Of the line the last `SURFACE` does not count. It becomes no longer than L + Σ_j r_j(c) · turn_j, so that
+    what counts ends at no larger share of it than 1 − SURFACE / that.
     """
     chain, shapes, scene, sights = held(chain), held(shapes), held(scene), held(sights)
-    n, line, normal = q.shape[0], sights.line[0], np.empty(3)
+    n, line, normal = q.shape[0], sights.line, np.empty(3)
     place_all(chain, shapes, q, scene)
-    centre, last = np.empty(3), scene.frames[n]
+    centre, last, end = np.empty(3), scene.frames[n], np.empty(3)
     for k in range(3):
         centre[k] = last[k, 3]
         for m in range(3):
@@ -68,25 +77,27 @@ def nearest_to_sights(
     for j in range(n - 1, -1, -1):
         of_centre[j] = of_centre[j + 1] + turns[j] * _across(scene.anchors[j], scene.directions[j], centre)
     found[LEFT] = math.inf
-    ends, simplex = np.empty(6), np.empty((4, 7))
+    ends, simplex, size = np.empty(6), np.empty((4, 7)), shapes.sizes[line]
     for i in range(sights.points.shape[0]):
         point = sights.points[i]
         for j in range(n):
             of_point[j + 1] = of_point[j] + turns[j] * _across(scene.anchors[j], scene.directions[j], point)
-        lay(centre, point, shapes.sizes[line], scene.places[line], scene.axes[line])
-        for g in sights.links:
-            moved = max(of_centre[shapes.carried[g]], of_point[shapes.carried[g]])
-            needed = moved + sights.kept[g] + _ROUNDING
-            if _off_line(centre, point, scene.places[g]) - shapes.radii[g] > needed:
+        share = shown_of(centre, point, of_centre[0], end)
+        lay(centre, end, size, scene.places[line], scene.axes[line])
+        for g in sights.hiders:
+            carried = shapes.carried[g]
+            size[0] = of_centre[carried] + sights.at_camera[g]
+            size[2] = (1.0 - share) * size[0] + share * (of_point[carried] + sights.at_points[g]) + _ROUNDING
+            size[0] += _ROUNDING
+            if _off_line(centre, end, scene.places[g]) - shapes.radii[g] > max(size[0], size[2]):
                 continue
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-            gap, nearest = widen(
+            left, _ = widen(
                 g, line, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes,
                 normal, ends, simplex,
             )  # fmt: skip
-            if gap - needed < found[LEFT]:
-                found[SHAPE], found[POINT], found[LEFT] = g, i, gap - needed
-                found[GAP] = gap if nearest < math.inf else -math.inf
+            if left < found[LEFT]:
+                found[SHAPE], found[POINT], found[LEFT] = g, i, left
 
 
 @leaf
@@ -98,8 +109,23 @@ def _across(anchor: FloatArray, axis: FloatArray, p: FloatArray) -> float:
 
 
 @leaf
+def shown_of(centre: FloatArray, point: FloatArray, longer: float, end: FloatArray) -> float:
+    """Write where a line of sight (3,) to a point (3,) ends, and return the share of it that is before.
+
+    That is `SURFACE` before the point, if the line were longer by ``longer`` [m].
+    """
+    square = 0.0
+    for k in range(3):
+        square += (point[k] - centre[k]) ** 2
+    share = 1.0 - SURFACE / max(math.sqrt(square) + longer, SURFACE)
+    for k in range(3):
+        end[k] = centre[k] + share * (point[k] - centre[k])
+    return share
+
+
+@leaf
 def lay(centre: FloatArray, point: FloatArray, size: FloatArray, place: FloatArray, axes: FloatArray) -> None:
-    """Put a capsule, whose axis is z, from the camera's centre to a point."""
+    """Put a body with the axis z from the camera's centre to a point; ``size[1]`` becomes half its length."""
     length = 0.0
     for k in range(3):
         place[k] = 0.5 * (centre[k] + point[k])

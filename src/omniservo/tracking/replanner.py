@@ -351,7 +351,10 @@ class Replanner:
             span=(begin, end),
             worst=False,
         )
-        return found.status == "clear"
+        points = setting.points_in_sight(known.problem)
+        if found.status != "clear" or points is None:
+            return found.status == "clear"
+        return setting.own_sight(joints, points, (begin, end)).status == "free"
 
     def _at(self, time: float) -> tuple[Leg, JointPath | None]:
         """Return the leg that is followed at ``time`` [s], and the joints that do."""

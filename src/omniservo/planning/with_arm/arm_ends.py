@@ -12,7 +12,6 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.arm_setting import ArmSetting
 from omniservo.robots import ArmBodies
-from omniservo.robots.own_sight import own_sight_in
 
 
 def violation_at_start(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
@@ -116,10 +115,8 @@ class _Stand:
         return worst
 
     def _hidden(self, q: FloatArray) -> tuple[float, str] | None:
-        """Return how deep a link stands in a line of sight, and words; None: no point is hidden."""
+        """Return how deep a body stands in a line of sight, and words; None: no point is hidden."""
         if self._in_sight is None:
             return None
-        setting = self.setting
-        kept = setting.kept_from_sight
-        found = own_sight_in(setting.arm, q, setting.flange_T_camera, self._in_sight, kept=kept)
+        found = self.setting.own_sight_in(q, self._in_sight)
         return None if found.status == "free" else (found.kept - found.gap, found.what)

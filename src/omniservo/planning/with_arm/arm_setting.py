@@ -15,8 +15,9 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.solids_of import solids_of
-from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, Solid, Tube
+from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, JointPath, OwnSight, Solid, Tube, own_sight
 from omniservo.robots.arm import SINGULAR_VALUE
+from omniservo.robots.own_sight import own_sight_in
 from omniservo.short_repr import short_repr
 
 LIMIT_RESERVE = math.radians(1.0)
@@ -117,14 +118,34 @@ class ArmSetting:
         return (*solids_of(counted, self.base_T_initial, self._far), *self.surroundings)
 
     def points_in_sight(self, problem: PlanningProblem) -> FloatArray | None:
-        """Return the points (m, 3) that no link may hide, in the base frame [m]; None: any may be hidden."""
+        """Return the points (m, 3) that nothing may hide, in the base frame [m]; None: any may be hidden."""
         return self.base_T_initial.apply(problem.points) if problem.occlusion else None
 
+    def own_sight(
+        self, path: JointPath, base_points: FloatArray, span: tuple[float, float] = (0.0, 1.0)
+    ) -> OwnSight:
+        """Return what of the arm or of its surroundings hides points (m, 3) on a path; see `own_sight`.
+
+        Lines of sight are kept as free as what the arm may stray asks for.
+        """
+        kept, strays = self._strays
+        return own_sight(
+            self.arm, path, self.flange_T_camera, base_points,
+            surroundings=self.surroundings, kept=kept, camera_strays=strays, span=span,
+        )  # fmt: skip
+
+    def own_sight_in(self, q: FloatArray, base_points: FloatArray) -> OwnSight:
+        """Return what hides points (m, 3) in one posture (n,); see `own_sight`."""
+        kept, strays = self._strays
+        return own_sight_in(
+            self.arm, q, self.flange_T_camera, base_points,
+            surroundings=self.surroundings, kept=kept, camera_strays=strays,
+        )  # fmt: skip
+
     @property
-    def kept_from_sight(self) -> dict[str, float]:
-        """What each link keeps from lines of sight [m]: what it may stray, and the camera's centre."""
-        tube = self.tube
-        return {} if tube is None else {link: stray + tube.position for link, stray in tube.links.items()}
+    def _strays(self) -> tuple[dict[str, float], float]:
+        """How far links and the camera's centre may be from where a path has them [m]."""
+        return ({}, 0.0) if self.tube is None else (self.tube.links, self.tube.position)
 
     @cached_property
     def _far(self) -> float:

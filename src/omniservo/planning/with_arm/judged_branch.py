@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance, own_sight
+from omniservo.robots import ArmBodies, ArmClearance, JointPath, arm_clearance
 from omniservo.robots.gap_kernels import halves_of
 
 _HALVINGS = 3
@@ -30,7 +30,7 @@ class JudgedBranch:
 
     @property
     def is_hidden(self) -> bool:
-        """Whether only a link in a line of sight speaks against it, off which no slope leads."""
+        """Whether only a body in a line of sight speaks against it, off which no slope leads."""
         return bool(self.reason) and self.clearance is not None and self.clearance.status == "clear"
 
     @property
@@ -54,7 +54,7 @@ def judged_branch(
         setting: the arm, and what it has to keep.
         bodies: the arm among what stands around.
         branch: joints that follow a camera path.
-        points: (m, 3) that no link may hide from the camera, in the base frame [m]; None: any may be hidden.
+        points: (m, 3) that nothing may hide from the camera, in the base frame [m]; None: any may be hidden.
         worst: see `arm_clearance`.
     """
     if branch.failures:
@@ -84,10 +84,9 @@ def judged_branch(
     if found.status != "clear":
         return JudgedBranch(branch, found, found.reason, found.closest.w if found.closest else 0.5)
     if points is not None:
-        kept = setting.kept_from_sight
-        sight = own_sight(setting.arm, branch, setting.flange_T_camera, points, kept=kept)
+        sight = setting.own_sight(branch, points)
         if sight.status == "hidden":
-            return JudgedBranch(branch, found, f"the arm hides its own target: {sight.reason}", sight.w)
+            return JudgedBranch(branch, found, f"a point is hidden: {sight.reason}", sight.w)
     return JudgedBranch(branch, found, "", 0.0)
 
 
