@@ -25,6 +25,9 @@ MAX_BYTES = 16 * 2**20
 MAX_YAML = 2**20
 """Largest YAML document that is read [characters]."""
 
+MOST_YAML_VALUES = 30_000
+"""Most values and field names of a YAML document: each costs some forty microseconds."""
+
 _MAX_DEPTH = 32
 
 UNITS = {
@@ -32,6 +35,14 @@ UNITS = {
     "angle": {"rad": 1.0, "deg": math.pi / 180.0},
 }
 """What a document may state lengths and angles in, in metres and radians; the first where it says nothing."""
+
+
+def is_file(path: str | Path) -> bool:
+    """Say whether a file that can be read is at this path, or at the end of the links there."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):  # too long, or with a zero in it
+        return False
 
 
 def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
@@ -54,13 +65,21 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     """
     file = Path(path)
     try:
-        if not file.is_file():
+        if not is_file(file):  # a pipe would keep its reader waiting, a device would never end
             raise InputError(f"{path}: no such file" if not file.exists() else f"{path}: not a file")
         if file.stat().st_size > max_bytes:
             raise InputError(f"{path}: {file.stat().st_size} bytes; at most {max_bytes} are read")
-        return file.read_bytes()
+        with file.open("rb") as stream:
+            content = stream.read(max_bytes + 1)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
+    except ValueError:  # a path that no file can have
+        raise InputError(f"{spelled(str(path))}: no such file") from None
+    if len(content) > max_bytes:  # files of the system may have more in them than they say
+        raise InputError(f"{path}: more than {max_bytes} bytes; at most so many are read")
+    return content
 
 
 _LONGEST_PATH = 1000
@@ -88,7 +107,8 @@ def read_document(path: str | Path) -> Any:
     """Return what a JSON or YAML file holds, as plain dicts, lists, strings, numbers, booleans and None.
 
     Nothing in the file can run code or refer to other files. Aliases, tags, duplicate keys and nesting
-    deeper than 32 (YAML) are refused, and YAML above 1 MiB, which is slow to read: JSON may have 16.
+    deeper than 32 (YAML) are refused, and YAML above 1 MiB or 30 000 values, which is slow to read: JSON may
+    have 16 MiB. Numbers of YAML are decimal.
 
     Raises:
         InputError: as `read_text`, or the text is neither JSON nor YAML (with the line).
@@ -146,10 +166,17 @@ def writable(path: str | Path, *, force: bool = False) -> None:
         InputError: the path exists and ``force`` is False, or its folder does not exist.
     """
     target = Path(path)
-    if target.exists() and not force:
+    if _exists(target) and not force:
         raise AlreadyExists(path)
     if not target.parent.is_dir():
         raise InputError(f"{path}: its folder {target.parent} does not exist")
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        raise InputError(f"{spelled(str(path))}: not a path that a file can have") from None
 
 
 def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) -> None:
@@ -195,7 +222,7 @@ def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Ite
             less than ``room`` or gets full.
     """
     folder = Path(path)
-    if folder.exists() and not force:
+    if _exists(folder) and not force:
         raise AlreadyExists(path)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{path}: a file; a folder is needed")
@@ -255,8 +282,12 @@ class _PlainLoader(yaml.SafeLoader):
     """SafeLoader without aliases and duplicate keys, and with 1e-3 read as a number."""
 
     depth = 0
+    values = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        self.values += 1
+        if self.values > MOST_YAML_VALUES:
+            raise ValueError(f"more than {MOST_YAML_VALUES} values of YAML; JSON may have more")
         if self.check_event(yaml.events.AliasEvent):
             event = self.peek_event()  # type: ignore[no-untyped-call]
             raise yaml.composer.ComposerError(None, None, "aliases are not read", event.start_mark)
@@ -287,10 +318,16 @@ class _PlainLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+_OTHERWISE = ("timestamp", "int", "float")
+"""Kinds of YAML that are read by other rules, or not at all: 1:30 is no number to the base 60."""
+
 _PlainLoader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if not tag.endswith(":timestamp")]
+    first: [(tag, pattern) for tag, pattern in resolvers if tag.rpartition(":")[2] not in _OTHERWISE]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
+_PlainLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(0|[1-9]\d*)$"), list("-+0123456789")
+)
 _PlainLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),

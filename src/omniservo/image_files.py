@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,14 +11,20 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
-from omniservo.errors import InputError
-from omniservo.files import write_whole
+from omniservo.errors import InputError, spelled
+from omniservo.files import read_bytes, write_whole
 from omniservo.geometry.arrays import ByteArray
 
 MOST_PIXELS = 100_000_000
 """Largest image that is read."""
+
+MOST_BYTES = 2**29
+"""Largest image file that is read: 10⁸ pixels of three colours, not compressed, fit."""
+
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
+"""Formats of images that are read; others may start programs, as EPS does."""
 
 
 def read_image(path: str | Path) -> ByteArray:
@@ -68,18 +75,22 @@ def write_png(image: npt.NDArray[np.uint8], path: str | Path, *, force: bool = F
 
 @contextmanager
 def _opened(path: str | Path) -> Iterator[Any]:
+    data = read_bytes(path, max_bytes=MOST_BYTES)
     try:
-        with Image.open(path) as picture:
+        with (
+            warnings.catch_warnings(action="ignore"),
+            Image.open(io.BytesIO(data), formats=FORMATS) as picture,
+        ):
             width, height = picture.size
             if width * height > MOST_PIXELS:
                 raise InputError(f"{path}: {width}×{height} pixels; at most {MOST_PIXELS} are read")
             yield picture
     except InputError:
         raise
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: not an image that can be read: {error}") from None
+    except UnidentifiedImageError:
+        raise InputError(f"{path}: not an image; legal: {', '.join(FORMATS)}") from None
+    except Exception as error:  # the readers of formats raise whatever they meet
+        raise InputError(f"{path}: not an image that can be read: {spelled(str(error))}") from None
 
 
 def _has_many_bits(picture: Any) -> bool:

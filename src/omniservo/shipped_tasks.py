@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from omniservo.errors import InputError
+from omniservo.files import is_file
 
 _FOLDER = Path(__file__).parent / "tasks" / "shipped"
 
@@ -22,7 +23,7 @@ def task_file(task: str | Path) -> Path:
     """
     names = shipped_tasks()
     path = _FOLDER / f"{task}.yaml" if str(task) in names else Path(task)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(
             f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
         )

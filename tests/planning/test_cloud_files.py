@@ -12,6 +12,7 @@ import pytest
 from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.planning import Plan, PlanningProblem, plan_path
+from omniservo.planning.obstacles.cloud_file import read_cloud
 
 CLOUD = np.random.default_rng(3).normal(size=(50, 3)) * 0.02 + [0.2, 0.0, 0.1]
 
@@ -183,3 +184,23 @@ def test_without_a_folder_a_file_is_refused(tmp_path):
     document = json.loads(problem_in(tmp_path, "scan.npy").read_text())
     with pytest.raises(InputError, match="but no folder that it is relative to"):
         PlanningProblem.from_dict(document)
+
+
+def test_an_array_whose_header_does_not_end_is_refused(tmp_path):
+    file = tmp_path / "cloud.npy"
+    np.save(file, np.zeros((3, 3)))
+    file.write_bytes(
+        file.read_bytes().replace(b"}", b" ", 1)
+    )  # Python's tokenizer raises an error of its own
+    with pytest.raises(InputError, match="not an array file"):
+        read_cloud(file)
+
+
+def test_numbers_that_cannot_be_converted_are_read_without_a_warning(tmp_path):
+    file = tmp_path / "cloud.ply"
+    header = "ply\nformat binary_little_endian 1.0\nelement vertex 1\n"
+    header += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
+    file.write_bytes(header.encode() + bytes.fromhex("0100a07f") * 3)  # NaN that signals
+    assert np.isnan(read_cloud(file)).all()
+    np.save(tmp_path / "cloud.npy", np.full((1, 3), np.finfo(np.longdouble).max))
+    assert np.isinf(read_cloud(tmp_path / "cloud.npy")).all()

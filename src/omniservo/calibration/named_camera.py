@@ -8,6 +8,7 @@ from omniservo.calibration.camera_files import as_unified, load_model, seen_up_t
 from omniservo.cameras import PRESETS, UnifiedCamera
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
+from omniservo.files import is_file
 
 
 def named_model(
@@ -25,7 +26,7 @@ def named_model(
     """
     if str(camera) in PRESETS and name is None and size is None and model is None:
         return seen_up_to(PRESETS[str(camera)], max_angle)
-    if not Path(camera).exists():
+    if not is_file(camera):
         raise InputError(f"camera {spelled(str(camera))}: neither a file nor a preset: {', '.join(PRESETS)}")
     return load_model(camera, name=name, size=size, model=model, max_angle=max_angle)
 

@@ -109,4 +109,6 @@ def require_features(count: int, name: str, where: str, least: int = LEAST_FEATU
         InputError: fewer than ``least``.
     """
     if count < least:
-        raise InputError(f"{where}: {count} {name} found; at least {least} are needed")
+        raise InputError(
+            f"{where}: {count} {name} found; at least {least} {'is' if least == 1 else 'are'} needed"
+        )

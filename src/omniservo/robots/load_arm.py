@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 from omniservo.errors import InputError, spelled
+from omniservo.files import is_file
 from omniservo.robots.arm import Arm
 
 
@@ -29,7 +30,7 @@ def load_arm(arm: str | Path, *, tool: str | None = None) -> Arm:
     if str(arm) in names:
         with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{arm}.xml") as path:
             return Arm(path, tool=tool)
-    if not Path(arm).is_file():
+    if not is_file(arm):
         raise InputError(
             f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
         )

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from omniservo.calibration import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled, spelled_name
-from omniservo.files import file_inside, read_document, stated_units
+from omniservo.files import file_inside, is_file, read_document, stated_units
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
@@ -67,7 +67,7 @@ def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:
     path = (folder / value).resolve()
     if not path.is_relative_to(folder.resolve()):
         raise InputError(f"{source}: camera: {value!r} leaves the task's folder; legal: a file inside it")
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{source}: camera: {value!r} is neither a file nor a preset: {', '.join(PRESETS)}")
     return load_camera(path)
 
@@ -78,7 +78,7 @@ def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]
     if not isinstance(model, str) or model in shipped_arms():
         return arm
     path = file_inside(f"{source}: arm.model", model, folder)
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(
             f"{source}: arm.model: {spelled(model)} is neither a file nor a shipped arm: "
             f"{', '.join(shipped_arms())}"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omniservo.errors import InputError
 from omniservo.files import read_bytes, read_text
@@ -41,7 +43,7 @@ def _from_npy(path: Path) -> FloatArray:
             (2, 0): np.lib.format.read_array_header_2_0,
         }[np.lib.format.read_magic(stream)]
         shape, columnwise, dtype = header(stream)
-    except (KeyError, ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+    except Exception:  # whatever Python's own reader of the header meets: even its tokenizer raises
         raise InputError(f"{path.name}: not an array file (.npy version 1 or 2)") from None
     if dtype.kind not in "fiu" or len(shape) != 2 or shape[1] != 3:
         raise InputError(f"{path.name}: {dtype} of shape {shape} given; real numbers (p, 3) are needed")
@@ -50,7 +52,12 @@ def _from_npy(path: Path) -> FloatArray:
     if len(data) != shape[0] * 3 * dtype.itemsize:
         raise InputError(f"{path.name}: {len(data)} bytes for {shape[0]} points")
     points: FloatArray = np.frombuffer(data, dtype).reshape(shape, order="F" if columnwise else "C")
-    return points.astype(np.float64)
+    return _as_float64(points)
+
+
+def _as_float64(numbers: NDArray[Any]) -> FloatArray:
+    with np.errstate(all="ignore"):  # NaN and what is too large are told by the caller, in words
+        return numbers.astype(np.float64)
 
 
 def _from_columns(path: Path) -> FloatArray:
@@ -101,7 +108,7 @@ def _from_ply(path: Path) -> FloatArray:
     if len(body) < count * row.itemsize:
         raise InputError(f"{path.name}: ends after {len(body) // row.itemsize} of {count} vertices")
     vertices = np.frombuffer(body, row, count)
-    return np.column_stack([vertices[axis].astype(np.float64) for axis in "xyz"])
+    return np.column_stack([_as_float64(vertices[axis]) for axis in "xyz"])
 
 
 def _vertices(path: Path, header: list[list[str]]) -> tuple[int, dict[str, str]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from omniservo.errors import InputError, spelled
-from omniservo.files import file_inside
+from omniservo.files import file_inside, is_file
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.mesh_files import read_triangles
 
@@ -64,7 +64,7 @@ class MeshAssets:
             if inner.startswith("../"):  # packages have their meshes beside the file's folder
                 inner, root = inner.removeprefix("../"), root.parent
             mesh = file_inside(place, inner, root)
-            if not mesh.is_file():
+            if not is_file(mesh):
                 raise InputError(f"{place}: mesh {spelled(inner)}: no such file in {root}")
             return mesh
         if scheme != "package":
@@ -83,7 +83,7 @@ class MeshAssets:
             roots += [root for root in (above, above / name) if root.name == name and root.is_dir()]
         for root in roots:
             mesh = file_inside(place, inner, root)
-            if mesh.is_file():
+            if is_file(mesh):
                 return mesh
         if roots:
             raise InputError(f"{place}: mesh {spelled(inner)}: no such file in the package {roots[0]}")

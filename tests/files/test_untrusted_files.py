@@ -1,0 +1,93 @@
+"""What is no file, or one that would not end, is refused at once by everything that reads files."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from omniservo.calibration import load_camera
+from omniservo.calibration.mask_image import load_mask
+from omniservo.errors import InputError
+from omniservo.estimation import TwoViewEstimate
+from omniservo.files import MOST_YAML_VALUES, parse_document, read_document, read_text
+from omniservo.image_files import read_grey_image, read_image
+from omniservo.mesh_files import read_triangles
+from omniservo.planning import Plan, PlanningProblem
+from omniservo.planning.obstacles.cloud_file import read_cloud
+from omniservo.robots import TrackingTube, load_arm
+from omniservo.targets import Target
+from omniservo.tasks import TaughtGoal, load_task
+
+READERS = {
+    "document": read_document,
+    "camera": load_camera,
+    "mask": lambda path: load_mask(path, (640, 480)),
+    "estimate": TwoViewEstimate.load,
+    "picture": read_image,
+    "grey picture": read_grey_image,
+    "plan": Plan.load,
+    "problem": PlanningProblem.load,
+    "arm": load_arm,
+    "tube": TrackingTube.load,
+    "target": Target.load,
+    "goal": TaughtGoal.load,
+    "task": load_task,
+    "cloud": read_cloud,
+    "mesh": read_triangles,
+}
+ENDINGS = {"arm": ".urdf", "cloud": ".ply", "mesh": ".stl"}
+
+
+def no_files(folder: Path, ending: str) -> list[Path]:
+    """Return a folder, a pipe, links to devices, into nothing and to themselves, and a name with a zero."""
+    (folder / f"folder{ending}").mkdir()
+    os.mkfifo(folder / f"pipe{ending}")
+    links = {"zero": "/dev/zero", "tty": "/dev/tty", "nothing": "absent", f"loop{ending}": f"loop{ending}"}
+    for name, there in links.items():
+        (folder / f"{name.removesuffix(ending)}{ending}").symlink_to(there)
+    return [*sorted(folder.iterdir()), folder / f"a\0b{ending}", folder / f"{'long' * 100}{ending}"]
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_what_is_no_file_is_refused_in_one_line_by_every_reader(reader, tmp_path):
+    for path in no_files(tmp_path, ENDINGS.get(reader, ".json")):
+        with pytest.raises(InputError) as refusal:
+            READERS[reader](path)
+        assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_huge_file_is_refused_by_every_reader_before_it_is_read(reader, tmp_path):
+    path = tmp_path / f"huge{ENDINGS.get(reader, '.json')}"
+    with path.open("wb") as stream:
+        stream.truncate(2**30)  # of holes: it takes no room
+    with pytest.raises(InputError, match="at most .* are read"):
+        READERS[reader](path)
+
+
+def test_a_file_that_says_it_is_empty_is_read_no_further_than_allowed():
+    said = Path("/proc/self/environ")
+    if not said.is_file() or len(said.read_bytes()) <= 8:
+        pytest.skip("this system has no files that hold more than they say")
+    with pytest.raises(InputError, match="at most"):
+        read_text(said, max_bytes=8)
+
+
+def test_yaml_of_many_values_is_refused_after_so_many_and_json_may_have_more():
+    values = "1, " * (MOST_YAML_VALUES + 1)
+    with pytest.raises(InputError, match="^file: more than 30000 values of YAML; JSON may have more"):
+        parse_document(f"a: [{values}]", "file")
+    assert len(parse_document(f"[{values[:-2]}]", "file")) == MOST_YAML_VALUES + 1
+
+
+def test_yaml_numbers_are_decimal_and_none_takes_long():
+    assert parse_document("a: [1:30, 0x10, 010, 1_000]", "file") == {"a": ["1:30", "0x10", 10.0, "1_000"]}
+    sixties = "1" + ":11" * 300_000  # as a number to the base 60: half a minute
+    assert parse_document(f"a: {sixties}", "file") == {"a": sixties}
+
+
+def test_a_picture_is_read_by_formats_that_run_nothing(tmp_path):
+    script = tmp_path / "picture.png"
+    script.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n")
+    with pytest.raises(InputError, match="not an image; legal: PNG, JPEG"):
+        read_image(script)
