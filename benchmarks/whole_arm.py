@@ -154,7 +154,7 @@ def task_row(name: str, tasks: int) -> str:
         q = found.branch(np.linspace(0.0, 1.0, 2001))
         low, high = arm.joint_range.T
         mounted = [solid.moved(setting.flange_T_camera) for solid in setting.mounted]
-        around = list(solids_of(problem.obstacles, setting.base_T_initial, 3.0))
+        around = list(solids_of(problem.obstacles, setting.base_T_initial))
         short = Detector(arm, mounted, around).worst(arm, found.branch)
         wrong += bool((q < low).any() or (q > high).any() or short > TOLERANCE)
         faults += _at_fault(problem, setting, found)

@@ -66,7 +66,7 @@ def test_every_ball_of_a_cloud_is_inside_one_of_its_boxes(name, radius):
 @pytest.mark.parametrize("name", ["line", "plane", "ball", "volume", "outliers"])
 def test_every_ball_of_a_cloud_is_inside_one_of_the_bodies_around_an_arm(name):
     points, radius = clouds()[name], 0.004
-    bodies = solids_of((Cloud(points, radius),), ANYWHERE, 2.0)
+    bodies = solids_of((Cloud(points, radius),), ANYWHERE)
     left = np.full(len(points), np.inf)
     for body in bodies:
         own = body.pose.inv().apply(ANYWHERE.apply(points))
@@ -122,7 +122,7 @@ def test_a_plain_thing_takes_few_boxes_and_a_cloud_of_few_points_is_its_balls():
     assert len(covered(ANYWHERE.apply(grid), 0.001).middles) == 1
     assert len(covered(np.full((1000, 3), 0.3), 0.01).middles) == 1
     points = np.random.default_rng(2).uniform(-0.5, 0.5, (MOST_BOXES, 3))
-    bodies = solids_of((Cloud(points, 0.01),), ANYWHERE, 2.0)
+    bodies = solids_of((Cloud(points, 0.01),), ANYWHERE)
     assert [body.kind for body in bodies] == ["sphere"] * MOST_BOXES
     assert [float(body.size[0]) for body in bodies] == pytest.approx([0.01] * MOST_BOXES, abs=1e-12)
 

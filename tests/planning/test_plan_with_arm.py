@@ -313,7 +313,7 @@ def test_obstacles_become_the_same_bodies_in_the_base_frame():
         place = random.uniform(-0.8, 0.8, 3)
         tip = arm.base_T_flange(q).inv().apply(base_T_initial.apply(place))
         ball = Solid.sphere("tip", tip, 1e-6)
-        bodies = ArmBodies(arm, mounted=[ball], surroundings=solids_of(obstacles, base_T_initial, 2.0))
+        bodies = ArmBodies(arm, mounted=[ball], surroundings=solids_of(obstacles, base_T_initial))
         bodies.place(q)
         for i, obstacle in enumerate(obstacles):
             pair = next(k for k in range(len(bodies.pairs)) if bodies.names(k) == ("camera", f"obstacle {i}"))

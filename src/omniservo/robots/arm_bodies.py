@@ -16,7 +16,8 @@ import numpy.typing as npt
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import lower_gaps, write_gap_slope
+from omniservo.robots.gap_kernels import lower_gaps, slab, write_gap_slope
+from omniservo.robots.gap_search import widen
 from omniservo.robots.read_shapes import first_joints_between, read_shapes
 from omniservo.robots.shapes import Scene
 from omniservo.robots.solid import Solid
@@ -77,7 +78,8 @@ class ArmBodies:
                 more. None: nothing.
 
         Raises:
-            InputError: two things around of one name; strays of other parts than `tube_parts`.
+            InputError: two things around of one name; strays of other parts than `tube_parts`; a half-space
+                that is carried; a shape of a kind that is not known.
         """
         things = [(name, list(parts)) for name, parts in groupby(surroundings, lambda solid: solid.name)]
         names = [name for name, _ in things]
@@ -85,6 +87,8 @@ class ArmBodies:
             raise InputError(f"surroundings: {max(names, key=names.count)!r} is given twice")
         self.arm = arm
         spec = arm.spec()
+        if any(solid.kind == "half_space" for solid in mounted):
+            raise InputError("mounted: a half-space given; legal: bodies that can be carried")
         if mounted:
             holder = spec.body(arm.tool_link).add_body(name=MOUNTED)
             for solid in mounted:
@@ -115,7 +119,7 @@ class ArmBodies:
             normals=np.zeros((len(self.pairs), 3)),
         )
         """Where they are: MuJoCo's own arrays, so that it measures what compiled code has placed."""
-        self._fromto = np.zeros(6)
+        self._fromto, self._simplex = np.zeros(6), np.empty((4, 7))
         self._strays = self._stray_of_pairs(strays)
 
     @cached_property
@@ -152,10 +156,10 @@ class ArmBodies:
         for shape, solid in zip(np.flatnonzero(self._is_around).tolist(), surroundings, strict=True):
             if solid.kind == "hull":
                 continue
-            half, radius = solid.half_extents, solid.radius
-            model.geom_size[shape] = shapes.sizes[shape] = solid.mujoco_size
-            model.geom_rbound[shape] = shapes.radii[shape] = radius
-            model.geom_aabb[shape] = 0.0, 0.0, 0.0, *half
+            if solid.kind != "half_space":
+                model.geom_size[shape] = shapes.sizes[shape] = solid.mujoco_size
+                model.geom_rbound[shape] = shapes.radii[shape] = solid.radius
+                model.geom_aabb[shape] = 0.0, 0.0, 0.0, *solid.half_extents
             pose = solid.pose.as_matrix()
             model.geom_pos[shape] = shapes.places[shape] = pose[:3, 3]
             shapes.axes[shape] = pose[:3, :3].ravel()
@@ -278,24 +282,35 @@ class ArmBodies:
         self._data.geom_xpos[:], self._data.geom_xmat[:] = places, axes
 
     def measure(self, pair: int, fromto: FloatArray | None = None, normal: FloatArray | None = None) -> float:
-        """Return the distance of a pair as MuJoCo's search finds it [m], negative: depth.
+        """Return the distance of a pair [m]; negative: depth, at least that much.
+
+        It is that of two points which a search has found (`widen`). Where bodies may touch, which it cannot
+        tell, MuJoCo proposes a direction, and it is the slab across that.
 
         Args:
             pair: which.
             fromto: (6,) out: the nearest points in the base frame [m]; None: kept for `near`.
-            normal: (3,) out, unit: the direction between them, from the first to the second, unchanged if
-                they are on top of each other; None: kept for `lower_gaps`.
+            normal: (3,) where the search begins; out, unit: the direction between them, from the first to the
+                second; None: kept for `lower_gaps`.
         """
         first, second = self.pairs[pair].tolist()
+        shapes, scene = self.shapes, self.scene
         fromto = self._fromto if fromto is None else fromto
-        gap = float(mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, fromto))
+        normal = scene.normals[pair] if normal is None else normal
+        known = shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes
+        least, most = widen(first, second, *known, normal, fromto, self._simplex)
+        if most < math.inf:
+            return float(most)
+        gap = mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, fromto)
         a, b, c, x, y, z = fromto.tolist()
         x, y, z = x - a, y - b, z - c
         length = math.sqrt(x * x + y * y + z * z)
         if length > _ON_TOP:
             length = math.copysign(length, gap)
-            (self.scene.normals[pair] if normal is None else normal)[:] = x / length, y / length, z / length
-        return gap
+            across = slab(first, second, *known, x / length, y / length, z / length)
+            if across > least:
+                normal[:], least = (x / length, y / length, z / length), across
+        return float(least)
 
     def near(self, within: float) -> list[Nearness]:
         """Return the pairs that are closer than ``within`` [m], and how the joints change that."""

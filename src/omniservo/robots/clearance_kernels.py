@@ -12,7 +12,7 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import copy_into
 from omniservo.robots.chain import Chain, carry
-from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece, rounding
 from omniservo.robots.gap_search import widen
 from omniservo.robots.shapes import Scene, Shapes
 
@@ -29,9 +29,6 @@ least beyond what is asked: that, w, gap and pair."""
 
 HALVINGS = 32
 """Room for them in `Work`."""
-
-_ROUNDING = 1e-8
-"""[m] that floating point, and axes taken to be one, may have taken from a gap"""
 
 _SAME = 1e-6
 """[m] between the bounds of a distance that count as one"""
@@ -171,8 +168,9 @@ def _bound(
     )
     for k in range(pairs.shape[0]):
         pair = pairs[k]
-        move = scene.moves[shapes.pairs[pair, 1], shapes.first_between[pair]]
-        needed[k] = asked[pair] + move + _ROUNDING
+        i, j = shapes.pairs[pair, 0], shapes.pairs[pair, 1]
+        move = scene.moves[j, shapes.first_between[pair]]
+        needed[k] = asked[pair] + move + rounding(i, j, scene.places, shapes.radii)
         enough[k] = needed[k] + proven
     lower_gaps(
         shapes.pairs,

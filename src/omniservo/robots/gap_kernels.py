@@ -12,8 +12,22 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
 
-SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 2, 3, 4, 5, 6, 7
-"""MuJoCo's numbers of the shapes."""
+HALF_SPACE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 0, 2, 3, 4, 5, 6, 7
+"""MuJoCo's numbers of the shapes. A half-space is MuJoCo's plane: all of its own z ≤ 0. It stands still."""
+
+KINDS = {
+    HALF_SPACE: "plane",
+    SPHERE: "sphere",
+    CAPSULE: "capsule",
+    ELLIPSOID: "ellipsoid",
+    CYLINDER: "cylinder",
+    BOX: "box",
+    HULL: "mesh",
+}
+"""How an arm's file calls them."""
+
+
+_ABSOLUTE, _RELATIVE = 1e-8, 2.0**-43  # [m], 1
 
 TAPERED = 100
 """The hull of two balls, which MuJoCo has not: radius at −z, half of the axis, radius at +z."""
@@ -25,7 +39,8 @@ def extent(
 ) -> float:
     """Return max n·y over a shape about its own origin, n = (x, y, z) a unit vector of the outer frame.
 
-    ``axes`` (9,): outer_R_shape by rows; ``corners`` (m, 3) those of a hull, in its own frame.
+    ``axes`` (9,): outer_R_shape by rows; ``corners`` (m, 3) those of a hull, in its own frame. Of a
+    half-space, which has no end but along its own z, see `height`.
     """
     a = axes[0] * x + axes[3] * y + axes[6] * z
     b = axes[1] * x + axes[4] * y + axes[7] * z
@@ -46,6 +61,51 @@ def extent(
     for i in range(corners.shape[0]):
         most = max(most, a * corners[i, 0] + b * corners[i, 1] + c * corners[i, 2])
     return most
+
+
+@leaf
+def height(
+    i: int,
+    j: int,
+    kinds: IntArray,
+    sizes: FloatArray,
+    corners: FloatArray,
+    firsts: IntArray,
+    places: FloatArray,
+    axes: FloatArray,
+) -> float:
+    """Return how far shape j is from half-space i [m], negative: depth. It is min n·x, exact in any posture.
+
+    Arguments as of `lower_gaps`.
+    """
+    x, y, z = axes[i, 2], axes[i, 5], axes[i, 8]
+    dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
+    below = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
+    return float(dx * x + dy * y + dz * z - below)
+
+
+@leaf
+def slab(
+    i: int,
+    j: int,
+    kinds: IntArray,
+    sizes: FloatArray,
+    corners: FloatArray,
+    firsts: IntArray,
+    places: FloatArray,
+    axes: FloatArray,
+    x: float,
+    y: float,
+    z: float,
+) -> float:
+    """Return the width of the slab between shapes i and j across the unit vector (x, y, z) [m]; < 0: none.
+
+    Arguments as of `lower_gaps`.
+    """
+    dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
+    near = extent(kinds[i], sizes[i], axes[i], corners[firsts[i] : firsts[i + 1]], x, y, z)
+    far = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
+    return float(dx * x + dy * y + dz * z - near - far)
 
 
 @leaf
@@ -77,19 +137,34 @@ def lower_gaps(
         axes: (g, 9) rotations by rows.
         normals: (p, 3) unit, from the first shape to the second; 0 where none is known.
         enough: (m,) where the balls' gap is as large [m], slabs are not looked at.
-        gaps: [m]: the larger one of the balls' gap and the slab's width.
+        gaps: [m]: the larger one of the balls' gap and the slab's width; a half-space's is its `height`.
     """
     for k in range(chosen.shape[0]):
         pair = chosen[k]
         i, j = pairs[pair, 0], pairs[pair, 1]
+        if kinds[i] == HALF_SPACE:
+            gaps[k] = height(i, j, kinds, sizes, corners, firsts, places, axes)
+            continue
         dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
         gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j]
         x, y, z = normals[pair, 0], normals[pair, 1], normals[pair, 2]
         if gap < enough[k] and (x != 0.0 or y != 0.0 or z != 0.0):
-            near = extent(kinds[i], sizes[i], axes[i], corners[firsts[i] : firsts[i + 1]], x, y, z)
-            far = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
-            gap = max(gap, dx * x + dy * y + dz * z - near - far)
+            gap = max(gap, slab(i, j, kinds, sizes, corners, firsts, places, axes, x, y, z))
         gaps[k] = gap
+
+
+@leaf
+def rounding(i: int, j: int, places: FloatArray, radii: FloatArray) -> float:
+    """Return what floating point may have taken from the distance of two shapes [m]: it grows with places.
+
+    10⁻⁸ m, and 2⁻⁴³ (about a thousand roundings) of coordinates: a chain of seven joints takes some 150.
+    """
+    size = 0.0
+    for k in range(3):
+        size += abs(places[i, k]) + abs(places[j, k])
+    if radii[i] < math.inf:
+        size += radii[i]
+    return float(_ABSOLUTE + _RELATIVE * (size + radii[j]))
 
 
 @leaf

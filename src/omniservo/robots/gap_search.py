@@ -12,7 +12,16 @@ import math
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import leaf
-from omniservo.robots.gap_kernels import BOX, CAPSULE, CYLINDER, ELLIPSOID, SPHERE, TAPERED
+from omniservo.robots.gap_kernels import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    ELLIPSOID,
+    HALF_SPACE,
+    SPHERE,
+    TAPERED,
+    height,
+)
 
 _STEPS = 24
 """at most: polyhedra take a few, round bodies some more"""
@@ -24,6 +33,9 @@ _ON_TOP = 1e-9
 """[m] nearer bodies leave no direction between them"""
 
 _NO_LENGTH = 1e-300
+_LARGE = 1e6
+"""Edges whose square is larger, beside that of the distance, say better than it which way it goes."""
+
 _FLAT = 1e-12
 """A triangle whose squared area is this part of what its sides could have is taken for its sides."""
 
@@ -45,8 +57,10 @@ def support(
     if kind == CAPSULE:
         u, v, w = size[0] * a, size[0] * b, size[0] * c + math.copysign(size[1], c)
     elif kind == CYLINDER:
-        across = max(math.sqrt(a * a + b * b), _ON_TOP)
-        u, v, w = size[0] * a / across, size[0] * b / across, math.copysign(size[1], c)
+        across = math.sqrt(a * a + b * b)
+        if across > 0.0:
+            u, v = size[0] * a / across, size[0] * b / across
+        w = math.copysign(size[1], c)
     elif kind == BOX:
         u, v, w = math.copysign(size[0], a), math.copysign(size[1], b), math.copysign(size[2], c)
     elif kind == ELLIPSOID:
@@ -88,7 +102,7 @@ def widen(
     """Return a lower and an upper bound of two shapes' distance [m]; ∞: no upper one, they may touch.
 
     Args:
-        i: the first shape.
+        i: the first shape; a half-space may be the first alone, and both bounds of it are the `height`.
         j: the second.
         kinds: (g,) and the next five: see `gap_kernels.lower_gaps`.
         sizes: (g, 3) [m].
@@ -103,6 +117,14 @@ def widen(
     first, second = corners[firsts[i] : firsts[i + 1]], corners[firsts[j] : firsts[j + 1]]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
     x, y, z = normal[0], normal[1], normal[2]
+    if kinds[i] == HALF_SPACE:
+        normal[0], normal[1], normal[2] = axes[i, 2], axes[i, 5], axes[i, 8]
+        gap = height(i, j, kinds, sizes, corners, firsts, places, axes)
+        bx, by, bz = support(kinds[j], sizes[j], axes[j], second, -normal[0], -normal[1], -normal[2])
+        ends[3], ends[4], ends[5] = places[j, 0] + bx, places[j, 1] + by, places[j, 2] + bz
+        for k in range(3):
+            ends[k] = ends[3 + k] - gap * normal[k]
+        return gap, gap
     if x == 0.0 and y == 0.0 and z == 0.0:
         length = max(math.sqrt(dx * dx + dy * dy + dz * dz), _ON_TOP)
         x, y, z = dx / length, dy / length, dz / length
@@ -130,8 +152,31 @@ def widen(
         ax, ay, az = _weighted(simplex, count, 3)
         ends[0], ends[1], ends[2] = places[i, 0] + ax, places[i, 1] + ay, places[i, 2] + az
         ends[3], ends[4], ends[5] = ends[0] + px, ends[1] + py, ends[2] + pz
-        x, y, z = px / length, py / length, pz / length
+        x, y, z = _square_to(simplex, count, px / length, py / length, pz / length, length)
     return widest, nearest
+
+
+@leaf
+def _square_to(
+    simplex: FloatArray, count: int, x: float, y: float, z: float, length: float
+) -> tuple[float, float, float]:
+    """Return the unit vector n = (x, y, z) made square to the edge or triangle that is nearest to the origin.
+
+    Where that is much larger than its distance ``length``, rounding tilts n, and the slab across it is thin.
+    """
+    a, b, c = simplex[0, 0], simplex[0, 1], simplex[0, 2]
+    for k in range(1, count):
+        u, v, w = simplex[k, 0] - a, simplex[k, 1] - b, simplex[k, 2] - c
+        if k == 2:  # what of the second edge is square to the first
+            p, q, r = simplex[1, 0] - a, simplex[1, 1] - b, simplex[1, 2] - c
+            share = (u * p + v * q + w * r) / max(p * p + q * q + r * r, _NO_LENGTH)
+            u, v, w = u - share * p, v - share * q, w - share * r
+        square = u * u + v * v + w * w
+        if square > _LARGE * length * length:
+            along = (x * u + y * v + z * w) / square
+            x, y, z = x - along * u, y - along * v, z - along * w
+    size = math.sqrt(x * x + y * y + z * z)
+    return x / size, y / size, z / size
 
 
 @leaf

@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, SPHERE
+from omniservo.robots.exact_vertices import corners_of
+from omniservo.robots.gap_kernels import CAPSULE, CYLINDER, HALF_SPACE, HULL, KINDS, SPHERE
 from omniservo.robots.shapes import Shapes
 
 _SAME_AXIS = 1e-9
-"""[m], [rad] between the axes of a shape and of a joint that count as one"""
+"""[m] between the axes of a shape and of a joint that count as one, from end to end"""
+
+_SAME_NORMAL = 1e-12
+"""[rad] the same between a half-space's normal and the axis of a joint"""
 
 
 def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
     """Return the shapes of a model of a serial arm, and the pairs that may meet, see `ArmBodies`.
 
     Args:
-        model: MuJoCo's.
+        model: MuJoCo's; it is made to place every shape where it is stated.
         data: MuJoCo's, of that model; it is left at q = 0.
         around: (g,) which shapes stand around.
+
+    Raises:
+        InputError: a shape of a kind that is not known.
     """
+    model.geom_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # else frames 10⁻⁶ apart are one to it
     data.qpos[:] = 0.0
     mujoco.mj_kinematics(model, data)
     kinds = model.geom_type.astype(np.int64)
-    corners, firsts = [np.zeros((0, 3))], [0]
-    for mesh in model.geom_dataid.tolist():
-        corners.append(_hull_corners(model, mesh) if mesh >= 0 else np.zeros((0, 3)))
-        firsts.append(firsts[-1] + len(corners[-1]))
+    touched = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    _check_kinds(model, kinds, touched)
+    meshes = np.where(touched & (kinds == HULL), model.geom_dataid, -1).tolist()
+    corners = [np.zeros((0, 3)) if mesh < 0 else corners_of(model, mesh) for mesh in meshes]
     joints = np.zeros(model.nbody, dtype=np.int64)
     for body, parent, own in zip(
         range(1, model.nbody), model.body_parentid[1:].tolist(), model.body_jntnum[1:].tolist(), strict=True
@@ -41,9 +51,9 @@ def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
     shapes = Shapes(
         kinds=kinds,
         sizes=np.array(model.geom_size),
-        radii=np.array(model.geom_rbound),
-        corners=np.concatenate(corners),
-        firsts=np.array(firsts),
+        radii=_radii(model, kinds, corners),
+        corners=np.concatenate([np.zeros((0, 3)), *corners]),
+        firsts=np.cumsum([0, *map(len, corners)]),
         carried=carried,
         spins=np.zeros_like(carried),
         places=data.geom_xpos.copy(),
@@ -77,13 +87,16 @@ def _turned_about_own_axis(
     shapes: Shapes, hinges: tuple[FloatArray, FloatArray], joints: IntArray
 ) -> IntArray:
     """Return 1 for each shape (g,) that its joint (g,), if there is one, turns about the shape's own axis."""
-    turned: IntArray = _turned_in_place(shapes.kinds, shapes.places, shapes.axes, *hinges, joints)
+    turned: IntArray = _turned_in_place(
+        shapes.kinds, shapes.sizes, shapes.places, shapes.axes, *hinges, joints
+    )
     return turned
 
 
 @kernel
 def _turned_in_place(
     kinds: IntArray,
+    sizes: FloatArray,
     places: FloatArray,
     axes: FloatArray,
     anchors: FloatArray,
@@ -94,11 +107,15 @@ def _turned_in_place(
     turned = np.zeros(kinds.shape[0], dtype=np.int64)
     for g in range(kinds.shape[0]):
         j = joints[g]
-        if not 0 <= j < anchors.shape[0] or kinds[g] not in (SPHERE, CAPSULE, CYLINDER):
+        if not 0 <= j < anchors.shape[0] or kinds[g] not in (HALF_SPACE, SPHERE, CAPSULE, CYLINDER):
             continue
         a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
         x, y, z = axes[g, 2], axes[g, 5], axes[g, 8]
-        if kinds[g] != SPHERE and not _square_across(x, y, z, a, b, c) < _SAME_AXIS**2:
+        tilt = math.sqrt(_square_across(x, y, z, a, b, c))
+        if kinds[g] == HALF_SPACE:
+            turned[g] = tilt < _SAME_NORMAL
+            continue
+        if kinds[g] != SPHERE and not tilt * max(sizes[g, 0], sizes[g, 1]) < _SAME_AXIS:
             continue
         x, y, z = places[g, 0] - anchors[j, 0], places[g, 1] - anchors[j, 1], places[g, 2] - anchors[j, 2]
         if _square_across(x, y, z, a, b, c) < _SAME_AXIS**2:
@@ -112,16 +129,24 @@ def _square_across(x: float, y: float, z: float, a: float, b: float, c: float) -
     return float((y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2)
 
 
-def _hull_corners(model: Any, mesh: int) -> FloatArray:
-    """Return the corners of a mesh's hull: MuJoCo's graph of it lists them, where there is one."""
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    corners = np.array(model.mesh_vert[first : first + count], dtype=np.float64)
-    start = int(model.mesh_graphadr[mesh])
-    if start < 0:
-        return corners
-    on_hull = int(model.mesh_graph[start])
-    chosen: FloatArray = corners[model.mesh_graph[start + 2 + on_hull : start + 2 + 2 * on_hull]]
-    return chosen
+def _check_kinds(model: Any, kinds: IntArray, touched: BoolArray) -> None:
+    """Refuse shapes (g,) that can be touched, and are of a kind whose distance is not known here.
+
+    Raises:
+        InputError: it names the link, the kind and those that are legal.
+    """
+    for shape in np.flatnonzero(touched & ~np.isin(kinds, list(KINDS))).tolist():
+        kind = str(mujoco.mjtGeom(kinds[shape]).name).removeprefix("mjGEOM_").lower()
+        link = spelled(str(model.body(int(model.geom_bodyid[shape])).name))
+        raise InputError(f"link {link}: a shape of kind {kind} given; legal: {', '.join(KINDS.values())}")
+
+
+def _radii(model: Any, kinds: IntArray, corners: list[FloatArray]) -> FloatArray:
+    """Return the radii (g,) of balls about the shapes' origins that hold them [m]."""
+    radii: FloatArray = np.where(kinds == HALF_SPACE, math.inf, model.geom_rbound)
+    for shape in np.flatnonzero(kinds == HULL).tolist():
+        radii[shape] = np.linalg.norm(corners[shape], axis=1).max(initial=0.0)
+    return radii
 
 
 def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:

@@ -1,4 +1,4 @@
-"""A rigid convex body: what an arm carries, or must not touch."""
+"""A rigid convex body, or a half-space: what an arm carries, or must not touch."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
+from omniservo.geometry.along import along
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.robots.exact_vertices import add_hull
 from omniservo.short_repr import short_repr
 
-Kind = Literal["sphere", "capsule", "cylinder", "box", "hull"]
+Kind = Literal["sphere", "capsule", "cylinder", "box", "hull", "half_space"]
 
-SIZES: dict[Kind, int] = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}
+SIZES: dict[Kind, int] = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0, "half_space": 0}
 
 _THINNEST = 1e-6
 """What is thinner is taken to be so thick [m]: MuJoCo knows no body without a size."""
@@ -36,12 +38,12 @@ class Solid:
     """what it is called in results"""
     kind: Kind
     size: FloatArray
-    """sphere: radius. Capsule, cylinder: radius, half of the axis, which is z. Box: half extents. Hull: none.
-    [m], read-only"""
+    """sphere: radius. Capsule, cylinder: radius, half of the axis, which is z. Box: half extents. Hull, and
+    half-space, which is all of z ≤ 0: none. [m], read-only"""
     pose: RigidTransform
     """its own frame in that one"""
     vertices: FloatArray | None = None
-    """(n, 3) of a hull, n ≥ 4, not all in one plane [m], read-only; else None"""
+    """(n, 3) of a hull [m], read-only; else None"""
 
     __repr__ = short_repr
 
@@ -69,29 +71,38 @@ class Solid:
         """Return the box of half extents (3,) [m] along the axes of ``pose``, about its origin."""
         return cls(name, "box", finite_array("half_extents", half_extents, (3,)), pose)
 
+    @classmethod
+    def half_space(cls, name: str, normal: npt.ArrayLike, offset: float) -> Self:
+        """Return the solid normal·x ≤ offset [m], normal (3,) a unit vector: free is what it points to."""
+        upright = finite_array("normal", normal, (3,))
+        foot = RigidTransform.from_components(offset * upright, along(upright))
+        return cls(name, "half_space", np.zeros(0), foot)
+
     def moved(self, a_T_b: RigidTransform) -> Solid:
         """Return the same body, stated in frame b, in frame a."""
         return Solid(self.name, self.kind, self.size, a_T_b * self.pose, self.vertices)
 
     @property
     def radius(self) -> float:
-        """Of the ball about its own origin that holds it [m]; not of a hull, whose origin is anywhere."""
+        """Of the ball about its own origin that holds it [m]; not of a hull or a half-space."""
         if self.kind in ("sphere", "capsule"):
             return float(self.size.sum())
         return float(np.linalg.norm(self.size))
 
     @property
     def half_extents(self) -> FloatArray:
-        """Of the box along its axes that holds it (3,) [m]; not of a hull."""
+        """Of the box along its axes that holds it (3,) [m]; not of a hull or a half-space."""
         if self.kind == "box":
             return self.size
         across = float(self.size[0])
-        along = across if self.kind == "sphere" else float(self.size[1])
-        return np.array([across, across, along + across * (self.kind == "capsule")])
+        half = across if self.kind == "sphere" else float(self.size[1])
+        return np.array([across, across, half + across * (self.kind == "capsule")])
 
     @property
     def mujoco_size(self) -> tuple[float, float, float]:
         """The size as MuJoCo states it."""
+        if self.kind == "half_space":
+            return 0.0, 0.0, 1.0  # without end; the last one is how it is drawn
         first, second, third = [*self.size.tolist(), 0.0, 0.0, 0.0][:3]
         return first, second, third
 
@@ -103,11 +114,8 @@ class Solid:
         if self.vertices is None:
             geom.size = self.mujoco_size
         else:
-            mesh = spec.add_mesh(
-                uservert=self.vertices.ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-            )
-            mesh.name = f"hull of {self.name} {len(spec.meshes)}"
-            geom.meshname = mesh.name
+            geom.meshname = f"hull of {self.name} {len(spec.meshes)}"
+            add_hull(spec, geom.meshname, self.vertices)
         return geom
 
 
@@ -117,4 +125,5 @@ _GEOMS: dict[Kind, Any] = {
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
+    "half_space": mujoco.mjtGeom.mjGEOM_PLANE,
 }

@@ -16,9 +16,6 @@ TUBE_SHARE = 0.01
 TRACKING_PART = 0.5
 """of a task's risk: that the run leaves the tube. The rest is the estimate's and the mount's."""
 
-_FLOOR = 0.5
-"""[m] half of the thickness of the block that stands for the floor"""
-
 
 def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
     """Return arm and camera where they stand, on the floor, with the task's clearance and tracking margin."""
@@ -47,10 +44,8 @@ def tube_of(task: Task) -> Tube | None:
 def _floor(scene: Scene) -> tuple[Solid, ...]:
     if scene.floor is None:
         return ()
-    wide = 2.0 * scene.arm.reach + 1.0
-    middle = np.array([*scene.world_T_base.translation[:2], scene.floor - _FLOOR])
-    world_T_block = RigidTransform.from_translation(middle)
-    return (Solid.box("floor", scene.world_T_base.inv() * world_T_block, [wide, wide, _FLOOR]),)
+    level = RigidTransform.from_translation([0.0, 0.0, scene.floor])
+    return (Solid("floor", "half_space", np.zeros(0), scene.world_T_base.inv() * level),)
 
 
 def _standing(scene: Scene) -> tuple[Solid, ...]:

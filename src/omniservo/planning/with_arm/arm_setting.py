@@ -115,7 +115,7 @@ class ArmSetting:
             InputError: see `solids_of`.
         """
         counted = () if self.clearance is None else obstacles
-        return (*solids_of(counted, self.base_T_initial, self._far), *self.surroundings)
+        return (*solids_of(counted, self.base_T_initial), *self.surroundings)
 
     def points_in_sight(self, problem: PlanningProblem) -> FloatArray | None:
         """Return the points (m, 3) that nothing may hide, in the base frame [m]; None: any may be hidden."""
@@ -146,8 +146,3 @@ class ArmSetting:
     def _strays(self) -> tuple[dict[str, float], float]:
         """How far links and the camera's centre may be from where a path has them [m]."""
         return ({}, 0.0) if self.tube is None else (self.tube.links, self.tube.position)
-
-    @cached_property
-    def _far(self) -> float:
-        """[m] from the base, farther than the arm with what it carries can reach."""
-        return self.arm.reach + float(np.linalg.norm(self.flange_T_camera.translation)) + 1.0

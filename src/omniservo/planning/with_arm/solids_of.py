@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
+from omniservo.geometry.along import along
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
@@ -18,18 +19,15 @@ from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.robots import Solid
 
 
-def solids_of(
-    obstacles: Sequence[Obstacle], base_T_initial: RigidTransform, reach: float
-) -> tuple[Solid, ...]:
+def solids_of(obstacles: Sequence[Obstacle], base_T_initial: RigidTransform) -> tuple[Solid, ...]:
     """Return the obstacles in the base frame, called as in a certificate: ``obstacle i``.
 
-    A half-space becomes a block that is much larger than what the arm can reach; a cloud some hundred boxes
-    of one name that hold all its balls (`cloud_boxes`), or balls where points stand alone.
+    A cloud becomes some hundred boxes of one name that hold all its balls (`cloud_boxes`), or balls where
+    points stand alone.
 
     Args:
         obstacles: in the initial camera frame.
         base_T_initial: the initial camera in the arm's base frame.
-        reach: [m] the arm with what it carries stays within it of the base.
 
     Raises:
         InputError: an obstacle that moves, which is not judged for the whole arm.
@@ -42,7 +40,7 @@ def solids_of(
         if isinstance(obstacle, Cloud):
             found += _solids_of_cloud(name, obstacle, base_T_initial)
         else:
-            found.append(_solid(name, obstacle, base_T_initial, reach))
+            found.append(_solid(name, obstacle, base_T_initial))
     return tuple(found)
 
 
@@ -56,10 +54,7 @@ def _solids_of_cloud(name: str, cloud: Cloud, base_T_initial: RigidTransform) ->
 
 
 def _solid(
-    name: str,
-    obstacle: Sphere | Box | Capsule | HalfSpace | Mesh,
-    base_T_initial: RigidTransform,
-    reach: float,
+    name: str, obstacle: Sphere | Box | Capsule | HalfSpace | Mesh, base_T_initial: RigidTransform
 ) -> Solid:
     match obstacle:
         case Sphere():
@@ -70,21 +65,13 @@ def _solid(
             )
             return Solid.box(name, base_T_initial * own, obstacle.half_extents)
         case Capsule():
-            along = obstacle.end - obstacle.start
-            middle = RigidTransform.from_components(0.5 * (obstacle.start + obstacle.end), _turned_to(along))
-            size = np.array([obstacle.radius, 0.5 * np.linalg.norm(along)])
+            axis = obstacle.end - obstacle.start
+            middle = RigidTransform.from_components(0.5 * (obstacle.start + obstacle.end), along(axis))
+            size = np.array([obstacle.radius, 0.5 * np.linalg.norm(axis)])
             return Solid(name, "capsule", size, base_T_initial * middle)
         case HalfSpace():
             upright = base_T_initial.rotation.apply(np.array(obstacle.normal))
             height = float(obstacle.offset + base_T_initial.translation @ upright)
-            block = RigidTransform.from_components((height - 2.0 * reach) * upright, _turned_to(upright))
-            return Solid.box(name, block, [2.0 * reach] * 3)
+            return Solid.half_space(name, upright, height)
         case Mesh():
             return Solid(name, "hull", np.zeros(0), base_T_initial, obstacle.vertices)
-
-
-def _turned_to(direction: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Rotation:
-    """Return a rotation that takes z to a direction of any length; the identity where it has none."""
-    if not np.any(direction):
-        return Rotation.identity()
-    return Rotation.align_vectors([direction / np.linalg.norm(direction)], [[0.0, 0.0, 1.0]])[0]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from omniservo.geometry.arrays import FloatArray
 
 LEGAL_COUNTS = (6, 7)
 """Joints that an arm may have."""
@@ -23,6 +25,8 @@ class Description:
     """[rad/s²] from the base outwards; None: not stated"""
     notices: tuple[str, ...]
     """what of the file was left out or put in"""
+    vertices: Mapping[str, FloatArray]
+    """(n, 3) of each mesh by the name of its asset, or its own where it has no file: as they are stated"""
     hand: frozenset[str] = frozenset()
     """links behind joints that are held still"""
 

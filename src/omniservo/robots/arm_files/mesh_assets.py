@@ -36,6 +36,8 @@ class MeshAssets:
         self._names: dict[Path, str] = {}
         self.assets: dict[str, bytes] = {}
         """STL by name"""
+        self.vertices: dict[str, FloatArray] = {}
+        """(n, 3) of each as the file has them: STL has seven digits"""
 
     def add(self, place: str, reference: str, folder: str = "") -> str:
         """Return the asset's name of the mesh that ``reference`` means.
@@ -53,7 +55,8 @@ class MeshAssets:
             if len(self._names) == _MOST_MESHES:
                 raise InputError(f"{place}: more than {_MOST_MESHES} different meshes")
             name = f"mesh{len(self._names)}.stl"
-            self.assets[name] = _as_stl(*_solid(place, mesh))
+            vertices, faces = _solid(place, mesh)
+            self.assets[name], self.vertices[name] = _as_stl(vertices, faces), vertices[np.unique(faces)]
             self._names[mesh] = name
         return self._names[mesh]
 

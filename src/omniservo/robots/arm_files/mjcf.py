@@ -92,6 +92,7 @@ class _Mjcf:
             self._rates[SPEED],
             acceleration,
             (left_out,) if self._left_out else (),
+            self._meshes.vertices,
         )
 
     def _section(self, section: XmlElement, kept: ET.Element, folder: str) -> None:
@@ -148,6 +149,11 @@ class _Mjcf:
     def _mesh(self, mesh: XmlElement, folder: str) -> ET.Element:
         attributes = {name: value for name, value in mesh.attrib.items() if name in _OF_MESHES}
         if "file" not in attributes:
+            name, vertices = self._fields.text(mesh, "name"), self._fields.numbers(mesh, "vertex", None)
+            if len(vertices) % 3:
+                place = self._fields.place(mesh)
+                raise InputError(f"{place}: vertex: {len(vertices)} numbers; legal: 3 a vertex")
+            self._meshes.vertices[name] = vertices.reshape(-1, 3)
             return ET.Element("mesh", attributes)
         place, reference = self._fields.place(mesh), self._fields.text(mesh, "file")
         if Path(reference).suffix.lower() not in READABLE:

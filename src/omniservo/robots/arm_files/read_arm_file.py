@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
+from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_model import ArmModel
 from omniservo.robots.arm_files.contacts import leave_out_housings
 from omniservo.robots.arm_files.description import Description, held_notice
@@ -20,6 +22,7 @@ from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
 from omniservo.robots.arm_files.serial_chain import check_joints, find_tool, name_parts
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
+from omniservo.robots.exact_vertices import keep_vertices, on_hull
 from omniservo.xml_files import parse_elements
 
 SPEEDING_UP = 0.25
@@ -70,6 +73,14 @@ def _spec(description: Description, file: Path) -> Any:
     return spec
 
 
+def _keep_hulls(spec: Any, vertices: Mapping[str, FloatArray]) -> None:
+    """Keep what the file states of the meshes that can be touched."""
+    touched = {geom.meshname for geom in spec.geoms if geom.contype or geom.conaffinity}
+    for mesh in spec.meshes:
+        if mesh.name in touched:
+            keep_vertices(spec, mesh, on_hull(vertices[mesh.file or mesh.name]))
+
+
 def _compiled(spec: Any, file: Path) -> Any:
     try:
         with warnings.catch_warnings():
@@ -92,6 +103,7 @@ def _made_ready(spec: Any, description: Description, file: Path, tool: str | Non
     notices += [held_notice(held)] if held else []
     paint(spec)
     notices += share_groups(spec)
+    _keep_hulls(spec, description.vertices)
     model = _compiled(spec, file)
     check_joints(model, str(file))
     if len(description.speed) != model.njnt:

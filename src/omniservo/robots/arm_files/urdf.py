@@ -90,6 +90,7 @@ class _Urdf:
             tuple(self._speed(joint) for joint in moving),
             None,
             self._notices(moving, rest, held),
+            self._meshes.vertices,
             frozenset(fields.text(fields.needed(joint, "child", "<child link=…>"), "link") for joint in rest),
         )
 
