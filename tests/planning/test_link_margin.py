@@ -136,7 +136,7 @@ def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
     for _ in range(10):
         plain.place(random.uniform(*setting.arm.joint_range.T))
         gaps.append([plain.measure(pair) for pair in range(len(more))])
-    steady = np.ptp(gaps, axis=0) < 1e-9  # what no joint brings nearer keeps nothing for it
+    steady = np.ptp(gaps, axis=0) < 5e-8  # what no joint brings nearer keeps nothing for it
     assert steady.mean() < 0.2
     for pair, extra in enumerate(more):
         names = bodies.names(pair)

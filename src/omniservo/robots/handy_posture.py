@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm import Arm
@@ -47,7 +46,7 @@ def handy_posture(arm: Arm) -> FloatArray:
     camera = tuple(solid.moved(mount) for solid in CAMERA_HOUSING)
     values = [np.linalg.svd(arm.scaled_flange_jacobian(q), compute_uv=False)[-1] for q in drawn]
     order = np.argsort(values)[::-1]
-    floor = Solid.box("floor", RigidTransform.identity(), [2.0 * reach + 1.0, 2.0 * reach + 1.0, _ABOVE])
+    floor = Solid.half_space("floor", [0.0, 0.0, 1.0], _ABOVE)
     for level, stands in _LEVELS:
         bodies = ArmBodies(arm, mounted=camera, surroundings=(floor,) if stands else ())
         for i in order:
