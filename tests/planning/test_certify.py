@@ -1,5 +1,6 @@
 """Certificates: guaranteed, not loose, complete, and right about what they do not prove."""
 
+import copy
 import json
 
 import numpy as np
@@ -243,8 +244,11 @@ def test_a_plan_survives_its_file_exactly(paper, tmp_path):
         ({"seconds": "soon"}, "seconds: 'soon' given"),
         ({"path": {"rotation": [[1]]}}, "translation: missing"),
         ({"path": {"rotation": [[1]], "translation": [[1]]}}, "path.rotation: shape"),
-        ({"path": [1, 2]}, "path or certificate"),
-        ({"certificate": {"constraints": [{}]}}, "missing"),
+        ({"path": [1, 2]}, "path: \\[1, 2\\] given; a mapping"),
+        ({"certificate": {"constraints": [{}]}}, "worst: missing"),
+        ({"certificate": []}, "certificate: \\[\\] given; a mapping of fields is needed"),
+        ({"certificate": "yes"}, "certificate: 'yes' given; a mapping"),
+        ({"certificate": {"constraints": 3, "worst": {}}}, "certificate.constraints: 3 given; a list"),
         ({"problem": {}}, "problem: format: missing"),
     ],
 )
@@ -254,6 +258,52 @@ def test_a_broken_plan_file_is_named(paper, tmp_path, change, message):
     with pytest.raises(InputError, match=message) as caught:
         Plan.load(file)
     assert str(caught.value).startswith(str(file))
+
+
+NONSENSE = (None, True, 3, -1.5, float("nan"), "x", "", [], {}, [1], [[]], {"a": 1}, 10**400, [["x"] * 5])
+
+
+def nodes(value, place=()):
+    """Every place of a document."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, part in inner:
+        yield (*place, key)
+        yield from nodes(part, (*place, key))
+
+
+def test_a_plan_with_any_field_replaced_is_read_or_named(paper):
+    """Separators, polygon, margins, path: one field of a plan with all of them is replaced by nonsense."""
+    plan = plan_path(paper(1)).to_dict()
+    pieces = {"pieces": [[0.0, 1.0, 0.0, 0.0, 1.0]]}
+    plan["certificate"] |= {
+        "separators": [
+            {"constraint": "clearance obstacle 0", **pieces},
+            {"constraint": "occlusion obstacle 0", "point": 0, **pieces},
+        ],
+        "polygon": [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
+    }
+    Plan.from_dict(plan)
+    places = [p for p in nodes(plan) if p[0] in ("path", "certificate", "seconds", "status")]
+    refused = 0
+    for k, (*above, last) in enumerate(places):
+        changed = copy.deepcopy(plan)
+        holder = changed
+        for step in above:
+            holder = holder[step]
+        holder[last] = NONSENSE[k % len(NONSENSE)]
+        try:
+            Plan.from_dict(changed)
+        except InputError:
+            refused += 1
+    assert refused > 0.5 * len(places)
+
+
+def test_a_separator_of_no_point_is_refused(paper):
+    plan = plan_path(paper(1)).to_dict()
+    for point in ("x", -1, 1.5, True):
+        separator = {"constraint": "c", "point": point, "pieces": [[0.0, 1.0, 0.0, 0.0, 1.0]]}
+        with pytest.raises(InputError, match="separators.point"):
+            Plan.from_dict(plan | {"certificate": plan["certificate"] | {"separators": [separator]}})
 
 
 def test_degrees_may_be_any(paper):

@@ -118,6 +118,20 @@ def test_equal_and_collinear_points_are_judged():
         assert verify_plan(plan(asked, way, margins)).status == "refuted"
 
 
+@pytest.mark.parametrize("tiny", [1e-320, 5e-324, -1e-300])
+def test_a_coordinate_next_to_0_is_judged_like_0(tiny):
+    asked, way = free_cloud(30, 7)
+    asked["obstacles"][0]["points"][3][1] = 0.0
+    truth = {name: m - 1e-5 for name, (m, _, _) in true_margins(asked, way, 801).items()}
+    asked["obstacles"][0]["points"][3][1] = tiny
+    answer = verify_plan(plan(asked, way, truth))
+    assert answer.status == "certified", answer.reasons
+    truth["clearance obstacle 0"] += 2e-5
+    reason = verify_plan(plan(asked, way, truth)).reasons[0]
+    assert reason.startswith("clearance obstacle 0: ")
+    assert " m left at w = " in reason
+
+
 def test_more_work_than_is_taken_on_is_undecided(large, monkeypatch):
     monkeypatch.setattr(cloud_module, "MOST_TESTS", 500)
     answer = verify_plan(large[0])

@@ -129,6 +129,38 @@ def test_polygon_beyond_the_fold_of_the_distortion_is_refuted():
         assert judged(camera, polygon).verdict == verdict
 
 
+def octagon(radius, center=(0.0, 0.0)):
+    angles = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    return np.array(center) + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def test_distortion_that_folds_and_unfolds_again_before_the_corners_is_refuted():
+    # The radial slope 1 - 2.1r² + r⁴ is 1 on the axis, -0.1 at r = 1 and 0.73 at the corners, r = 1.4.
+    camera = lens((-0.7, 0.2, 0.0, 0.0), xi=1.0)
+    corners = octagon(1.4)
+    answer = judged(camera, corners)
+    assert (answer.verdict, answer.note) == ("violated", "the distortion is not one-to-one on the polygon")
+    assert (distort(camera, corners) > 0).all()
+    assert judged(camera, octagon(0.8)).verdict == "holds"
+
+
+def test_polygon_beside_the_principal_axis_is_judged_by_what_lies_between():
+    wide = {"width": 2000, "height": 2000, "cx": 200.0, "cy": 1000.0, "xi": 1.0}
+    mild = lens((-0.02, 0.001, 0.0, 0.0), **wide)
+    beside = octagon(0.5, (1.2, 0.1))
+    assert judged(mild, beside).verdict == "holds"
+    assert judged(mild, beside[::-1]).verdict == "holds"
+    assert judged({**mild, "width": 600}, beside).note.endswith("crosses the right edge")
+    # With a fold at r = 1 between it and the axis this lens does not show a polygon, though it unfolds again.
+    folding = lens((-0.7, 0.2, 0.0, 0.0), **wide)
+    far = octagon(0.06, (1.33, 0.0))
+    assert (distort(folding, far) > 0).all()
+    assert judged(folding, far).note == "the distortion is not one-to-one on the polygon"
+    # and a corner that a circle of max_angle cuts off is told from the axis, wherever the polygon lies
+    narrow = {**mild, "max_angle": 1.9}
+    assert "max_angle" in judged(narrow, beside).note
+
+
 def test_polygon_beyond_the_domain_or_the_largest_angle_is_refuted():
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / np.sqrt(2)
     wide = lens((-0.01, 0.0, 0.0, 0.0), width=5000, height=5000, cx=2500.0, cy=2500.0)
@@ -146,6 +178,26 @@ def test_polygon_beyond_the_domain_or_the_largest_angle_is_refuted():
         fits = radii[np.searchsorted(pixels, pixels[-1] - inset)]
         assert judged(narrow, square * fits * 0.9999, inset).verdict == "holds"
         assert judged(narrow, square * fits * 1.0005, inset).verdict == "violated"
+
+
+@pytest.mark.parametrize(
+    "distortion", [(-0.14, 0.03, 0, 0), (0.1, 0.05, 0, 0), (-0.1, 0.1, 0, 0), (0.1, -0.1, 0, 0)]
+)
+def test_pixels_to_the_circle_of_the_largest_angle_are_told_within_a_thousandth(distortion):
+    camera = lens(distortion, width=5000, height=5000, cx=2500.0, cy=2500.0, xi=1.0, max_angle=1.5)
+    circle = np.sin(1.5) / (np.cos(1.5) + 1.0)
+    k1, k2, _, _ = distortion
+    radii = np.linspace(0, circle, 20_001)
+    s = radii**2
+    slope = np.minimum(1 + k1 * s + k2 * s**2, 1 + 3 * k1 * s + 5 * k2 * s**2)
+    assert slope.min() > 0.1
+    way = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2) * (radii[1] - radii[0])])
+    least = min(camera["fx"], camera["fy"])
+    square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / np.sqrt(2)
+    for radius in (0.2, 0.5, 0.8):
+        pixels = least * (way[-1] - np.interp(radius, radii, way))
+        assert judged(camera, square * radius, pixels * 0.999).verdict == "holds"
+        assert judged(camera, square * radius, pixels * 1.0001).verdict == "violated"
 
 
 def test_point_outside_the_polygon_is_refuted():

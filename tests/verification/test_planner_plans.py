@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sampled_plans import FE185, camera, problem, random_case
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.verification import verify_plan
 
@@ -28,6 +29,17 @@ def test_planned_path_is_certified_from_its_saved_file(name, tmp_path):
     answer = verify_plan(tmp_path / "plan.json")
     assert answer.status == "certified", answer.reasons
     assert verify_plan(planned) == answer
+
+
+def test_a_margin_larger_than_the_way_from_the_axis_to_an_edge_is_verified():
+    lens = {**DISTORTED, "distortion": [-0.04, 0.006, 8e-4, -5e-4]}
+    ray = UnifiedCamera.from_dict(lens).unproject([330.0, 215.0])[0]
+    goal = {"translation": (0.05 * ray).tolist(), "quaternion": [0, 0, 0, 1]}
+    asked = problem(camera=lens, points=[(0.4 * ray).tolist()], goal=goal, obstacles=[])
+    planned = plan_path(PlanningProblem.from_dict(asked))
+    margins = {c.name.split(" (")[0]: c.margin for c in planned.certificate.constraints}
+    assert margins["visibility polygon"] > 431.5 - lens["cy"]
+    assert verify_plan(planned).status == "certified", verify_plan(planned).reasons
 
 
 def test_random_problems_are_answered_alike():

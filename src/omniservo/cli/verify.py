@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no, with_unit
 
+if TYPE_CHECKING:
+    from omniservo.planning import PlanningProblem
+
 
 def verify(
     plan: Annotated[Path, typer.Argument(help="A saved plan.")],
+    problem: Annotated[
+        Path | None,
+        typer.Option(
+            "--problem", help="The problem that was meant, JSON or YAML: the plan's must say the same."
+        ),
+    ] = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -22,12 +31,21 @@ def verify(
     output = Output(as_json, quiet)
     with output.working("verifying"):
         try:
-            certificate = verify_plan(plan)
+            certificate = verify_plan(plan, problem=None if problem is None else _loaded(problem))
         except PlanFileError as error:
             raise InputError(str(error)) from None
     output.line(f"{certificate.status}: {len(certificate.constraints)} constraints judged")
+    if certificate.differences == ():
+        output.line(f"  the plan's problem is that of {problem}")
     for c in certificate.constraints:
         output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)}: {c.verdict}")
     output.result(certificate.to_dict())
     if certificate.status != "certified":
         raise answer_is_no(f"{certificate.status}: {'; '.join(certificate.reasons)}")
+
+
+def _loaded(problem: Path) -> PlanningProblem:
+    """Return the problem of a file, with its camera and the files that it names."""
+    from omniservo.planning import PlanningProblem
+
+    return PlanningProblem.load(problem)

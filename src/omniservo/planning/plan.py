@@ -13,7 +13,8 @@ from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate.certificate import Certificate
+from omniservo.planning.certificate.certificate import Certificate, fields_of
+from omniservo.planning.obstacles.obstacle_fields import only_fields
 from omniservo.planning.planning_problem import PlanningProblem
 
 FORMAT = "omniservo.plan/1"
@@ -22,7 +23,8 @@ Status = Literal["certified", "refuted", "undecided", "infeasible", "not_found"]
 """certified: proven for all w. refuted: a w shows that the path violates a constraint. undecided: neither.
 infeasible: no path exists, because an end pose violates a constraint. not_found: no path was found."""
 
-_FIELDS = ("format", "problem", "status", "path", "certificate", "seconds", "method", "reason")
+_REQUIRED = ("format", "problem", "status")
+_OPTIONAL = ("path", "certificate", "seconds", "method", "reason")
 
 
 @with_field_docs
@@ -125,25 +127,18 @@ class Plan:
         """
         if not isinstance(fields, Mapping) or fields.get("format") != FORMAT:
             raise InputError(f"not a plan: format must be {FORMAT!r}")
-        unknown = [str(name) for name in fields if name not in _FIELDS]
-        if unknown:
-            raise InputError(f"{unknown[0]:.40}: no such field; legal: {', '.join(_FIELDS)}")
+        only_fields(fields, _REQUIRED, _OPTIONAL)
         statuses: tuple[Status, ...] = get_args(Status)
-        status = next((s for s in statuses if s == fields.get("status")), None)
+        status = next((s for s in statuses if s == fields["status"]), None)
         if status is None:
-            raise InputError(f"status: {fields.get('status')!r:.40} given; legal: {', '.join(statuses)}")
-        try:
-            path, certificate = fields.get("path"), fields.get("certificate")
-            return cls(
-                problem=PlanningProblem.from_dict(fields["problem"]),
-                status=status,
-                path=None if path is None else CameraPath(path["rotation"], path["translation"]),
-                certificate=None if certificate is None else Certificate.from_dict(certificate),
-                seconds=finite_number("seconds", fields.get("seconds", 0.0), minimum=0.0),
-                method=str(fields.get("method", "")),
-                reason=str(fields.get("reason", "")),
-            )
-        except KeyError as error:
-            raise InputError(f"{error.args[0]}: missing") from None
-        except TypeError:
-            raise InputError("path or certificate: not what a plan file holds") from None
+            raise InputError(f"status: {fields['status']!r:.40} given; legal: {', '.join(statuses)}")
+        path, certificate = fields.get("path"), fields.get("certificate")
+        return cls(
+            problem=PlanningProblem.from_dict(fields["problem"]),
+            status=status,
+            path=None if path is None else CameraPath(**fields_of("path", path, ("rotation", "translation"))),
+            certificate=None if certificate is None else Certificate.from_dict(certificate),
+            seconds=finite_number("seconds", fields.get("seconds", 0.0), minimum=0.0),
+            method=str(fields.get("method", "")),
+            reason=str(fields.get("reason", "")),
+        )

@@ -2,6 +2,7 @@
 
 from omniservo.verification.certificate import Certificate, Judgement
 from omniservo.verification.fields import PlanFileError
+from omniservo.verification.problem_differences import Difference
 from omniservo.verification.verify_plan import verify_plan
 
-__all__ = ["Certificate", "Judgement", "PlanFileError", "verify_plan"]
+__all__ = ["Certificate", "Difference", "Judgement", "PlanFileError", "verify_plan"]

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from omniservo.verification.problem_differences import Difference
+
 Status = Literal["certified", "refuted", "undecided"]
 
 
@@ -24,12 +26,15 @@ class Certificate:
     """What is proven of a plan file.
 
     ``certified``: the path and every claim of the file are proven. ``refuted``: something in it is false
-    or missing. ``undecided``: neither. ``reasons`` says why it is not certified, one readable line each.
+    or missing, or the plan's problem is not the one that was meant. ``undecided``: neither. ``reasons`` says
+    why it is not certified, one readable line each.
     """
 
     status: Status
     constraints: tuple[Judgement, ...]
     reasons: tuple[str, ...]
+    differences: tuple[Difference, ...] | None = None
+    """between the plan's problem and the one that was meant; None where they were not compared"""
 
     def __repr__(self) -> str:
         held = sum(judgement.verdict == "holds" for judgement in self.constraints)
@@ -42,4 +47,5 @@ class Certificate:
             "status": self.status,
             "constraints": [judgement._asdict() for judgement in self.constraints],
             "reasons": list(self.reasons),
+            "differences": None if self.differences is None else [d._asdict() for d in self.differences],
         }

@@ -66,7 +66,8 @@ class _Judge:
         doubt, done = HOLDS, set()
         ends = [end for end in (seen.camera, seen.target) if end]
         try:
-            for i in near(_tree(self._cloud, seen.scale), ends, distance * seen.scale, self._count):
+            reach = distance * seen.scale
+            for i in near(_tree(self._cloud, seen.scale), ends, reach, seen.scale, self._count):
                 if i in done:
                     continue
                 done.add(i)
@@ -76,16 +77,18 @@ class _Judge:
                 if finding.verdict == "violated":
                     return finding
                 doubt = doubt if finding is HOLDS else finding
-        except (TooMuchWork, *BEYOND_FLOATS):
+        except TooMuchWork:
             note = f"{len(self._cloud.points)} points, more work than this verifier takes on"
             return Finding("undecided", None, note)
+        except BEYOND_FLOATS:
+            return Finding("undecided", None, "numbers too large for the floating point of the hints")
         return doubt
 
     def apart(self, seen: Relative, w: Fraction) -> float:
         """Return the smallest distance of a point at w [m], in floating point, for messages only."""
-        start = [float(x * seen.scale) for x in seen.camera_at(w)]
-        end = [float(x * seen.scale) for x in seen.target_at(w)] if seen.target else start
-        return nearest(_tree(self._cloud, seen.scale), start, end) / seen.scale
+        start = [float(x) for x in seen.camera_at(w)]
+        end = [float(x) for x in seen.target_at(w)] if seen.target else start
+        return nearest(_tree(self._cloud, seen.scale), start, end)
 
     def _count(self, tests: int = 1) -> None:
         self._left -= tests
@@ -97,5 +100,5 @@ def _tree(cloud: Cloud, scale: int) -> Node:
     """Return the cloud's tree, built once: clearance and lines of sight have the same scale."""
     if scale not in cloud.trees:
         points = [tuple(x.numerator * (scale // x.denominator) for x in p) for p in cloud.points]
-        cloud.trees[scale] = tree(points, list(range(len(points))))
+        cloud.trees[scale] = tree(points, list(range(len(points))), scale)
     return cloud.trees[scale]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from math import dist, inf
+from math import hypot, inf
 from typing import NamedTuple
 
 from omniservo.verification.polynomials import Polynomial, bernstein, halves
@@ -16,16 +16,20 @@ Point = tuple[float, ...]
 
 
 class Node(NamedTuple):
-    """Points of a cloud and the box around them, in units of 1/scale; a single point has no branches."""
+    """Points of a cloud and the box around them; a single point has no branches.
+
+    low, high: exact, in units of 1/scale. center, size, radius: in floating point [m], for hints.
+    """
 
     low: Integers
     high: Integers
     branches: tuple["Node", ...]
     point: int
     center: Point
-    """of the box, in floating point"""
+    size: float
+    """the longest side"""
     radius: float
-    """half its diagonal"""
+    """half the diagonal"""
 
 
 class Hull(NamedTuple):
@@ -33,38 +37,41 @@ class Hull(NamedTuple):
 
     points: list[Integers]
     unit: int
+    floats: list[Point]
+    """the control points [m], for hints"""
     size: float
-    """the largest extent of the path's own"""
+    """the largest extent of the path's own [m]"""
 
 
 class TooMuchWork(Exception):
     """More tests than are allowed."""
 
 
-def tree(points: Sequence[Integers], indices: list[int]) -> Node:
-    """Halve the points along the longest side of their box until few are left."""
+def tree(points: Sequence[Integers], indices: list[int], scale: int) -> Node:
+    """Halve the points, in units of 1/scale, along the longest side of their box until few are left."""
     columns = [[points[i][k] for i in indices] for k in range(3)]
     low, high = tuple(map(min, columns)), tuple(map(max, columns))
     spend(len(indices) * (16 + (bits((*low, *high)) >> 8)))
     if len(indices) <= _LEAF or low == high:
-        return _node(low, high, tuple(_single(points[i], i) for i in indices))
+        return _node(low, high, scale, tuple(_node(points[i], points[i], scale, point=i) for i in indices))
     axis = max(range(3), key=lambda k: high[k] - low[k])
     indices = sorted(indices, key=lambda i: points[i][axis])
     middle = len(indices) // 2
-    return _node(low, high, (tree(points, indices[:middle]), tree(points, indices[middle:])))
+    halves = indices[:middle], indices[middle:]
+    return _node(low, high, scale, tuple(tree(points, half, scale) for half in halves))
 
 
-def _node(low: Integers, high: Integers, branches: tuple[Node, ...]) -> Node:
-    center = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-    return Node(low, high, branches, -1, center, dist(map(float, low), map(float, high)) / 2)
-
-
-def _single(point: Integers, index: int) -> Node:
-    return Node(point, point, (), index, tuple(map(float, point)), 0.0)
+def _node(
+    low: Integers, high: Integers, scale: int, branches: tuple[Node, ...] = (), point: int = -1
+) -> Node:
+    # Quotients of integers round once and are in metres: the integers themselves may be beyond floats.
+    center = tuple((a + b) / (2 * scale) for a, b in zip(low, high, strict=True))
+    sides = [(b - a) / scale for a, b in zip(low, high, strict=True)]
+    return Node(low, high, branches, point, center, max(sides), hypot(*sides) / 2)
 
 
 def near(
-    root: Node, ends: Sequence[Sequence[Polynomial]], reach: Fraction, count: Callable[[], None]
+    root: Node, ends: Sequence[Sequence[Polynomial]], reach: Fraction, scale: int, count: Callable[[], None]
 ) -> Iterator[int]:
     """Yield the points that are not proven to stay away from the path and its lines of sight.
 
@@ -74,6 +81,7 @@ def near(
         root: the cloud.
         ends: the path, and for lines of sight the other end: three polynomials each, in the cloud's units.
         reach: the distance, in the same units.
+        scale: how many of these units are a metre.
         count: is called before every test.
     """
     degree = max(len(p) for end in ends for p in end)
@@ -82,7 +90,7 @@ def near(
     stack = [(0, [one, *rows], [root])]
     while stack:
         depth, pieces, nodes = stack.pop()
-        left = _left(_hull(pieces), nodes, reach, count, split=depth == _DEEPEST)
+        left = _left(_hull(pieces, scale), nodes, reach, count, split=depth == _DEEPEST)
         if depth == _DEEPEST:
             yield from (node.point for node in left)
         elif nodes := list(left):
@@ -90,19 +98,19 @@ def near(
             stack += [(depth + 1, list(side), nodes) for side in sides]
 
 
-def _hull(pieces: list[list[int]]) -> Hull:
+def _hull(pieces: list[list[int]], scale: int) -> Hull:
     unit, rows = pieces[0][0], pieces[1:]
-    points = [point for k in range(0, len(rows), 3) for point in zip(*rows[k : k + 3], strict=True)]
-    size = max(max(row) - min(row) for row in rows[:3]) / unit
-    return Hull(list(dict.fromkeys(points)), unit, size)
+    points = dict.fromkeys(p for k in range(0, len(rows), 3) for p in zip(*rows[k : k + 3], strict=True))
+    metre = unit * scale
+    size = max(max(row) - min(row) for row in rows[:3]) / metre
+    return Hull(list(points), unit, [tuple(x / metre for x in point) for point in points], size)
 
 
 def _left(
     hull: Hull, nodes: list[Node], reach: Fraction, count: Callable[[], None], *, split: bool
 ) -> Iterator[Node]:
     """Yield what is not excluded: nodes that are smaller than the hull; with ``split`` single points only."""
-    floats = [[x / hull.unit for x in point] for point in hull.points]
-    mean = [sum(column) / len(floats) for column in zip(*floats, strict=True)]
+    mean = [sum(column) / len(hull.floats) for column in zip(*hull.floats, strict=True)]
     longest = bits(x for point in hull.points for x in point) + bits((reach.numerator, reach.denominator))
     test = 32 + len(hull.points) * (24 + (longest >> 10)) + (longest * longest >> 16)
     stack = list(nodes)
@@ -110,10 +118,9 @@ def _left(
         node = stack.pop()
         count()
         spend(test)
-        if _apart(hull, node, _toward(floats, mean, node), reach):
+        if _apart(hull, node, _toward(hull.floats, mean, node), reach):
             continue
-        size = max(b - a for a, b in zip(node.low, node.high, strict=True))
-        if node.branches and (split or size > hull.size):
+        if node.branches and (split or node.size > hull.size):
             stack += node.branches
         else:
             yield node
@@ -130,7 +137,7 @@ def _apart(hull: Hull, node: Node, normal: Integers | None, reach: Fraction) -> 
     return gap > 0 and gap * gap >= (reach.numerator * hull.unit) ** 2 * (x * x + y * y + z * z)
 
 
-def _toward(hull: list[list[float]], mean: list[float], node: Node) -> Integers | None:
+def _toward(hull: list[Point], mean: list[float], node: Node) -> Integers | None:
     """Return a direction from the box to the hull, nearly that of their distance; any direction is sound."""
     cx, cy, cz = node.center
     x, y, z = mean[0] - cx, mean[1] - cy, mean[2] - cz

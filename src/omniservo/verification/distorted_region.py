@@ -1,8 +1,9 @@
 """The polygon of a distorted camera: proven to lie inside the image before a point is proven to lie in it.
 
-1. The polygon is convex and contains the principal axis.
+1. The polygon is convex.
 2. The distortion's Jacobian is symmetric, and I on the axis. Its determinant is positive everywhere on the
-   polygon, so it is positive definite there, and the distortion is one-to-one.
+   hull of polygon and axis, so it is positive definite there, and the distortion is one-to-one. The triangles
+   (axis, vertex, next vertex) cover that hull, wherever the axis lies.
 3. Such a map takes inner points to inner points, so u and v take their extremes on the outline: it is enough
    that the outline stays inside the image's edges.
 4. The circles are convex: it is enough that they contain the vertices. Moving by dr along the plane
@@ -50,8 +51,6 @@ def region(camera: Camera, polygon: tuple[Vector, ...], inset: Fraction) -> Find
     vertices = anticlockwise(polygon)
     if vertices is None:
         return Finding("violated", None, "the polygon is not convex")
-    if any(_cross(vertices[i - 1], vertices[i]) < 0 for i in range(len(vertices))):
-        return Finding("undecided", None, "the polygon does not contain the principal axis; not judged")
     found = _inside_circles(camera, vertices, inset)
     if found is not None:
         return found
@@ -95,8 +94,25 @@ def _pixels_between(camera: Camera, inner: Fraction, outer: Fraction) -> Fractio
     """Return a number ≤ σ_min ∫ λ dr from inner to outer [px]."""
     step = (outer - inner) / _RINGS
     radii = [inner + i * step for i in range(_RINGS)]
-    total = sum((max(Fraction(0), _eigenvalues(camera, r, r + step)[0]) for r in radii), Fraction(0))
-    return least_stretch(camera)[0] * step * total
+    total = sum((_ring(camera, r, r + step) for r in radii), Fraction(0))
+    return least_stretch(camera)[0] * total
+
+
+def _ring(camera: Camera, start: Fraction, end: Fraction) -> Fraction:
+    """Return a number ≤ ∫ λ dr over a ring: the integral itself where one of both bounds is the lesser.
+
+    Across is less than radially where k₁ + 2k₂r² > 0, and that changes sign once at most.
+    """
+    least, (k1, k2, p1, p2) = _eigenvalues(camera, start, end)[0], camera.distortion
+    turns = sorted(k1 + 2 * k2 * r**2 for r in (start, end))
+    if least <= 0:
+        return Fraction(0)
+    if turns[0] < 0 < turns[1]:
+        return least * (end - start)
+    a, b = (k1 / 3, k2 / 5) if turns[1] > 0 else (k1, k2)
+    tangential = 3 * root_above(p1 * p1 + p2 * p2)
+    low, high = (r + a * r**3 + b * r**5 - tangential * r**2 for r in (start, end))
+    return high - low
 
 
 def _folded(camera: Camera, radius: Fraction) -> bool:

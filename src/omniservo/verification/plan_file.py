@@ -2,6 +2,7 @@
 
 import json
 import math
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -115,27 +116,59 @@ class PlanFile:
     separators: Separators
 
 
-def read_plan(plan: Any) -> PlanFile:
-    """Read a mapping, a file's path, or an object with ``to_dict()``.
+def plan_document(plan: Any) -> Mapping[str, Any]:
+    """Return the fields of a mapping, of a file's path, or of an object with ``to_dict()``.
 
     Raises:
         PlanFileError: not a plan at all.
-        Malformed: a plan, but a field is missing or wrong; a certified plan never looks like that.
+    """
+    return _fields_of(plan, "plan")
+
+
+def read_plan(document: Mapping[str, Any]) -> PlanFile:
+    """Read the fields of a plan.
+
+    Raises:
+        Malformed: a field is missing or wrong; a certified plan never looks like that.
         NotJudged: it asks for something that this verifier does not know.
     """
-    document = plan.to_dict() if hasattr(plan, "to_dict") else plan
+    return _plan(Fields(document, "plan"))
+
+
+def read_problem(problem: Any) -> Mapping[str, Any]:
+    """Return the fields of a problem, in the same three ways, once they are found legal.
+
+    Raises:
+        PlanFileError: not a problem, not legal, or its camera is a path, which this verifier does not follow.
+    """
+    document = _fields_of(problem, "problem")
+    if isinstance(document.get("camera"), str):
+        raise PlanFileError("problem.camera: a path given; a problem with its camera in it is needed")
+    try:
+        _problem(Fields({"problem": document}, "plan"))
+    except (Malformed, NotJudged) as fault:
+        raise PlanFileError(str(fault)) from None
+    return document
+
+
+def _fields_of(value: Any, kind: str) -> Mapping[str, Any]:
+    document = value.to_dict() if hasattr(value, "to_dict") else value
     if isinstance(document, str | Path):
         document = _document(Path(document))
-    if not isinstance(document, Mapping) or not str(document.get("format")).startswith("omniservo.plan/"):
-        raise PlanFileError('not a plan: "format" must be "omniservo.plan/1"')
-    return _plan(Fields(document, "plan"))
+    if not isinstance(document, Mapping) or not str(document.get("format")).startswith(f"omniservo.{kind}/"):
+        raise PlanFileError(f'not a {kind}: "format" must be "omniservo.{kind}/1"')
+    return document
 
 
 def _document(path: Path) -> Any:
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise PlanFileError(f"{path}: {path.stat().st_size} bytes; at most {MOST_BYTES} are read")
-        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once)
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise PlanFileError(f"{path}: a directory, device or pipe; a file is needed")
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise PlanFileError(f"{path}: at most {MOST_BYTES} bytes are read")
+        return json.loads(text.decode("utf-8-sig"), object_pairs_hook=_once)
     except OSError as error:
         raise PlanFileError(f"{path}: {error.strerror or error}") from None
     except RecursionError:

@@ -1,6 +1,6 @@
 """A plan file judged as it stands, in exact arithmetic, believing nothing that the planner says."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,26 +11,49 @@ from omniservo.verification.faults_of_list import by_constraint, faults_of_list
 from omniservo.verification.faults_of_separators import faults_of_separators
 from omniservo.verification.fields import Malformed, NotJudged, Vector
 from omniservo.verification.judged import Case, judged
-from omniservo.verification.plan_file import PlanFile, Problem, read_plan
+from omniservo.verification.plan_file import PlanFile, Problem, plan_document, read_plan, read_problem
+from omniservo.verification.problem_differences import Difference, problem_differences
 from omniservo.verification.work import WorkExceeded, bounded
 
 _MOST_REASONS = 50
 
 
-def verify_plan(plan: Any) -> Certificate:
+def verify_plan(plan: Any, *, problem: Any = None) -> Certificate:
     """Judge a plan: a mapping, the path of its file, or an object whose ``to_dict()`` gives that mapping.
 
+    Args:
+        plan: what is judged, for the problem that stands in it.
+        problem: the problem that was meant, in the same three ways, its camera embedded. A plan whose own
+            problem says anything else is refuted, and ``differences`` names the fields with both values.
+
     Raises:
-        PlanFileError: not a plan, or the file cannot be read.
+        PlanFileError: not a plan or problem, or the file cannot be read.
     """
+    meant = None if problem is None else read_problem(problem)
+    found, differences = _judged(plan, meant)
+    if not differences:
+        return replace(found, differences=differences)
+    lines = [str(difference) for difference in differences[:_MOST_REASONS]]
+    if len(differences) > _MOST_REASONS:
+        lines.append(f"problem: {len(differences) - _MOST_REASONS} more fields differ")
+    return Certificate("refuted", found.constraints, (*lines, *found.reasons), differences)
+
+
+def _judged(plan: Any, meant: Mapping[str, Any] | None) -> tuple[Certificate, tuple[Difference, ...] | None]:
+    """Return what is found of the plan, and where its problem differs from the one that was meant."""
+    differences = None
     try:
         with bounded():
-            file = read_plan(plan)
-            return _infeasible(file) if file.status == "infeasible" else _judged_path(file)
+            document = plan_document(plan)
+            file = read_plan(document)
+            if meant is not None:
+                differences = problem_differences(document["problem"], meant)
+            found = _infeasible(file) if file.status == "infeasible" else _judged_path(file)
+            return found, differences
     except Malformed as fault:
-        return Certificate("refuted", (), (str(fault),))
+        return Certificate("refuted", (), (str(fault),)), differences
     except (NotJudged, WorkExceeded) as fault:
-        return Certificate("undecided", (), (str(fault),))
+        return Certificate("undecided", (), (str(fault),)), differences
 
 
 def _judged_path(file: PlanFile) -> Certificate:

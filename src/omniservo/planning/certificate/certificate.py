@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.planning.obstacles.obstacle_fields import only_fields
 
 
 @with_field_docs
@@ -77,22 +79,44 @@ class Certificate:
         """Return the certificate of a plan file.
 
         Raises:
-            InputError: a number is not one.
+            InputError: a field is missing, unknown or not legal.
         """
+        fields = fields_of("certificate", fields, ("constraints", "worst"), ("polygon", "separators"))
         polygon = fields.get("polygon")
         return cls(
-            tuple(_margin(c) for c in fields["constraints"]),
+            tuple(_margin(c) for c in _listed("certificate.constraints", fields["constraints"])),
             _margin(fields["worst"]),
-            None if polygon is None else frozen(finite_array("polygon", polygon, (None, 2))),
-            tuple(_separator(s) for s in fields.get("separators", ())),
+            None if polygon is None else frozen(finite_array("certificate.polygon", polygon, (None, 2))),
+            tuple(_separator(s) for s in _listed("certificate.separators", fields.get("separators", []))),
         )
+
+
+def fields_of(
+    where: str, fields: Any, required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> Mapping[str, Any]:
+    """Return what stands at a place of a plan file, if it is a mapping with these fields.
+
+    Raises:
+        InputError: it is none, or a field is missing or unknown; the message begins with ``where``.
+    """
+    try:
+        return only_fields(fields, required, optional)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _listed(where: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise InputError(f"{where}: {spelled(value)} given; a list is needed")
+    return value
 
 
 def _fields(c: ConstraintMargin) -> dict[str, Any]:
     return {"name": c.name, "margin": c.margin, "unit": c.unit, "w": c.w}
 
 
-def _margin(fields: Mapping[str, Any]) -> ConstraintMargin:
+def _margin(fields: Any) -> ConstraintMargin:
+    fields = fields_of("certificate: a constraint", fields, ("name", "margin", "unit", "w"))
     margin = finite_number("certificate.margin", fields["margin"])
     w = finite_number("certificate.w", fields["w"], minimum=0.0, maximum=1.0)
     return ConstraintMargin(str(fields["name"]), margin, str(fields["unit"]), w)
@@ -103,7 +127,10 @@ def _separator_fields(s: Separator) -> dict[str, Any]:
     return {"constraint": s.constraint, **point, "pieces": s.pieces.tolist()}
 
 
-def _separator(fields: Mapping[str, Any]) -> Separator:
+def _separator(fields: Any) -> Separator:
+    fields = fields_of("certificate.separators", fields, ("constraint", "pieces"), ("point",))
     pieces = frozen(finite_array("certificate.separators.pieces", fields["pieces"], (None, 5)))
     point = fields.get("point")
-    return Separator(str(fields["constraint"]), None if point is None else int(point), pieces)
+    if not (point is None or (isinstance(point, int) and not isinstance(point, bool) and point >= 0)):
+        raise InputError(f"certificate.separators.point: {spelled(point)} given; legal: 0, 1, ...")
+    return Separator(str(fields["constraint"]), point, pieces)
