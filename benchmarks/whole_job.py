@@ -1,6 +1,7 @@
 """The two experiments of the paper as whole runs, and the time from images to a plan.
 
-Run: ``python -m benchmarks.whole_job``. Everything is warm: each stage is called before the clock starts.
+`stage_times` is warm: each stage is called before the clock starts. A run's own times are those of its only
+computation, which in a process's first run loads code.
 """
 
 from __future__ import annotations

@@ -11,8 +11,10 @@ import pytest
 from tests.cli.calling import call
 from tests.cli.test_command_line import problem, written
 
+from omniservo.cli.compiled_record import CompiledRecord
 from omniservo.cli.progress import DOING
 from omniservo.cli.run_summary import run_summary
+from omniservo.planning import plan_path
 
 COMMAND = [sys.executable, "-m", "omniservo.cli.main"]
 HEAVY = ("numba", "scipy", "mujoco", "matplotlib", "cv2")
@@ -48,6 +50,14 @@ def test_lists_and_wrong_calls_load_nothing_heavy(tmp_path, arguments, code, say
     heavy, ended, err = imports_of(*arguments, folder=tmp_path)
     assert (heavy, ended) == ("[]", code)
     assert says in err
+
+
+def test_a_warm_up_that_has_nothing_to_do_loads_nothing_heavy(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert plan_path.__name__
+    assert CompiledRecord().save()
+    heavy, ended, err = imports_of("warm-up", folder=tmp_path)
+    assert (heavy, ended, err) == ("[]", 0, "")
 
 
 def interrupted(process):

@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify
+from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify, warm_up
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import AlreadyExists, AnswerIsNo, InputError
@@ -26,6 +26,7 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
 app.command("examples")(examples.examples)
+app.command("warm-up")(warm_up.warm_up)
 app.add_typer(camera.app, name="camera")
 app.add_typer(robot.app, name="robot")
 

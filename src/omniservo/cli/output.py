@@ -54,9 +54,9 @@ class Output:
         DOING.written.append(path)
         self.line(f"written: {path}")
 
-    def working(self, what: str) -> Progress:
+    def working(self, what: str, *, compiles: bool = False) -> Progress:
         """Show progress on standard error while the block runs; call what is entered to change the words."""
-        return Progress(what, silent=self.quiet or self.as_json)
+        return Progress(what, silent=self.quiet or self.as_json, compiles=compiles)
 
 
 def with_unit(value: float, unit: str) -> str:

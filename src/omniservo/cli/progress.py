@@ -50,10 +50,11 @@ class Progress:
     Args:
         what: the first stage.
         silent: says nothing, but knows the stage all the same.
+        compiles: compiling is the job; in others it happens to a stage, and tells nothing of the rest.
     """
 
-    def __init__(self, what: str, *, silent: bool) -> None:
-        self._what, self._silent = what, silent
+    def __init__(self, what: str, *, silent: bool, compiles: bool = False) -> None:
+        self._what, self._silent, self._compiles = what, silent, compiles
         self._share: float | None = None
         self._begin = self._last_line = perf_counter()
         self._watch: CompilerWatch | None = None
@@ -107,11 +108,12 @@ class Progress:
             self._watch = self._entered.enter_context(CompilerWatch(self._compiling))
 
     def _left(self) -> str:
-        """Say how long it takes if the rest goes as fast as what is behind; compiling does not count."""
+        """Say how long it takes if the rest goes as fast as what is behind."""
         if self._share is None or self._share < _LEAST_SHARE:
             return ""
-        compiling = self._watch.seconds if self._watch is not None and self._watch.compiled else 0.0
-        taken = perf_counter() - self._begin - compiling
+        taken = perf_counter() - self._begin
+        if self._watch is not None and self._watch.compiled and not self._compiles:
+            taken -= self._watch.seconds
         return f"; about {taken * (1.0 / self._share - 1.0):.0f} s left"
 
     def _compiling(self, name: str) -> None:

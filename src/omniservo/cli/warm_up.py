@@ -1,0 +1,26 @@
+"""``omniservo warm-up``."""
+
+from __future__ import annotations
+
+from omniservo.cli.compiled_record import CompiledRecord
+from omniservo.cli.output import JsonOption, Output, QuietOption
+
+
+def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+    """Compile what is compiled, once: the first run, plan or estimate need not do it then."""
+    output, record = Output(as_json, quiet), CompiledRecord()
+    if record.is_complete():
+        output.line("everything is compiled already")
+        output.result({"compiled": 0, "seconds": 0.0, "already": True})
+        return
+    with output.working("starting", compiles=True) as progress:
+        progress("loading", 0.0)
+        from omniservo.geometry.compiler_watch import CompilerWatch
+        from omniservo.runs.warm_up import warm_up as do_small_jobs
+
+        with CompilerWatch() as watch:
+            do_small_jobs(progress)
+    output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; kept for every later call")
+    if not record.save():
+        output.line(f"{record.path}: could not be written: the next warm-up goes through the same jobs again")
+    output.result({"compiled": watch.compiled, "seconds": watch.seconds, "already": False})
