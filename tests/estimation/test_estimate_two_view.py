@@ -210,4 +210,3 @@ def test_residuals_are_projection_minus_pixel(make_scene):
     np.testing.assert_allclose(estimate.residuals_px, again, atol=1e-9)
     assert estimate.rms_px == pytest.approx(math.sqrt((again**2).sum() / 30))
     assert estimate.noise_px == pytest.approx(math.sqrt((again**2).sum() / 10))
-    assert not estimate.points.flags.writeable

@@ -202,13 +202,6 @@ def test_mirrored_camera_gives_mirrored_dots():
     assert gaps.min(1).max() < 0.05
 
 
-def test_dots_are_values():
-    patches, _ = one_dot()
-    dots = find_dots(render(CAMERA, Scene(patches)), CAMERA)
-    with pytest.raises(ValueError, match="read-only"):
-        dots.pixels[0] = 0
-
-
 @pytest.mark.parametrize(
     "image",
     [

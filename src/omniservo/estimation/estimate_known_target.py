@@ -19,7 +19,7 @@ from omniservo.estimation.pose_estimate import pose_of
 from omniservo.estimation.pose_evidence import NEGLIGIBLE, far_rival, noise_of, odds_of, refusal, variance_of
 from omniservo.estimation.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 PICTURES = ("initial", "goal")
 
@@ -205,14 +205,14 @@ def _with_pose(
         status="ok",
         message="",
         initial_T_goal=motion,
-        points=frozen(points),
+        points=owned(points),
         is_metric=True,
-        covariance=frozen(covariance),
-        points_covariance=frozen(points_covariance),
+        covariance=owned(covariance),
+        points_covariance=owned(points_covariance),
         inliers=inliers,
         rms_px=math.sqrt(float(square.mean())),
         noise_px=noise_of(cost, freedom, stated),
-        residuals_px=frozen(residuals),
+        residuals_px=owned(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=scale_sigma,
         uncertainty=law,

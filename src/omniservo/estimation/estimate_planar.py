@@ -35,7 +35,7 @@ from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, fit_two_views
 from omniservo.estimation.two_view_request import TwoViewRequest
 from omniservo.estimation.two_view_uncertainty import Noise, total_covariances
-from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 LEAST_PLANAR_POINTS = 4
 """of a homography."""
@@ -216,14 +216,14 @@ def _answer(
         status="ok",
         message="",
         initial_T_goal=RigidTransform.from_components(translation, Rotation.from_matrix(rotation)),
-        points=frozen(points),
+        points=owned(points),
         is_metric=request.metres is not None,
-        covariance=frozen(motion),
-        points_covariance=frozen(each),
+        covariance=owned(motion),
+        points_covariance=owned(each),
         inliers=inside,
         rms_px=math.sqrt(float((residuals[inside] ** 2).sum()) / (2 * members.size)),
         noise_px=math.sqrt(solution.blocks.cost / freedom),
-        residuals_px=frozen(residuals),
+        residuals_px=owned(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=request.scale_sigma,
         uncertainty=law,

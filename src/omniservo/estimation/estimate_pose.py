@@ -17,7 +17,7 @@ from omniservo.estimation.pose_evidence import FAR_ROTATION, judge_pose, rotatio
 from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.pose_refinement import inverse_information
 from omniservo.estimation.pose_search import write_pose_residuals
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 
 
 def estimate_pose(
@@ -53,7 +53,7 @@ def estimate_pose(
         return _without_pose(n, "too_few_points", words, np.empty((0, 7)), (), started)
     fit = fit_pose(known, robust)
     verdict = judge_pose(fit, known)
-    poses = frozen(fit.minima[: len(verdict.odds), :7])
+    poses = owned(fit.minima[: len(verdict.odds), :7])
     odds = tuple(float(x) for x in verdict.odds)
     if verdict.status != "ok":
         return _without_pose(n, verdict.status, verdict.message, poses, odds, started)
@@ -68,11 +68,11 @@ def estimate_pose(
         message="",
         minima=poses,
         odds=odds,
-        covariance=frozen(covariance),
+        covariance=owned(covariance),
         inliers=fit.members,
         rms_px=math.sqrt(square / int(fit.members.sum())),
         noise_px=verdict.noise_px,
-        residuals_px=frozen(residuals),
+        residuals_px=owned(residuals),
         seconds=time.perf_counter() - started,
     )
 
@@ -159,10 +159,10 @@ def _without_pose(
         message=message,
         minima=poses,
         odds=odds,
-        covariance=frozen(np.full((6, 6), math.nan)),
+        covariance=np.full((6, 6), math.nan),
         inliers=np.zeros(n, dtype=np.bool_),
         rms_px=math.nan,
         noise_px=math.nan,
-        residuals_px=frozen(np.full((n, 2), math.nan)),
+        residuals_px=np.full((n, 2), math.nan),
         seconds=time.perf_counter() - started,
     )

@@ -38,7 +38,7 @@ from omniservo.estimation.two_view_uncertainty import (
 )
 from omniservo.estimation.uncertainty import determines_motion, linear_response
 from omniservo.estimation.vouched_fit import vouched_fit
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 Scale = float | tuple[tuple[int, int], float]
 
@@ -298,14 +298,14 @@ def _with_pose(
         status="ok",
         message="",
         initial_T_goal=_pose(rotation, translation),
-        points=frozen(points),
+        points=owned(points),
         is_metric=request.metres is not None,
         covariance=later(uncertain.of_motion),
         points_covariance=later(uncertain.of_points),
         inliers=fit.members,
         rms_px=math.sqrt(square / (2 * members.size)),
         noise_px=math.sqrt(weighted / max(freedom, 1)),
-        residuals_px=frozen(residuals),
+        residuals_px=owned(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=request.scale_sigma,
         uncertainty=later(uncertain.joint),
@@ -337,10 +337,10 @@ class _Uncertainty:
         return self._joint
 
     def of_motion(self) -> FloatArray:
-        return frozen(self._covariances[0])
+        return owned(self._covariances[0])
 
     def of_points(self) -> FloatArray:
-        return frozen(self._covariances[1])
+        return owned(self._covariances[1])
 
     @cached_property
     def _covariances(self) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ from omniservo.estimation.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT,
 from omniservo.estimation.view_poses import LEAST_POINTS, PlacedViews, place_all, place_others
 from omniservo.estimation.view_scale import Length, ViewScale, checked_scale
 from omniservo.estimation.view_uncertainty import ViewUncertainty
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
 
 ADJUSTING_STEPS = 100
 GATING_ROUNDS = 4
@@ -243,14 +243,14 @@ def _concluded(
         status="ok",
         message=words,
         initial_T_views=tuple(_pose(views.poses[view]) if views.placed[view] else None for view in range(v)),
-        points=frozen(views.points),
+        points=owned(views.points),
         is_metric=length.metres is not None,
-        covariance=frozen(covariance),
-        points_covariance=frozen(points_covariance),
+        covariance=owned(covariance),
+        points_covariance=owned(points_covariance),
         inliers=views.agree,
         rms_px=math.sqrt(square / int(views.agree.sum())),
         noise_px=math.sqrt(square / freedom),
-        residuals_px=frozen(residuals),
+        residuals_px=owned(residuals),
         scale_sigma=scale_sigma,
         freedom=float(freedom) if unknown else math.inf,
         uncertainty=law,

@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_uncertainty import ViewUncertainty
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 
 @with_field_docs
@@ -89,12 +89,12 @@ class MultiViewEstimate:
             initial_T_goal=pose,
             points=self.points,
             is_metric=self.is_metric,
-            covariance=frozen(self.covariance[goal]),
+            covariance=owned(self.covariance[goal]),
             points_covariance=self.points_covariance,
             inliers=placed,
             rms_px=self.rms_px,
             noise_px=self.noise_px,
-            residuals_px=frozen(np.concatenate((self.residuals_px[0], self.residuals_px[goal]), axis=1)),
+            residuals_px=np.concatenate((self.residuals_px[0], self.residuals_px[goal]), axis=1),
             seconds=self.seconds,
             scale_sigma=self.scale_sigma,
             uncertainty=law.law(rank, self.sigma_px, self.freedom),
@@ -110,14 +110,14 @@ class MultiViewEstimate:
             status=status,
             message=message,
             initial_T_views=(None,) * v,
-            points=frozen(np.full((n, 3), math.nan)),
+            points=np.full((n, 3), math.nan),
             is_metric=False,
-            covariance=frozen(np.full((v, 6, 6), math.nan)),
-            points_covariance=frozen(np.full((n, 3, 3), math.nan)),
+            covariance=np.full((v, 6, 6), math.nan),
+            points_covariance=np.full((n, 3, 3), math.nan),
             inliers=np.zeros((v, n), dtype=np.bool_),
             rms_px=math.nan,
             noise_px=math.nan,
-            residuals_px=frozen(np.full((v, n, 2), math.nan)),
+            residuals_px=np.full((v, n, 2), math.nan),
             scale_sigma=0.0,
             freedom=math.inf,
             uncertainty=None,

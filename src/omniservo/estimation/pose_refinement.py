@@ -12,7 +12,7 @@ from omniservo.cameras.unified_kernels import project_point, project_point_jacob
 from omniservo.errors import InputError
 from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, owned
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.matrix_products import times, transposed_times
@@ -86,7 +86,7 @@ def refine_pose(
     if ok:
         ok = pose_covariance(camera.parameters, model, seen, use, quaternion, translation, 0.0, covariance)
     pose = RigidTransform.from_components(translation, Rotation.from_quat(quaternion)) if ok else None
-    return PoseRefinement(pose, float(rms), frozen(covariance), bool(ok))
+    return PoseRefinement(pose, float(rms), owned(covariance), bool(ok))
 
 
 @kernel

@@ -20,7 +20,7 @@ from omniservo.estimation.likelihood_samples import likelihood_samples
 from omniservo.estimation.matches import Matches
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
 
 FORMAT = "omniservo.estimate/1"
 
@@ -100,14 +100,14 @@ class TwoViewEstimate:
             status=status,
             message=message,
             initial_T_goal=None,
-            points=frozen(np.full((n, 3), math.nan)),
+            points=np.full((n, 3), math.nan),
             is_metric=False,
-            covariance=frozen(np.full((6, 6), math.nan)),
-            points_covariance=frozen(np.full((n, 3, 3), math.nan)),
+            covariance=np.full((6, 6), math.nan),
+            points_covariance=np.full((n, 3, 3), math.nan),
             inliers=np.zeros(n, dtype=np.bool_),
             rms_px=math.nan,
             noise_px=math.nan,
-            residuals_px=frozen(np.full((n, 4), math.nan)),
+            residuals_px=np.full((n, 4), math.nan),
             seconds=time.perf_counter() - started,
         )
 
@@ -274,7 +274,7 @@ def _read_array(value: Any, shape: tuple[int, ...], source: str) -> FloatArray:
         raise InputError(f"{source}: shape {array.shape} given; {shape} is needed")
     if np.isinf(array).any():
         raise InputError(f"{source}: infinity given; every number must be finite")
-    return frozen(array.reshape(shape))
+    return owned(array.reshape(shape))
 
 
 def _read_pose(goal: Any, source: str) -> RigidTransform | None:

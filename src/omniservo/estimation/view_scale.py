@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, owned
 from omniservo.short_repr import short_repr
 
 
@@ -106,7 +106,7 @@ def checked_scale(scale: Any, views: int, n: int) -> Length:
         size = float(np.linalg.norm(points - points.mean(axis=0)))
         if not size > 0.0:
             raise InputError("scale: points: all at one place; different points are needed")
-        return Length(False, rows, size, frozen(points))
+        return Length(False, rows, size, owned(points))
     if isinstance(scale, tuple | list):
         if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
             legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints"

@@ -63,8 +63,17 @@ def finite_number(
     return number
 
 
+def owned(array: npt.ArrayLike) -> FloatArray:
+    """Return a copy: what a result hands out shares no memory with what it was computed from.
+
+    It can be written to, because SciPy 1.17 and before refuse read-only arrays (`Rotation.apply`,
+    `Rotation.from_rotvec`; scipy/scipy#24751, #24761), and its rows are contiguous, as OpenCV needs them.
+    """
+    return np.array(array, dtype=np.float64, order="C")
+
+
 def frozen(array: FloatArray) -> FloatArray:
-    """Return a read-only copy: values of the field's nouns never change after construction."""
+    """Return a read-only copy: what a proof or a control law is computed from never changes afterwards."""
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy

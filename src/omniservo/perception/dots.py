@@ -8,7 +8,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_number, owned
 
 
 @with_field_docs
@@ -26,7 +26,7 @@ class Dots:
 
     def __post_init__(self) -> None:
         for item in fields(self):
-            object.__setattr__(self, item.name, frozen(getattr(self, item.name)))
+            object.__setattr__(self, item.name, owned(getattr(self, item.name)))
 
     def __len__(self) -> int:
         return len(self.pixels)

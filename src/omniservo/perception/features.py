@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.geometry.arrays import FloatArray, owned
 from omniservo.perception.image_points import ImagePoints
 
 
@@ -30,7 +30,7 @@ class Features:
 
     def __post_init__(self) -> None:
         for item in fields(self)[2:]:
-            object.__setattr__(self, item.name, frozen(getattr(self, item.name)))
+            object.__setattr__(self, item.name, owned(getattr(self, item.name)))
         self.descriptors.setflags(write=False)
 
     def __len__(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray, frozen
+from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray, owned
 from omniservo.perception.find_dots import check_image, noise_of
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.tag_candidates import candidate_planes, read_cells
@@ -92,7 +92,7 @@ def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> Tags:
     once = np.isin(numbers, value[times == 1])
     corners = np.array([located[0] for _, located in rows]).reshape(-1, 4, 2)[once]
     covariance = np.array([located[1] for _, located in rows]).reshape(-1, 4, 2, 2)[once]
-    return Tags(_held(numbers[once]), frozen(corners), frozen(covariance), _held(value[times > 1]))
+    return Tags(_held(numbers[once]), owned(corners), owned(covariance), _held(value[times > 1]))
 
 
 def _read(

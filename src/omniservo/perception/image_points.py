@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, owned
 
 _SLACK = 1e-9
 """a covariance may be so far from symmetric and definite, relative to its size"""
@@ -35,8 +35,8 @@ class ImagePoints:
     def __post_init__(self) -> None:
         pixels = finite_array("pixels", self.pixels, (None, 2))
         covariance = finite_array("covariance", self.covariance, (len(pixels), 2, 2))
-        object.__setattr__(self, "pixels", frozen(pixels))
-        object.__setattr__(self, "covariance", frozen(_checked(covariance)))
+        object.__setattr__(self, "pixels", owned(pixels))
+        object.__setattr__(self, "covariance", owned(_checked(covariance)))
         if self.ids is not None:
             object.__setattr__(self, "ids", _distinct(self.ids, len(pixels)))
 

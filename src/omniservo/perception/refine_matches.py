@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, frozen
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
 from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
@@ -60,8 +60,8 @@ class ImageMatch:
     """one sentence"""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "correlation", frozen(self.correlation))
-        object.__setattr__(self, "window", frozen(self.window))
+        object.__setattr__(self, "correlation", owned(self.correlation))
+        object.__setattr__(self, "window", owned(self.window))
 
     def __len__(self) -> int:
         return len(self.initial)

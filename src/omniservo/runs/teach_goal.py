@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omniservo.geometry.arrays import frozen
+from omniservo.geometry.arrays import owned
 from omniservo.perception.feature_kind import require_features
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.in_view import require_in_view, require_unhidden
@@ -29,4 +29,4 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
     kind = feature_kind_of(task)
     pixels = kind.find(task.camera, image.pixels)
     require_features(len(pixels), kind.name, f"{task.name}: the goal image", kind.least)
-    return TaughtGoal(task.camera, image.pixels, frozen(pixels), frozen(robot.read().joint_positions))
+    return TaughtGoal(task.camera, image.pixels, owned(pixels), owned(robot.read().joint_positions))

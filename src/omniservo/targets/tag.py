@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 from omniservo.tag_dictionaries import dictionary_names, dictionary_size
 
 _CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
@@ -49,4 +49,4 @@ class Tag:
     @property
     def corners(self) -> FloatArray:
         """(4, 3) [m] in the target frame."""
-        return frozen(self.target_T_tag.apply(self.edge * _CORNERS))
+        return owned(self.target_T_tag.apply(self.edge * _CORNERS))

@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, stated_units, write_whole
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 from omniservo.short_repr import short_repr
 from omniservo.targets.tag import Tag
 
@@ -49,7 +49,7 @@ class Target:
 
     def __post_init__(self) -> None:
         points = finite_array("points", self.points, (None, 3)) if len(self.points) else np.empty((0, 3))
-        object.__setattr__(self, "points", frozen(points))
+        object.__setattr__(self, "points", owned(points))
         object.__setattr__(self, "names", tuple(self.names))
         object.__setattr__(self, "tags", tuple(self.tags))
         if len(self.names) != len(points):
@@ -83,7 +83,7 @@ class Target:
             raise InputError(f"dictionary: {spelled(dictionary)} given; legal: {legal}")
         tags = [tag for tag in self.tags if tag.dictionary == dictionary]
         ids = np.array([4 * tag.id + corner for tag in tags for corner in range(4)], dtype=np.int64)
-        return ids, frozen(np.concatenate([tag.corners for tag in tags]))
+        return ids, np.concatenate([tag.corners for tag in tags])
 
     def points_of(self, ids: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return the named points (k, 3) [m] of ``ids`` (k,), and which of them the target has; else NaN.

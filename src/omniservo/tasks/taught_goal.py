@@ -14,7 +14,7 @@ from PIL import Image
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, owned
 from omniservo.short_repr import short_repr
 
 FORMAT = "omniservo.goal/2"
@@ -76,8 +76,8 @@ class TaughtGoal:
         return cls(
             camera,
             _image(document["image_png"], camera, str(path)),
-            frozen(finite_array(f"{path}: features", document["features"], (None, 2))),
-            None if joints is None else frozen(finite_array(f"{path}: joints", joints, (None,))),
+            owned(finite_array(f"{path}: features", document["features"], (None, 2))),
+            None if joints is None else owned(finite_array(f"{path}: joints", joints, (None,))),
         )
 
 

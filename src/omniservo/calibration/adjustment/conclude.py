@@ -32,7 +32,7 @@ from omniservo.calibration.adjustment.uncertainty import (
 )
 from omniservo.calibration.adjustment.views import Views, flatness
 from omniservo.cameras import UnifiedCamera
-from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 _ALIKE = math.radians(3.0)
 """targets whose planes differ by less are parallel: one plane's direction gives two of the numbers needed"""
@@ -98,13 +98,13 @@ def conclude(
         deviation_px=deviation, deviation_turned_px=turned_px, rms_px=rms,
         noise_px=math.sqrt(variance), views_used=used,
         views_dropped=selection.dropped, corners_dropped=selection.dropped_corners, distortion=kind,
-        distortion_reason=fit.reason, parameter_names=names, covariance=frozen(physical),
+        distortion_reason=fit.reason, parameter_names=names, covariance=owned(physical),
         identifiable=_identifiable(state.theta, covariance, physical, names, largest),
         equivalent=equivalents(state.theta, fit.free, field(state.theta, size, largest)),
         poses=_poses(views, state),
-        residuals={n: frozen(residual[views.rows(i)]) for i, n in enumerate(used)},
+        residuals={n: owned(residual[views.rows(i)]) for i, n in enumerate(used)},
         held_out=None if fit.held_out is None else Errors(fit.held_out.px, fit.held_out.deg),
-        ray_angles=frozen(angles),
+        ray_angles=owned(angles),
         ray_deviation_deg=_degrees(state, covariance, angles, turned=False),
         ray_deviation_turned_deg=_degrees(state, covariance, angles, turned=True),
         coverage=Coverage(_covered(views, keep, size), largest), starts=starts,
@@ -238,7 +238,7 @@ def _message(selection: Selection, rms: float, kind: str) -> str:
 
 
 def _degrees(state: State, covariance: FloatArray, angles: FloatArray, *, turned: bool) -> FloatArray:
-    return frozen(np.degrees(ray_deviation(state.theta, covariance, angles, turned=turned)))
+    return np.degrees(ray_deviation(state.theta, covariance, angles, turned=turned))
 
 
 def _angles(limit: float) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_number
 
 MOST_CELLS = 100
 """most columns or rows of a board"""
@@ -29,11 +29,11 @@ class Board(ABC):
         for name in ("columns", "rows"):
             whole_number(name, getattr(self, name), minimum=2)
 
-    @cached_property
+    @property
     def points(self) -> FloatArray:
         """(n, 3) [m] in the board's frame."""
         flat = self.pitch * self.places
-        return frozen(np.concatenate([flat, np.zeros((len(flat), 1))], axis=1))
+        return np.concatenate([flat, np.zeros((len(flat), 1))], axis=1)
 
     @property
     @abstractmethod

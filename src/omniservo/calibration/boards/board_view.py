@@ -8,7 +8,7 @@ import numpy as np
 
 from omniservo.calibration.boards.board import Board
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray, frozen
+from omniservo.geometry.arrays import FloatArray, IntArray, owned
 
 
 @with_field_docs
@@ -32,7 +32,7 @@ class BoardView:
 
     def __post_init__(self) -> None:
         for name in ("pixels", "object_points"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, owned(getattr(self, name)))
         ids = np.array(self.ids, dtype=np.int64)
         ids.setflags(write=False)
         object.__setattr__(self, "ids", ids)

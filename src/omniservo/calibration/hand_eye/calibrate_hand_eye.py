@@ -27,7 +27,7 @@ from omniservo.calibration.hand_eye.seen_view import SeenView, together, usable_
 from omniservo.calibration.hand_eye.start import Start, start
 from omniservo.calibration.hand_eye.wrong_views import robust_step
 from omniservo.cameras import UnifiedCamera
-from omniservo.geometry.arrays import BoolArray, FloatArray, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 _ROBUST_STEPS = 6
 _STEPS = 30
@@ -182,8 +182,8 @@ def _result(
         message="",
         tool_T_camera=fit.state.tool_T_camera,
         base_T_board=fit.state.base_T_board,
-        covariance=frozen(fit.covariance[:6, :6]),
-        board_covariance=frozen(fit.covariance[6:, 6:]),
+        covariance=owned(fit.covariance[:6, :6]),
+        board_covariance=owned(fit.covariance[6:, 6:]),
         robot_position_m=fit.solution.sigmas[0],
         robot_rotation_rad=fit.solution.sigmas[1],
         noise_px=fit.noise_px,
@@ -206,13 +206,13 @@ def _told(camera: UnifiedCamera, state: LoopState, view: SeenView | None, reason
         position_m=float(np.linalg.norm(base_T_board.translation - state.base_T_board.translation)),
         rotation_rad=float((state.base_T_board.rotation.inv() * base_T_board.rotation).magnitude()),
         own_rms_px=view.own_rms_px,
-        pixels=frozen(view.pixels),
-        loop_px=frozen(view.residuals(camera, loop)),
+        pixels=owned(view.pixels),
+        loop_px=owned(view.residuals(camera, loop)),
     )
 
 
 def _unseen(reason: str) -> HandEyeView:
-    nothing = frozen(np.empty((0, 2)))
+    nothing = np.empty((0, 2))
     return HandEyeView(False, reason, math.nan, math.nan, math.nan, nothing, nothing)
 
 
@@ -223,10 +223,10 @@ def _without_pose(refusal: Refusal, views: list[SeenView], reasons: list[str], s
     for number, reason in enumerate(reasons):
         blank = _unseen(reason or refusal.message)
         if number in seen:
-            pixels = frozen(seen[number].pixels)
+            pixels = owned(seen[number].pixels)
             blank = replace(blank, own_rms_px=seen[number].own_rms_px, pixels=pixels)
         told.append(blank)
-    unknown = frozen(np.full((6, 6), math.nan))
+    unknown = np.full((6, 6), math.nan)
     return HandEye(
         status=refusal.status,
         message=refusal.message,
