@@ -188,7 +188,10 @@ BAD_URDF = {
     "bomb": (lambda text: text.replace("<robot", BOMB + "<robot", 1), "line 2: document types"),
     "outside": (lambda text: text.replace("<robot", OUTSIDE + "<robot", 1), "line 2: document types"),
     "not xml": (lambda text: text[:-20], "not XML"),
-    "xacro": (lambda text: "<robot><xacro:arm/></robot>", "a xacro file must be expanded first"),
+    "xacro": (
+        lambda text: "<robot><xacro:arm/></robot>",
+        "a xacro file, to be expanded first, which evaluates its expressions: omniservo robot expand ",
+    ),
     "no limits": (lambda text: text.replace(LIMIT, ""), "joint 'pan': no <limit>; legal: <limit lower="),
     "no speed": (lambda text: text.replace('velocity="2.0"', "", 1), "joint 'pan': limit: velocity: missing"),
     "no room": (lambda text: text.replace('"-2.9"', '"2.9"'), "lower 2.9, upper 2.9; legal: lower < upper"),
@@ -273,11 +276,11 @@ BAD_URDF = {
     ),
     "lost package": (
         lambda text: text.replace(CYLINDER, MESH.format("package://nowhere/m.stl"), 1),
-        "package 'nowhere': no folder of this name among the 6 folders above the file",
+        "package 'nowhere': not among the 6 folders above the file nor beside them",
     ),
     "lost in package": (
         lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/m.stl"), 1),
-        "mesh 'm.stl': no such file in the package .*arm_box",
+        "mesh: 'm.stl': no such file in the package .*arm_box",
     ),
     "out of the package": (
         lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/../m.stl"), 1),

@@ -2,10 +2,13 @@ import re
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from scipy.spatial.transform import RigidTransform
+from tests.robots.urdf_arms import urdf
 
-from omniservo.cameras import preset
+from omniservo.calibration import save_camera
+from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.robots import load_arm
 from omniservo.simulation.scene_of_task import scene_of_task
@@ -105,7 +108,11 @@ def test_the_papers_numbers_stand_in_its_tasks():
         ("planning.risk", 1.0, "less than or equal to 0.5; 1.0 given"),
         ("scale", {"displacement": 5, "odometry": True}, "exactly one"),
         ("scale", {"known_length": {"dots": [1, 1], "length": 5}}, "must differ"),
-        ("camera", "../secret.yaml", "leaves the task's folder"),
+        (
+            "camera",
+            "../secret.yaml",
+            "'../secret.yaml' given; legal: a relative path inside the file's folder",
+        ),
         ("camera", "missing.yaml", "neither a file nor a preset"),
         ("camera", 5, "camera: 5 given"),
         ("sensor.rate", 0, "sensor.rate"),
@@ -427,3 +434,39 @@ def test_a_move_that_cannot_be_is_refused(tmp_path, change, says):
     blocks = [{"center": [0, 0, 90], "half_extents": [5, 5, 5]}]
     with pytest.raises(InputError, match=says):
         load_task(written(tmp_path, MINIMAL | {"obstacles": blocks, "moves": [move]}))
+
+
+def test_files_elsewhere_are_read_only_where_the_reader_allows_it(tmp_path):
+    folder = tmp_path / "tasks" / "one"
+    folder.mkdir(parents=True)
+    elsewhere = tmp_path / "calibrations" / "lens.yaml"
+    elsewhere.parent.mkdir()
+    save_camera(UnifiedCamera(200.0, 200.0, 319.5, 239.5, 0.7, 640, 480), elsewhere)
+    file = written(folder, changed("camera", "../../calibrations/lens.yaml"))
+    with pytest.raises(
+        InputError, match=r"camera: .*lens.yaml' given; legal: .*; --allow-outside allows any"
+    ):
+        load_task(file)
+    assert load_task(file, allow_outside=True).camera.xi == 0.7
+    assert load_task(file, camera=elsewhere).camera.xi == 0.7  # named by the reader, not by the task
+
+
+def test_packages_of_a_task_lie_in_its_folder_and_the_readers_win(tmp_path):
+    folder = tmp_path / "task"
+    for place, radius in ((folder / "inside", 0.02), (tmp_path / "own", 0.03)):
+        place.mkdir(parents=True)
+        trimesh.creation.icosphere(1, radius).export(place / "ball.stl")
+    (folder / "arm.urdf").write_text(urdf(collision='<mesh filename="package://shapes/ball.stl"/>'))
+    document = changed("arm", {**MINIMAL["arm"], "model": "arm.urdf", "packages": {"shapes": "inside"}})
+    document["start"] = {"joints": [0, 0, 30, 0, 60, 0]}
+    own = {"shapes": tmp_path / "own"}
+    for options, radius in (({}, 0.02), ({"packages": own}, 0.03)):
+        arm = scene_of_task(load_task(written(folder, document), **options)).arm
+        assert arm.links[0].shapes[0].extents[0] == pytest.approx(2.0 * radius, rel=0.1)
+    document["arm"]["packages"] = {"shapes": "../own"}
+    with pytest.raises(InputError, match=r"arm\.packages\.shapes: '../own' given; legal: a relative path"):
+        load_task(written(folder, document))
+    load_task(written(folder, document), allow_outside=True)
+    document["arm"]["packages"] = ["shapes"]
+    with pytest.raises(InputError, match=r"arm\.packages: \['shapes'\] given; legal: \{NAME: FOLDER, …\}"):
+        load_task(written(folder, document))

@@ -19,6 +19,7 @@ from omniservo.cli.output import (
     SeedOption,
     answer_is_no,
 )
+from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import InputError
 from omniservo.files import writable
 from omniservo.shipped_tasks import task_file
@@ -33,6 +34,12 @@ FeaturesOption = Annotated[
 ]
 DictionaryOption = Annotated[
     str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
+]
+TargetOption = Annotated[
+    Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
+]
+DisplacementOption = Annotated[
+    float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
 ]
 _NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal"
 
@@ -49,15 +56,13 @@ def estimate(
     goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
     features: FeaturesOption = "dots",
     dictionary: DictionaryOption = None,
-    target: Annotated[
-        Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
-    ] = None,
-    displacement: Annotated[
-        float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
-    ] = None,
+    target: TargetOption = None,
+    displacement: DisplacementOption = None,
     planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None,
+    package: PackageOption = None,
+    allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -76,11 +81,14 @@ def estimate(
         task_file(task)
     from omniservo.reporting import write_estimate_report
     from omniservo.runs import estimate_images, estimate_simulated
+    from omniservo.tasks import load_task
 
     with output.working("estimating"):
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
         if task is not None and not images and not of_images:
-            found = estimate_simulated(task, camera=replacement, seed=seed)
+            known = packages_of(package)
+            loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
+            found = estimate_simulated(loaded, seed=seed)
         elif task is None and replacement is not None and initial is not None and goal is not None:
             found = estimate_images(
                 replacement, initial, goal, features=features, dictionary=dictionary, target=target,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 
 
 def measure_tube(
@@ -16,6 +17,8 @@ def measure_tube(
     ],
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or their log.csv.")],
     out: Annotated[Path, typer.Option("--out", help="Write the tube here (JSON).")],
+    package: PackageOption = None,
+    allow_outside: AllowOutsideOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -27,7 +30,7 @@ def measure_tube(
 
     writable(out, force=force)
     logs = [path / "log.csv" if path.is_dir() else path for path in runs]
-    found = measured(load_task(task), logs)
+    found = measured(load_task(task, packages=packages_of(package), allow_outside=allow_outside), logs)
     found.save(out, force=force)
     output = Output(as_json, quiet)
     output.line(f"{'arm':<14} {found.arm}, {len(logs)} runs; the next one leaves the tube of all of them")

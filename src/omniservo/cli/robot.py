@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from omniservo.cli.expand import expand
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
 from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.robot_options import PackageOption, packages_of
 from omniservo.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
 app.command("measure-tube")(measure_tube)
+app.command("expand")(expand)
 
 
 @app.command("show")
@@ -32,6 +35,7 @@ def show(
         str | None, typer.Option("--tool", help="The site or link that carries the camera.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Draw the arm into this folder.")] = None,
+    package: PackageOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -39,7 +43,7 @@ def show(
     from omniservo.robots import handy_mount, handy_posture, handy_table, load_arm
 
     output = Output(as_json, quiet)
-    arm = load_arm(robot, tool=tool)
+    arm = load_arm(robot, tool=tool, packages=packages_of(package))
     output.line(f"{'arm':<14} {arm.name}: {arm.dof} revolute joints ({arm.path.name})")
     output.line(f"{'flange':<14} {arm.tool!r}, on link {arm.tool_link!r}")
     output.line(f"{'reach':<14} {arm.reach:.3f} m from the axis of {arm.joint_names[0]}")

@@ -17,6 +17,7 @@ from omniservo.cli.output import (
     SeedOption,
     answer_is_no,
 )
+from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import AlreadyExists
 from omniservo.files import unused, whole_folder
 from omniservo.shipped_tasks import task_file
@@ -40,6 +41,8 @@ def run(
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
+    package: PackageOption = None,
+    allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
     film: Annotated[
         bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
@@ -59,7 +62,8 @@ def run(
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
-        loaded = load_task(task, camera=open_camera(camera, camera_name, max_angle, largest_px))
+        replacement, known = open_camera(camera, camera_name, max_angle, largest_px), packages_of(package)
+        loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
         with whole_folder(folder, force=force, room=_ROOM) as work:
             found = run_into(

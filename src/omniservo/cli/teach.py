@@ -9,6 +9,7 @@ import typer
 
 from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
+from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.files import writable
 from omniservo.shipped_tasks import task_file
 
@@ -20,6 +21,8 @@ def teach(
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
+    package: PackageOption = None,
+    allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -34,7 +37,10 @@ def teach(
 
     with output.working("teaching"):
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
-        goal = teach_goal(load_task(task, camera=replacement), seed=seed)
+        loaded = load_task(
+            task, camera=replacement, packages=packages_of(package), allow_outside=allow_outside
+        )
+        goal = teach_goal(loaded, seed=seed)
     goal.save(out, force=force)
     output.line(f"{len(goal.features)} features found in the goal image")
     output.written(out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,13 @@ class Arm:
     def __repr__(self) -> str:
         return f"Arm({self.name}, {self.dof} joints, flange {self.tool}, reaches {self.reach:.3g} m)"
 
-    def __init__(self, file: str | Path, *, tool: str | None = None) -> None:
+    def __init__(
+        self,
+        file: str | Path,
+        *,
+        tool: str | None = None,
+        packages: Mapping[str, str | Path] | None = None,
+    ) -> None:
         """Read the arm from an MJCF or URDF file, which need not be trusted.
 
         Args:
@@ -44,13 +51,15 @@ class Arm:
             tool: the site or link that is the flange; None: the one called ``tool0``, ``flange`` or
                 ``attachment_site``, else the last link before a gripper's joints. Joints that do not carry it
                 are held still, and listed in `notices`.
+            packages: folders of ROS packages by name, where ``package://NAME/…`` finds meshes; others are
+                looked for above and beside the file, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH.
 
         Raises:
             InputError: the file cannot be read, or is no such arm; the message names file, element and what
                 is legal.
         """
         self.path = Path(file)
-        self._file = read_arm_file(self.path, tool)
+        self._file = read_arm_file(self.path, tool, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
         """Names of the joints, from the base outwards."""

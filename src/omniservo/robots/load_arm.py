@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
@@ -16,12 +17,15 @@ def shipped_arms() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".xml") for f in folder.iterdir() if f.name.endswith(".xml")))
 
 
-def load_arm(arm: str | Path, *, tool: str | None = None) -> Arm:
+def load_arm(
+    arm: str | Path, *, tool: str | None = None, packages: Mapping[str, str | Path] | None = None
+) -> Arm:
     """Return a shipped arm by its name, or the one of an MJCF or URDF file.
 
     Args:
         arm: a name of `shipped_arms`, or a file. A name wins over a file of the same name without ending.
         tool: the site or link that carries the camera, see `Arm`.
+        packages: folders of ROS packages by name, see `Arm`.
 
     Raises:
         InputError: neither; or the file is no arm, see `Arm`.
@@ -34,4 +38,4 @@ def load_arm(arm: str | Path, *, tool: str | None = None) -> Arm:
         raise InputError(
             f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
         )
-    return Arm(arm, tool=tool)
+    return Arm(arm, tool=tool, packages=packages)

@@ -24,7 +24,7 @@ from omniservo.simulation.run_result import Seen
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
 from omniservo.targets import Target
-from omniservo.tasks import load_task
+from omniservo.tasks import Task, load_task
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +88,14 @@ def estimate_images(
 
 
 def estimate_simulated(
-    task: str, *, camera: str | UnifiedCamera | None = None, seed: int = 0
+    task: str | Task, *, camera: str | UnifiedCamera | None = None, seed: int = 0
 ) -> EstimatedImages:
-    """Return what a task's own two pictures say, taken in the simulator.
+    """Return what a task's own two pictures say, taken in the simulator; ``camera`` as `load_task` has it.
 
     Raises:
         InputError, AnswerIsNo: as `run_task`.
     """
-    loaded = load_task(task, camera=camera)
+    loaded = task if isinstance(task, Task) else load_task(task, camera=camera)
     require_in_view(loaded, RigidTransform.identity(), "the initial image")
     goal = teach_goal(loaded, seed=seed + 1)
     scene = scene_of_task(loaded)

@@ -30,7 +30,10 @@ def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
     Raises:
         InputError: fewer than two logs, or one without these columns, without a plan, or of another arm.
     """
-    arm, mount = load_arm(task.arm.model, tool=task.arm.tool), task.arm.flange_T_camera.transform
+    arm, mount = (
+        load_arm(task.arm.model, tool=task.arm.tool, packages=task.arm.packages),
+        task.arm.flange_T_camera.transform,
+    )
     bodies = ArmBodies(arm, mounted=[solid.moved(mount) for solid in CAMERA_HOUSING])
     most, regular = [], []
     for path in logs:

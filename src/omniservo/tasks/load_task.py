@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,42 +12,59 @@ from pydantic import ValidationError
 from omniservo.calibration import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled, spelled_name
-from omniservo.files import file_inside, is_file, read_document, stated_units
+from omniservo.files import is_file, read_document, stated_units
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
+from omniservo.tasks.task_files import TaskFiles
 
 
-def load_task(task: str | Path, *, camera: str | Path | UnifiedCamera | None = None) -> Task:
+def load_task(
+    task: str | Path,
+    *,
+    camera: str | Path | UnifiedCamera | None = None,
+    packages: Mapping[str, str | Path] | None = None,
+    allow_outside: bool = False,
+) -> Task:
     """Read a task: a shipped name or the path of a YAML file.
 
     Args:
         task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
         camera: replaces the task's: a preset's name, a calibration file or, of a file with several cameras or
             one that needs a `max_angle`, what `omniservo.calibration.named_camera` makes of it.
+        packages: folders of ROS packages by name, for the arm's meshes; they win over the task's own.
+        allow_outside: whether the files that the task names may lie outside its folder. A task need not be
+            trusted, and reads nothing elsewhere unless this says so.
 
     Raises:
         InputError: the file is not a valid task; the message names file, field, value and what is legal.
     """
     replacement = named_camera(camera) if isinstance(camera, str | Path) else camera
-    return _from_file(task_file(task), str(task), replacement)
+    path = task_file(task)
+    files = TaskFiles(str(task), path.parent, allow_outside)
+    return _from_file(path, files, replacement, packages)
 
 
-def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Task:
-    document = read_document(path)
+def _from_file(
+    path: Path,
+    files: TaskFiles,
+    replacement: UnifiedCamera | None,
+    packages: Mapping[str, str | Path] | None,
+) -> Task:
+    document, source = read_document(path), files.source
     if not isinstance(document, dict):
         raise InputError(f"{source}: a task is a mapping of fields, not {type(document).__name__}")
     fields = dict(document)
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
-    fields["camera"] = replacement or _camera(fields.get("camera"), path.parent, source)
-    fields["planning"] = _found_clouds(fields.get("planning", {}), path.parent, source)
+    fields["camera"] = replacement or _camera(fields.get("camera"), files)
+    fields["planning"] = _found_clouds(fields.get("planning", {}), files)
     if isinstance(fields.get("arm"), dict):
-        fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], path.parent, source)
-        fields["arm"] = _found_mount(_found_arm(fields["arm"], path.parent, source), path.parent, source)
+        fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
+        fields["arm"] = _found_mount(_found_arm(fields["arm"], files, packages), files)
     try:
         if isinstance(fields.get("start"), dict) and isinstance(fields.get("arm"), dict):
             fields["start"] = _found_start(fields, context, source)
@@ -55,7 +73,8 @@ def _from_file(path: Path, source: str, replacement: UnifiedCamera | None) -> Ta
         raise InputError(_first_problem(error, source)) from None
 
 
-def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:
+def _camera(value: Any, files: TaskFiles) -> UnifiedCamera:
+    source = files.source
     if isinstance(value, dict):
         return UnifiedCamera.from_dict(value, source=f"{source}: camera")
     if not isinstance(value, str):
@@ -64,26 +83,32 @@ def _camera(value: Any, folder: Path, source: str) -> UnifiedCamera:
         )
     if value in PRESETS:
         return preset(value)
-    path = (folder / value).resolve()
-    if not path.is_relative_to(folder.resolve()):
-        raise InputError(f"{source}: camera: {value!r} leaves the task's folder; legal: a file inside it")
+    path = files.path("camera", value)
     if not is_file(path):
-        raise InputError(f"{source}: camera: {value!r} is neither a file nor a preset: {', '.join(PRESETS)}")
+        raise InputError(
+            f"{source}: camera: {spelled(value)} is neither a file nor a preset: {', '.join(PRESETS)}"
+        )
     return load_camera(path)
 
 
-def _found_arm(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:
-    """Return the section with its file's path in the place of a path relative to the task's folder."""
-    model = arm.get("model", "rx60")
+def _found_arm(
+    arm: dict[str, Any], files: TaskFiles, packages: Mapping[str, str | Path] | None
+) -> dict[str, Any]:
+    """Return the section with paths in the place of those relative to the task's folder."""
+    model, stated = arm.get("model", "rx60"), arm.get("packages", {})
     if not isinstance(model, str) or model in shipped_arms():
         return arm
-    path = file_inside(f"{source}: arm.model", model, folder)
+    path = files.path("arm.model", model)
     if not is_file(path):
         raise InputError(
-            f"{source}: arm.model: {spelled(model)} is neither a file nor a shipped arm: "
+            f"{files.source}: arm.model: {spelled(model)} is neither a file nor a shipped arm: "
             f"{', '.join(shipped_arms())}"
         )
-    return {**arm, "model": str(path)}
+    if not isinstance(stated, dict) or not all(isinstance(folder, str) for folder in stated.values()):
+        raise InputError(f"{files.source}: arm.packages: {spelled(stated)} given; legal: {{NAME: FOLDER, …}}")
+    own = {name: str(files.path(f"arm.packages.{name}", folder)) for name, folder in stated.items()}
+    given = {name: str(Path(folder).resolve()) for name, folder in (packages or {}).items()}
+    return {**arm, "model": str(path), "packages": {**own, **given}}
 
 
 def _found_start(fields: dict[str, Any], context: dict[str, float], source: str) -> Any:
@@ -99,7 +124,7 @@ def _found_start(fields: dict[str, Any], context: dict[str, float], source: str)
     return start_at_joints(fields, context, source)
 
 
-def _found_tube(planning: Any, arm: dict[str, Any], folder: Path, source: str) -> Any:
+def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
     """Return the section with the tracking tube in the place of its name."""
     named = planning.get("tracking_tube") if isinstance(planning, dict) else None
     if not isinstance(named, str):
@@ -107,29 +132,30 @@ def _found_tube(planning: Any, arm: dict[str, Any], folder: Path, source: str) -
     if named == "shipped":
         tube = shipped_tube(str(arm.get("model", "rx60")))
     else:
-        tube = TrackingTube.load(file_inside(f"{source}: planning.tracking_tube", named, folder))
+        tube = TrackingTube.load(files.path("planning.tracking_tube", named))
     return {**planning, "tracking_tube": tube}
 
 
-def _found_clouds(planning: Any, folder: Path, source: str) -> Any:
+def _found_clouds(planning: Any, files: TaskFiles) -> Any:
     """Return the section with the points of clouds in the place of their files."""
     given = planning.get("obstacles") if isinstance(planning, dict) else None
     if not isinstance(given, list):
         return planning
-    return {**planning, "obstacles": [_found_cloud(o, i, folder, source) for i, o in enumerate(given)]}
+    return {**planning, "obstacles": [_found_cloud(o, i, files) for i, o in enumerate(given)]}
 
 
-def _found_cloud(obstacle: Any, number: int, folder: Path, source: str) -> Any:
+def _found_cloud(obstacle: Any, number: int, files: TaskFiles) -> Any:
     """Return an obstacle with the points of its file in the place of the file, if it is a cloud's."""
     if not isinstance(obstacle, dict) or obstacle.get("type") != "cloud" or "file" not in obstacle:
         return obstacle
-    field, name = f"{source}: planning.obstacles.{number}.file", obstacle["file"]
+    own, name = f"planning.obstacles.{number}.file", obstacle["file"]
+    field = f"{files.source}: {own}"
     if "points" in obstacle:
         raise InputError(f"{field}: given beside points; legal: one of the two")
     if not isinstance(name, str):
         raise InputError(f"{field}: {spelled(name)} given; a path is needed")
     try:
-        points = read_cloud(file_inside(field, name, folder))
+        points = read_cloud(files.path(own, name))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(field) else f"{field}: {error}") from None
     bad = ~np.isfinite(points).all(axis=1)
@@ -141,13 +167,13 @@ def _found_cloud(obstacle: Any, number: int, folder: Path, source: str) -> Any:
     return {key: value for key, value in obstacle.items() if key != "file"} | {"points": points.tolist()}
 
 
-def _found_mount(arm: dict[str, Any], folder: Path, source: str) -> dict[str, Any]:
+def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
     """Return the section with the camera's pose in the place of a hand-eye calibration's file."""
     for name in ("tool_T_camera", "flange_T_camera"):
         if isinstance(arm.get(name), str):
             from omniservo.calibration.hand_eye import load_hand_eye  # only tasks that name a file pay for it
 
-            path = file_inside(f"{source}: arm.{name}", arm[name], folder)
+            path = files.path(f"arm.{name}", arm[name])
             tool_T_camera, covariance = load_hand_eye(path)
             translation, quaternion = tool_T_camera.translation, tool_T_camera.rotation.as_quat()
             # a Pose, not a mapping: the calibration is in metres whatever the task's units are

@@ -76,6 +76,8 @@ class ArmMount(Section):
     """a shipped arm's name, or the path of an MJCF or URDF file; in the task's file: inside its folder"""
     tool: str | None = None
     """the arm's site or link that carries the camera; where absent: see `omniservo.robots.Arm`"""
+    packages: dict[str, str] = Field(default_factory=dict)
+    """folders of ROS packages by name, where the arm's meshes lie; in the task's file: inside its folder"""
     foot: Point = (0.0, 0.0, 0.0)
     """the arm's foot in the world [m]"""
     flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("tool_T_camera", "flange_T_camera"))]

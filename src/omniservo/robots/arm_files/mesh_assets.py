@@ -10,6 +10,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, is_file
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.mesh_files import read_triangles
+from omniservo.ros_packages import RosPackages
 
 READABLE = (".stl", ".obj", ".dae")
 """Endings of the meshes that are read."""
@@ -18,9 +19,6 @@ MOST_TRIANGLES = 200_000
 """Of one mesh: MuJoCo reads no more."""
 
 _MOST_MESHES = 200
-_LEVELS = 6
-"""folders above the file that are searched for a package"""
-
 _FLAT = 1e-6
 """extent across over extent along that counts as none"""
 
@@ -30,9 +28,10 @@ _STL = [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")]
 class MeshAssets:
     """Reads each mesh once and names it."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, packages: RosPackages | None = None) -> None:
         """Prepare for the meshes of a robot's file, which paths are relative to."""
         self._folder = file.resolve().parent
+        self._packages = packages or RosPackages(file)
         self._names: dict[Path, str] = {}
         self.assets: dict[str, bytes] = {}
         """STL by name"""
@@ -75,25 +74,7 @@ class MeshAssets:
                 f"{place}: mesh {spelled(reference)} given; legal: a path inside the file's folder, or "
                 "package://NAME/path"
             )
-        return self._in_package(place, *rest.partition("/")[::2])
-
-    def _in_package(self, place: str, name: str, inner: str) -> Path:
-        """Look for a folder of the package's name among and beside the folders above the file."""
-        if name in ("", ".", ".."):
-            raise InputError(f"{place}: package {spelled(name)} given; legal: the name of a folder")
-        roots = []
-        for above in [self._folder, *self._folder.parents][:_LEVELS]:
-            roots += [root for root in (above, above / name) if root.name == name and root.is_dir()]
-        for root in roots:
-            mesh = file_inside(place, inner, root)
-            if is_file(mesh):
-                return mesh
-        if roots:
-            raise InputError(f"{place}: mesh {spelled(inner)}: no such file in the package {roots[0]}")
-        raise InputError(
-            f"{place}: package {spelled(name)}: no folder of this name among the {_LEVELS} folders above the "
-            f"file, nor beside them (from {self._folder} upwards)"
-        )
+        return self._packages.find(f"{place}: mesh", *rest.partition("/")[::2])
 
 
 def _solid(place: str, mesh: Path) -> tuple[FloatArray, IntArray]:

@@ -23,6 +23,8 @@ from omniservo.robots.arm_files.serial_chain import check_joints, find_tool, nam
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
 from omniservo.robots.exact_vertices import keep_vertices, on_hull
+from omniservo.ros_packages import RosPackages
+from omniservo.xacro_files import xacro_advice
 from omniservo.xml_files import parse_elements
 
 SPEEDING_UP = 0.25
@@ -31,26 +33,33 @@ SPEEDING_UP = 0.25
 _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # [kg], [kg m²] of a link whose file states less or none
 
 
-def read_arm_file(path: str | Path, tool: str | None = None) -> ArmModel:
+def read_arm_file(
+    path: str | Path, tool: str | None = None, packages: Mapping[str, str | Path] | None = None
+) -> ArmModel:
     """Read a serial arm of 6 or 7 joints that turn from an MJCF or URDF file, which nobody need trust.
 
     Joints that do not carry the tool, as a gripper's, are held still, and said: see `arm_row`.
 
     The file is bounded in size, holds no document type, and reads no file but meshes and includes inside its
-    folder, or meshes in a package that lies among or beside the folders above it.
+    folder, or meshes in a package that lies among or beside the folders above it, that ``packages`` states,
+    or that ROS knows.
 
     Args:
         path: of the file.
         tool: the site or link that carries the camera; None: the one called ``tool0``, ``flange`` or
             ``attachment_site``, else the last link before a gripper's joints.
+        packages: folders of packages by name.
 
     Raises:
         InputError: anything else; the message names file, element and what is legal.
     """
     file = Path(path)
     root = parse_elements(read_text(file, max_bytes=MOST_BYTES), str(file))
+    advice = xacro_advice(root, file)
+    if advice is not None:
+        raise InputError(f"{file}: {advice}")
     if root.tag == "robot":
-        description = read_urdf(root, file, tool)
+        description = read_urdf(root, file, tool, RosPackages(file, packages))
     elif root.tag == "mujoco":
         description = read_mjcf(root, file)
     else:

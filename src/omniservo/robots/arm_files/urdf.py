@@ -18,6 +18,7 @@ from omniservo.robots.arm_files.held_joints import axis_of, held_positions, move
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
 from omniservo.robots.arm_files.urdf_tree import read_tree
 from omniservo.robots.arm_files.xml_fields import XmlFields
+from omniservo.ros_packages import RosPackages
 from omniservo.xml_files import XmlElement
 
 MOST_LINKS = 500
@@ -36,29 +37,32 @@ _SETTINGS = {
 _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
 
 
-def read_urdf(root: XmlElement, file: Path, tool: str | None) -> Description:
+def read_urdf(
+    root: XmlElement, file: Path, tool: str | None, packages: RosPackages | None = None
+) -> Description:
     """Return the arm that a URDF file describes.
 
     Args:
         root: the file's element <robot>.
         file: where it lies; meshes are looked for from there.
         tool: the link that carries the camera; None: not said.
+        packages: where the packages of its meshes are; None: near the file, or as ROS is set up.
 
     Raises:
         InputError: not a serial arm of 6 or 7 joints with limits, or a mesh that cannot be had.
     """
-    return _Urdf(root, file, tool).description()
+    return _Urdf(root, file, tool, packages).description()
 
 
 class _Urdf:
     """One pass over one file."""
 
-    def __init__(self, root: XmlElement, file: Path, tool: str | None) -> None:
+    def __init__(self, root: XmlElement, file: Path, tool: str | None, packages: RosPackages | None) -> None:
         self._root = root
         self._tool = tool
         self._file = file
         self._fields = XmlFields(file)
-        self._meshes = MeshAssets(file)
+        self._meshes = MeshAssets(file, packages)
         self._undrawn: list[str] = []
         self._colours: dict[str, str] = {}
 
@@ -66,7 +70,7 @@ class _Urdf:
         fields, root = self._fields, self._root
         links, joints = fields.children(root, "link"), fields.children(root, "joint")
         if not links:
-            raise InputError(f"{self._file}: no <link> in <robot>; a xacro file must be expanded first")
+            raise InputError(f"{self._file}: no <link> in <robot>")
         if max(len(links), len(joints)) > MOST_LINKS:
             raise InputError(
                 f"{self._file}: {len(links)} links, {len(joints)} joints; legal: at most {MOST_LINKS}"

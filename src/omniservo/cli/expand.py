@@ -1,0 +1,34 @@
+"""``omniservo robot expand``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.robot_options import PackageOption, arguments_of, packages_of
+
+
+def expand(
+    file: Annotated[Path, typer.Argument(help="A xacro file whose author you trust.")],
+    arguments: Annotated[
+        list[str] | None, typer.Argument(help="NAME:=VALUE, the file's own arguments.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Write the URDF here.")] = ...,  # type: ignore[assignment]
+    package: PackageOption = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Expand a xacro file to URDF, which evaluates the Python expressions in it."""
+    from omniservo.files import writable, write_whole
+    from omniservo.xacro_files import expand_xacro
+
+    writable(out, force=force)
+    text = expand_xacro(file, arguments_of(arguments), packages_of(package))
+    write_whole(out, text, force=force)
+    output = Output(as_json, quiet)
+    output.line(f"written: {out}")
+    output.result({"written": str(out)})
