@@ -120,6 +120,39 @@ def test_pieces_need_not_be_dyadic():
     assert by_hand(WALL, [-1.0, 0.0, 0.0], [(0.0, 0.1), (0.1, 1 / 3), (1 / 3, 1.0)])[1] == []
 
 
+SCREEN = {
+    "type": "box",
+    "center": [0, 0.06, 0.25],
+    "quaternion": [0, 0, 0, 1],
+    "half_extents": [0.1, 0.1, 0.05],
+}
+CORNERS = [[x, 0.06 + y, 0.25 + z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.05, 0.05)]
+SCREENS = {
+    "box": SCREEN,
+    "capsule": {"type": "capsule", "from": [-0.1, 0.06, 0.25], "to": [0.1, 0.06, 0.25], "radius": 0.05},
+    "mesh": {"type": "mesh", "vertices": CORNERS},
+    "moving box": {**SCREEN, "center": [0, 0.06, 0.3], "motion": [[0.0, 0.0], [0.0, 0.0], [0.02, -0.05]]},
+}
+
+
+@pytest.mark.parametrize("body", SCREENS)
+def test_a_plane_that_keeps_only_the_camera_off_hides_no_screen_before_the_target(body):
+    """The body stands across the lines of sight, clear of the path: the planes of its clearance are true."""
+    document, clear = by_hand(SCREENS[body], [0.0, 0.0, -1.0])
+    assert clear == []
+    document["problem"]["occlusion"] = True
+    planes = document["certificate"]["separators"]
+    planes.append({**planes[0], "constraint": "occlusion obstacle 0", "point": 0})
+    reasons = verify_plan(document).reasons
+    assert any(reason.startswith("occlusion obstacle 0 (point 0): ") for reason in reasons), reasons
+    # beside the sights the same kind of plane, turned, proves both
+    aside = {**SCREEN, "center": [0.5, 0.06, 0.25]}
+    document, clear = by_hand(aside, [-1.0, 0.0, 0.0], occlusion=True)
+    planes = document["certificate"]["separators"]
+    planes.append({**planes[0], "constraint": "occlusion obstacle 0", "point": 0})
+    assert not any("occlusion" in r and "is missing" not in r for r in verify_plan(document).reasons)
+
+
 def test_each_missing_separator_is_missed(honest):
     separators = honest["certificate"]["separators"]
     for k in range(len(separators)):
