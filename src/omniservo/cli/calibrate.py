@@ -48,12 +48,12 @@ def calibrate(
         result = calibrate_images(images, target, distortion=distortion, mirrored=mirror, progress=say)
     if report is not None:
         write_calibration_report(result, report, force=force)
-        output.line(f"report: {report}")
+        output.written(report)
     if result.camera is None:
         raise AnswerIsNo(result.calibration.message)
     if out is not None:
         save_camera(result.camera, out, force=force)
-        output.line(f"camera: {out}")
+        output.written(out)
     for line in _lines(result):
         output.line(line)
     output.result(_fields(result, result.camera))

@@ -108,7 +108,7 @@ def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path, outp
     except OSError as error:
         raise InputError(f"--out: {folder}: {error.strerror or error}") from None
     for path in write_drawings(draw_field(shown, unified), folder):
-        output.line(f"{'written':<14} {path}")
+        output.written(path)
 
 
 @app.command("convert")
@@ -153,7 +153,7 @@ def convert(
     found, residual = closest_model(given, to, largest_px=allowed)
     save_camera(found, out, to, force=force)
     written = found.to_dict()["model"]
-    output.line(f"written: {out} ({written})")
+    output.written(out, f" ({written})")
     if residual is not None:
         output.line(f"residual: {_spelled(residual)}")
     if found.deviation_px:

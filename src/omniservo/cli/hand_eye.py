@@ -58,13 +58,13 @@ def calibrate_hand_eye(
         )
     if report is not None:
         write_hand_eye_report(found, report, force=force)
-        output.line(f"report: {report}")
+        output.written(report)
     result = found.result
     if result.tool_T_camera is None:
         raise AnswerIsNo(f"hand-eye calibration: {result.status}: {result.message}")
     if out is not None:
         result.save(out, force=force)
-        output.line(f"tool_T_camera: {out}")
+        output.written(out)
     for line in _lines(found, result.tool_T_camera):
         output.line(line)
     output.result(_fields(found))

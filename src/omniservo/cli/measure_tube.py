@@ -41,5 +41,5 @@ def measure_tube(
     output.line(f"{'paths':<14} whose smallest singular value is {tube.singular_value:.3f} or more")
     for name, most in tube.links.items():
         output.line(f"{'link':<14} {name:<24} {1e3 * most:6.2f} mm")
-    output.line(f"{'written':<14} {out}")
+    output.written(out)
     output.result({"arm": found.arm, "runs": len(logs), "least_share": share, "written": str(out)})

@@ -49,10 +49,10 @@ class Output:
         if self.as_json:
             print(json.dumps(_plain(values), allow_nan=False))
 
-    def written(self, path: Path) -> None:
-        """Say that a file or folder is there."""
+    def written(self, path: Path, more: str = "") -> None:
+        """Say that a file is there, and what more there is to say of it."""
         DOING.written.append(path)
-        self.line(f"written: {path}")
+        self.line(f"written: {path}{more}")
 
     def working(self, what: str, *, compiles: bool = False) -> Progress:
         """Show progress on standard error while the block runs; call what is entered to change the words."""

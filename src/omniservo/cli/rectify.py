@@ -64,7 +64,7 @@ def rectify(
     )
     write_png(seen.image, out, force=force)
     share = float(seen.valid.mean())
-    output.line(f"written: {out}; the camera sees {100.0 * share:.0f}% of it")
+    output.written(out, f"; the camera sees {100.0 * share:.0f}% of it")
     output.result({"out": str(out), "view": view, "size": list(shape), "seen": share})
 
 

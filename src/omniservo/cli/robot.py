@@ -157,4 +157,4 @@ def _draw(arm: Arm, posture: FloatArray, folder: Path, output: Output) -> None:
     except OSError as error:
         raise InputError(f"--out: {folder}: {error.strerror or error}") from None
     for path in write_drawings(draw_arm(arm, posture), folder):
-        output.line(f"{'written':<14} {path}")
+        output.written(path)
