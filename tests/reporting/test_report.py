@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
-from omniservo.reporting.report_sections import key_numbers, reproduce, verdict
+from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
 from omniservo.reporting.spelling import significant, spell
 from omniservo.reporting.verdict import verdict_of
 from omniservo.reporting.views import outside
@@ -87,6 +87,14 @@ def test_the_first_number_is_the_links_where_they_are_to_keep_a_distance(run, ma
         assert "Camera to the obstacle" not in said
         assert "<dt>Nearest link to anything</dt><dd>12.30 mm</dd>" in said
         assert f"certified {certified}, asked 5.00 mm" in said.replace("\u00a0", " ")
+
+
+def test_the_time_of_loading_code_is_told_from_that_of_the_job(run):
+    loading = replace(run, seconds={**run.seconds, "estimation_code": 0.5, "planning_code": 1.5})
+    for told in (key_numbers, paper_and_ours):
+        assert "2.00 s of both was loading or compiling code" in told(loading).html.replace("\u00a0", " ")
+        assert "loading" not in told(run).html
+    assert timings(loading).html.count("of it loading or compiling code") == 2
 
 
 def test_the_command_that_repeats_a_run_names_no_file_that_there_may_not_be(run):

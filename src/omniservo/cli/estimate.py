@@ -79,11 +79,12 @@ def estimate(
         raise InputError(_NEEDED)
     if task is not None:
         task_file(task)
-    from omniservo.reporting import write_estimate_report
-    from omniservo.runs import estimate_images, estimate_simulated
-    from omniservo.tasks import load_task
+    with output.working("loading") as progress:
+        from omniservo.reporting import write_estimate_report
+        from omniservo.runs import estimate_images, estimate_simulated
+        from omniservo.tasks import load_task
 
-    with output.working("estimating"):
+        progress("estimating")
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
         if task is not None and not images and not of_images:
             known = packages_of(package)

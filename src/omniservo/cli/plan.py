@@ -56,10 +56,11 @@ def plan(
         return
     if risk is not None:
         raise InputError("plan: --risk given without --estimate, which says what is uncertain")
-    from omniservo.geometry.compiler_watch import CompilerWatch
-    from omniservo.planning import PlanningProblem, plan_path
+    with output.working("loading") as progress:
+        from omniservo.geometry.compiler_watch import CompilerWatch
+        from omniservo.planning import PlanningProblem, plan_path
 
-    with output.working("planning"):
+        progress("planning")
         asked = PlanningProblem.load(problem)
         with CompilerWatch() as watch:
             result = plan_path(asked, method=method, quality=quality, time_budget=time_budget, seed=seed)
@@ -80,11 +81,12 @@ def _plan_with_risk(
     problem: Path, estimate: Path, risk: float, out: Path | None, seed: int, force: bool, output: Output
 ) -> None:
     """Plan to the estimate's goal with margins that its uncertainty needs."""
-    from omniservo.estimation import TwoViewEstimate
-    from omniservo.geometry.compiler_watch import CompilerWatch
-    from omniservo.planning import PlanningProblem, plan_with_risk
+    with output.working("loading") as progress:
+        from omniservo.estimation import TwoViewEstimate
+        from omniservo.geometry.compiler_watch import CompilerWatch
+        from omniservo.planning import PlanningProblem, plan_with_risk
 
-    with output.working("planning with risk"):
+        progress("planning with risk")
         asked, known = PlanningProblem.load(problem), TwoViewEstimate.load(estimate)
         with CompilerWatch() as watch:
             found = plan_with_risk(asked, known, risk=risk, seed=seed)

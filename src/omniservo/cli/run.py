@@ -23,7 +23,7 @@ from omniservo.files import unused, whole_folder
 from omniservo.shipped_tasks import task_file
 
 _ROOM = 20 * 2**20
-"""[bytes] that the results of a run may take"""
+"""[bytes] that the results of one method may take"""
 
 
 def run(
@@ -65,7 +65,7 @@ def run(
         replacement, known = open_camera(camera, camera_name, max_angle, largest_px), packages_of(package)
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
-        with whole_folder(folder, force=force, room=_ROOM) as work:
+        with whole_folder(folder, force=force, room=_ROOM * (3 if method == "compare" else 1)) as work:
             found = run_into(
                 work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
             )

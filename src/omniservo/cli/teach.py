@@ -32,10 +32,11 @@ def teach(
     output = Output(as_json, quiet)
     writable(out, force=force)
     task_file(task)
-    from omniservo.runs import teach_goal
-    from omniservo.tasks import load_task
+    with output.working("loading") as progress:
+        from omniservo.runs import teach_goal
+        from omniservo.tasks import load_task
 
-    with output.working("teaching"):
+        progress("teaching")
         replacement = open_camera(camera, camera_name, max_angle, largest_px)
         loaded = load_task(
             task, camera=replacement, packages=packages_of(package), allow_outside=allow_outside
