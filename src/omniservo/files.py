@@ -31,7 +31,7 @@ MOST_YAML_VALUES = 30_000
 _MAX_DEPTH = 32
 
 UNITS = {
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0},
 }
 """What a document may state lengths and angles in, in metres and radians; the first where it says nothing."""

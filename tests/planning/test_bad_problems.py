@@ -220,7 +220,7 @@ REQUIRED = [
         ("obstacles", i, name)
         for i, o in enumerate(FULL["obstacles"])
         for name in o
-        if name not in MAY_BE_NULL
+        if name not in MAY_BE_NULL and (o["type"], name) != ("box", "quaternion")
     ),
     ("workspace", "min"),
     ("workspace", "max"),

@@ -168,7 +168,7 @@ FIELDS = {
     "both": ({"points": [[0, 0, 1]]}, "file: given beside points; legal: one of the two"),
     "number": ({"file": 3}, "file: 3 given; a path is needed"),
     "no radius": ({"radius": None}, "radius: None given; a number is needed"),
-    "unknown": ({"scale": 1}, "scale: no such field"),
+    "unknown": ({"sacle": 1}, "sacle: no such field"),
 }
 
 

@@ -66,15 +66,21 @@ def plan(
             result = plan_path(asked, method=method, quality=quality, time_budget=time_budget, seed=seed)
     if out is not None:
         result.save(out, force=force)
+    _say_notices(asked.notices, output)
     output.line(f"{result.status} in {_time(result.seconds, watch.seconds)} (method {method})")
     if result.certificate is not None:
         for c in result.certificate.constraints:
             output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)} at w = {c.w:.4f}")
     if out is not None:
         output.written(out)
-    output.result(result.to_dict())
+    output.result({**result.to_dict(), "notices": asked.notices})
     if result.status != "certified":
         raise answer_is_no(f"{result.status}: {result.reason}")
+
+
+def _say_notices(notices: tuple[str, ...], output: Output) -> None:
+    for notice in notices:
+        output.line(f"notice: {notice}")
 
 
 def _plan_with_risk(
@@ -92,6 +98,7 @@ def _plan_with_risk(
             found = plan_with_risk(asked, known, risk=risk, seed=seed)
     if out is not None:
         found.plan.save(out, force=force)
+    _say_notices(asked.notices, output)
     output.line(f"goal and {int(known.inliers.sum())} points of {estimate} instead of the problem's own")
     output.line(
         f"{found.plan.status} in {_time(found.seconds, watch.seconds)}; {100 * found.predicted:.2g}% of"
@@ -112,7 +119,7 @@ def _plan_with_risk(
         output.line(found.advice)
     if out is not None:
         output.written(out)
-    output.result({**found.plan.to_dict(), "risk": found.to_dict()})
+    output.result({**found.plan.to_dict(), "risk": found.to_dict(), "notices": asked.notices})
     if not found.ok:
         raise answer_is_no(f"{found.plan.status}: {found.plan.reason}")
 

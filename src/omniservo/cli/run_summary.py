@@ -25,6 +25,8 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
         f"{_of(metrics, 'visibility_executed_px')} executed"
     )
     yield f"computing             {_times(metrics)}"
+    for notice in metrics["notices"]:
+        yield f"notice                {notice}"
 
 
 def how_it_ended(metrics: Mapping[str, Any]) -> str:

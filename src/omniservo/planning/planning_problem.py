@@ -224,6 +224,13 @@ class PlanningProblem:
         """t(1) (3,) [m]."""
         return np.ascontiguousarray(self.initial_T_goal.translation)
 
+    @cached_property
+    def notices(self) -> tuple[str, ...]:
+        """What is odd in it, though legal: bodies that look as if their unit were another; a line each."""
+        from omniservo.planning.size_notices import size_notices
+
+        return size_notices(self)
+
     @classmethod
     def load(cls, path: str | Path) -> PlanningProblem:
         """Return the problem of a JSON or YAML file. A camera path in it is relative, inside its folder.

@@ -13,7 +13,6 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array
-from omniservo.planning.checks import unit_vector
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.obstacles.obstacle_fields import obstacle_fields, obstacles_from_fields, only_fields
@@ -24,6 +23,7 @@ from omniservo.planning.planning_problem import (
     PlanningProblem,
     Workspace,
 )
+from omniservo.planning.stated_quaternion import ROTATION_FIELDS, stated_quaternion
 
 FORMAT = "omniservo.problem/1"
 
@@ -160,9 +160,11 @@ def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
 
 def _goal(value: Any) -> tuple[RigidTransform, FloatArray]:
     """Return the goal's pose, and its unit quaternion as it is written."""
-    fields = _within("goal", lambda: only_fields(value, ("translation", "quaternion"), ()))
+    fields = _within("goal", lambda: only_fields(value, ("translation",), ROTATION_FIELDS))
+    if not set(ROTATION_FIELDS) & set(fields):
+        raise InputError("goal.quaternion: missing; needed: translation, and quaternion or rotation_vector")
     translation = finite_array("goal.translation", fields["translation"], (3,))
-    quaternion = unit_vector("goal.quaternion", fields["quaternion"], 4)
+    quaternion = stated_quaternion(fields, "goal.")
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion)), quaternion
 
 

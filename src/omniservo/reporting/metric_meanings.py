@@ -23,6 +23,7 @@ _MEANINGS = {
     "status": Meaning("How it ended", ""),
     "reason": Meaning("Why it was stopped", ""),
     "plan_status": Meaning("Plan", ""),
+    "notices": Meaning("What is odd in the problem", ""),
     "clearance_asked_m": Meaning("Safe distance asked for, camera centre to obstacle", "m"),
     "clearance_planned_m": Meaning("Smallest distance planned, camera centre to obstacle", "m"),
     "clearance_executed_m": Meaning("Smallest distance executed, camera centre to obstacle", "m"),

@@ -258,6 +258,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "method": result.method,
         "seed": seed,
         **score(result.task, result.plan, result.way, result.log, result.truth),
+        "notices": [] if result.plan is None else list(result.plan.problem.notices),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
         **_risk_metrics(result),

@@ -14,6 +14,7 @@ from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
 from omniservo.planning.obstacles.cloud_file import read_cloud
+from omniservo.planning.obstacles.file_unit import UNIT_FIELDS, file_unit
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.start_at_joints import start_at_joints
@@ -61,7 +62,7 @@ def _from_file(
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), files)
-    fields["planning"] = _found_clouds(fields.get("planning", {}), files)
+    fields["planning"] = _found_clouds(fields.get("planning", {}), files, context["length"])
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], files, packages), files)
@@ -136,19 +137,20 @@ def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
     return {**planning, "tracking_tube": tube}
 
 
-def _found_clouds(planning: Any, files: TaskFiles) -> Any:
+def _found_clouds(planning: Any, files: TaskFiles, metres: float) -> Any:
     """Return the section with the points of clouds in the place of their files."""
     given = planning.get("obstacles") if isinstance(planning, dict) else None
     if not isinstance(given, list):
         return planning
-    return {**planning, "obstacles": [_found_cloud(o, i, files) for i, o in enumerate(given)]}
+    return {**planning, "obstacles": [_found_cloud(o, i, files, metres) for i, o in enumerate(given)]}
 
 
-def _found_cloud(obstacle: Any, number: int, files: TaskFiles) -> Any:
-    """Return an obstacle with the points of its file in the place of the file, if it is a cloud's."""
+def _found_cloud(obstacle: Any, number: int, files: TaskFiles, metres: float) -> Any:
+    """Return an obstacle with the points of its file, in the task's unit of ``metres``, if it is a cloud's."""
     if not isinstance(obstacle, dict) or obstacle.get("type") != "cloud" or "file" not in obstacle:
         return obstacle
-    own, name = f"planning.obstacles.{number}.file", obstacle["file"]
+    place, name = f"planning.obstacles.{number}", obstacle["file"]
+    own = f"{place}.file"
     field = f"{files.source}: {own}"
     if "points" in obstacle:
         raise InputError(f"{field}: given beside points; legal: one of the two")
@@ -164,7 +166,13 @@ def _found_cloud(obstacle: Any, number: int, files: TaskFiles) -> Any:
             f"{field}: {name}: {int(bad.sum())} of {len(points)} points are not finite, the first is number "
             f"{int(np.argmax(bad))}; leave them out"
         )
-    return {key: value for key, value in obstacle.items() if key != "file"} | {"points": points.tolist()}
+    try:
+        unit = file_unit(obstacle)
+    except InputError as error:
+        raise InputError(f"{files.source}: {place}.{error}") from None
+    points = points if unit is None else points * (unit / metres)
+    rest = {key: value for key, value in obstacle.items() if key not in UNIT_FIELDS}
+    return {**rest, "points": points.tolist()}
 
 
 def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:

@@ -104,18 +104,23 @@ class CloudSection(_Obstacle):
 
     type: Literal["cloud"]
     points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=MOST_CLOUD_POINTS)]
-    """in the file in their place ``file``: a .npy, .xyz, .txt or .ply of them, in the task's units"""
+    """in the task's file in their place ``file``: a .npy, .xyz, .txt or .ply of them, in the task's units or
+    in those that ``units`` or ``scale`` beside it state"""
+    file: str | None = None
+    """name of the file in which they stand"""
     radius: NonNegativeLength = 0.0
 
     def transformed(self, a_T_b: RigidTransform) -> Self:
         """Return the same, stated in frame b, in frame a."""
         there = a_T_b.apply(self.points).tolist()
-        return type(self)(type="cloud", points=there, radius=self.radius, clearance=self.clearance)
+        return type(self)(  # not a copy, which would keep the obstacle of the old place
+            type="cloud", points=there, radius=self.radius, clearance=self.clearance, file=self.file
+        )
 
     @cached_property
     def obstacle(self) -> Cloud:
         """The planner's obstacle."""
-        return Cloud(np.array(self.points), self.radius, self.clearance)
+        return Cloud(np.array(self.points), self.radius, self.clearance, file=self.file)
 
 
 def _sphere_by_default(value: Any) -> Any:

@@ -37,6 +37,8 @@ class Mesh:
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
+    file: str | None = None
+    """name of the file that it was read from, for messages"""
 
     __repr__ = short_repr
 

@@ -10,14 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.files import file_inside
-from omniservo.geometry.arrays import finite_number
-from omniservo.planning.checks import LARGEST, bounded_array, unit_vector
+from omniservo.planning.checks import bounded_array
+from omniservo.planning.obstacles.file_unit import file_unit
 from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.mesh_file import read_mesh
+from omniservo.planning.stated_quaternion import stated_quaternion
 
 
 def meshes_of_file(fields: Mapping[str, Any], folder: Path | None) -> tuple[Mesh, ...]:
-    """Return a mesh for every convex part of ``fields["file"]``, at R(quaternion)·scale·v + translation.
+    """Return a mesh for every convex part of ``fields["file"]``, at R·s·v + translation.
+
+    R is stated by quaternion or rotation_vector, s by units or scale; without them 1.
 
     Raises:
         InputError: a field that is not legal, a path outside the folder, or a file without convex parts.
@@ -25,13 +28,14 @@ def meshes_of_file(fields: Mapping[str, Any], folder: Path | None) -> tuple[Mesh
     name = fields["file"]
     if not isinstance(name, str):
         raise InputError(f"file: {name!r:.40} given; a path is needed")
-    scale = finite_number("scale", fields.get("scale", 1.0), above=0.0, maximum=LARGEST)
-    turn = Rotation.from_quat(unit_vector("quaternion", fields.get("quaternion", (0.0, 0.0, 0.0, 1.0)), 4))
+    unit = file_unit(fields)
+    scale = 1.0 if unit is None else unit
+    turn = Rotation.from_quat(stated_quaternion(fields))
     shift = bounded_array("translation", fields.get("translation", (0.0, 0.0, 0.0)), (3,))
     own = {key: fields.get(key) for key in ("clearance", "motion")}
     path = file_inside("file", name, folder)
     try:
-        return tuple(Mesh(turn.apply(scale * part) + shift, **own) for part in read_mesh(path))
+        return tuple(Mesh(turn.apply(scale * part) + shift, **own, file=name) for part in read_mesh(path))
     except InputError as error:
         message = str(error)
         raise InputError(f"file: {message}" if message.startswith(str(path)) else message) from None

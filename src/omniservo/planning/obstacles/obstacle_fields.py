@@ -12,11 +12,13 @@ from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.cloud_file import read_cloud
+from omniservo.planning.obstacles.file_unit import UNIT_FIELDS, file_unit
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.mesh_fields import meshes_of_file
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.planning.stated_quaternion import ROTATION_FIELDS, stated_quaternion
 
 _FIELDS = {
     "sphere": (Sphere, {"center": "center", "radius": "radius"}),
@@ -52,7 +54,7 @@ def obstacles_from_fields(value: Any, folder: Path | None = None) -> tuple[Obsta
     if isinstance(value, Mapping) and value.get("type") == "mesh" and "file" in value:
         if "vertices" in value:
             raise InputError("file: given beside vertices; legal: one of the two")
-        places = ("translation", "quaternion", "scale")
+        places = ("translation", *ROTATION_FIELDS, *UNIT_FIELDS)
         return meshes_of_file(only_fields(value, ("type", "file"), (*places, "clearance", "motion")), folder)
     return (obstacle_from_fields(value, folder),)
 
@@ -68,19 +70,24 @@ def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
         legal = ", ".join(map(repr, _FIELDS))
         raise InputError(f"type: {spelled(kind)} given; legal: {legal} (a sphere of radius 0 is a point)")
     if kind == "cloud" and "file" in value:
-        value = _with_points(value, folder)
+        return _cloud_of_file(value, folder)
     make, names = _FIELDS[kind or "sphere"]
-    fields = only_fields(value, ("type", *names), ("clearance", "motion"))
-    given = {attribute: fields[field] for field, attribute in names.items()}
+    turned = ROTATION_FIELDS if "quaternion" in names else ()
+    needed = [name for name in names if name not in turned]
+    fields = only_fields(value, ("type", *needed), (*turned, "clearance", "motion"))
+    given = {attribute: fields[field] for field, attribute in names.items() if field in needed}
+    if turned:
+        given["quaternion"] = stated_quaternion(fields)
     obstacle: Obstacle = make(**given, clearance=fields.get("clearance"), motion=fields.get("motion"))
     return obstacle
 
 
-def _with_points(value: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
-    """Return the fields of a cloud with the points of its file in place of the file."""
-    name = value["file"]
+def _cloud_of_file(value: Mapping[str, Any], folder: Path | None) -> Cloud:
+    """Return the cloud of the points of a file."""
     if "points" in value:
         raise InputError("file: given beside points; legal: one of the two")
+    fields = only_fields(value, ("type", "file", "radius"), (*UNIT_FIELDS, "clearance", "motion"))
+    name, unit = fields["file"], file_unit(fields)
     if not isinstance(name, str):
         raise InputError(f"file: {spelled(name)} given; a path is needed")
     path = file_inside("file", name, folder)
@@ -88,7 +95,8 @@ def _with_points(value: Mapping[str, Any], folder: Path | None) -> dict[str, Any
         points = read_cloud(path)
     except InputError as error:
         raise InputError(f"file: {error}") from None
-    return {k: v for k, v in value.items() if k != "file"} | {"points": points}
+    own = {key: fields.get(key) for key in ("clearance", "motion")}
+    return Cloud(points if unit is None else unit * points, fields["radius"], **own, file=name)
 
 
 def only_fields(fields: Any, required: Sequence[str], optional: Sequence[str]) -> Mapping[str, Any]:

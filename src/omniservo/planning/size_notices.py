@@ -1,0 +1,92 @@
+"""Bodies that are there in another unit: of many metres, or far from all that happens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.obstacles.box import Box
+from omniservo.planning.obstacles.capsule import Capsule
+from omniservo.planning.obstacles.cloud import Cloud
+from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.mesh import Mesh
+from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.sphere import Sphere
+
+if TYPE_CHECKING:
+    from omniservo.planning.planning_problem import PlanningProblem
+
+MANY_METRES = 10.0
+"""A body larger than this is told of [m]."""
+
+_MOMENTS = np.linspace(0.0, 1.0, 17)
+
+Corners = FloatArray
+"""(2, 3) least and largest coordinates of a box along the axes [m]"""
+
+
+def size_notices(problem: PlanningProblem) -> tuple[str, ...]:
+    """Return a line for each body larger than 10 m, or farther from points and camera than these are wide.
+
+    Nothing is wrong with such a body, but a file in millimetres that is read as one in metres is one: the
+    obstacle that was meant is then not where it is taken to be. All parts of a file are one body. Of
+    half-spaces, which have no size, and of points nothing is said.
+    """
+    scene = np.array([np.zeros(3), problem.goal_translation, *problem.points])
+    scene = np.array([scene.min(axis=0), scene.max(axis=0)])
+    bodies: dict[str, Corners] = {}
+    for i, obstacle in enumerate(problem.obstacles):
+        if isinstance(obstacle, HalfSpace):
+            continue
+        file = getattr(obstacle, "file", None)
+        name, box = f"obstacle {i}" if file is None else file, _moved(_box(obstacle), obstacle.motion)
+        bodies[name] = _around(bodies[name], box) if name in bodies else box
+    return tuple(notice for name, box in bodies.items() for notice in _notices(name, box, scene))
+
+
+def _notices(name: str, box: Corners, scene: Corners) -> Iterator[str]:
+    size, wide = float(np.ptp(box, axis=0).max()), float(np.linalg.norm(np.ptp(scene, axis=0)))
+    gap = float(np.linalg.norm(np.maximum(np.maximum(box[0] - scene[1], scene[0] - box[1]), 0.0)))
+    told = []
+    if size > MANY_METRES:
+        told.append(f"it is {size:.4g} m large")
+    if gap > wide:
+        told.append(f"it is {gap:.4g} m from the target and the camera, which take {wide:.3g} m")
+        if not size > MANY_METRES:
+            told[0] += f", and {size:.3g} m large"
+    if told:
+        yield f"{name}: {' and '.join(told)}; if it is stated in millimetres, say units: mm"
+
+
+def _box(obstacle: Obstacle) -> Corners:
+    match obstacle:
+        case Sphere():
+            return _grown(obstacle.center[None], obstacle.radius)
+        case Capsule():
+            return _grown(np.array([obstacle.start, obstacle.end]), obstacle.radius)
+        case Cloud():
+            return _grown(obstacle.points, obstacle.radius)
+        case Box():
+            return _grown(obstacle.center[None], float(np.linalg.norm(obstacle.half_extents)))
+        case Mesh():
+            return _grown(obstacle.vertices, 0.0)
+        case _:
+            raise TypeError(type(obstacle).__name__)
+
+
+def _grown(points: FloatArray, radius: float) -> Corners:
+    return np.array([points.min(axis=0) - radius, points.max(axis=0) + radius])
+
+
+def _moved(box: Corners, motion: FloatArray | None) -> Corners:
+    if motion is None:
+        return box
+    shifts = np.array([np.polyval(row, _MOMENTS) for row in motion]).T
+    return np.array([box[0] + shifts.min(axis=0), box[1] + shifts.max(axis=0)])
+
+
+def _around(a: Corners, b: Corners) -> Corners:
+    return np.array([np.minimum(a[0], b[0]), np.maximum(a[1], b[1])])
