@@ -1,4 +1,5 @@
 import re
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -470,3 +471,19 @@ def test_packages_of_a_task_lie_in_its_folder_and_the_readers_win(tmp_path):
     document["arm"]["packages"] = ["shapes"]
     with pytest.raises(InputError, match=r"arm\.packages: \['shapes'\] given; legal: \{NAME: FOLDER, …\}"):
         load_task(written(folder, document))
+
+
+@pytest.mark.parametrize("own", [{"units": "in"}, {"scale": 0.0254}])
+def test_a_cloud_s_file_may_be_in_another_unit_than_the_task(own, tmp_path):
+    text = (resources.files("omniservo.tasks") / "shipped" / "paper-example-1.yaml").read_text()
+    fields = yaml.safe_load(text)
+    np.save(tmp_path / "scan.npy", np.array([[1.0, 2.0, 10.0]]))
+    cloud = {"type": "cloud", "file": "scan.npy", "radius": 1, **own}
+    fields["planning"]["obstacles"], file = [cloud], tmp_path / "task.yaml"
+    file.write_text(yaml.safe_dump(fields))
+    (section,) = load_task(file).planning.obstacles
+    assert np.allclose(section.obstacle.points, [[0.0254, 0.0508, 0.254]])
+    assert section.obstacle.file == "scan.npy"
+    file.write_text(yaml.safe_dump({**fields, "planning": {"obstacles": [{**cloud, "units": "ell"}]}}))
+    with pytest.raises(InputError, match=r"planning\.obstacles\.0\.units"):
+        load_task(file)

@@ -146,7 +146,7 @@ def _found_clouds(planning: Any, files: TaskFiles, metres: float) -> Any:
 
 
 def _found_cloud(obstacle: Any, number: int, files: TaskFiles, metres: float) -> Any:
-    """Return an obstacle with the points of its file, in the task's unit of ``metres``, if it is a cloud's."""
+    """Return an obstacle with the points of its file, in units of ``metres``, if it is a cloud's."""
     if not isinstance(obstacle, dict) or obstacle.get("type") != "cloud" or "file" not in obstacle:
         return obstacle
     place, name = f"planning.obstacles.{number}", obstacle["file"]
