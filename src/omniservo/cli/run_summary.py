@@ -25,7 +25,7 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
         f"{_of(metrics, 'visibility_executed_px')} executed"
     )
     yield f"computing             {_times(metrics)}"
-    for notice in metrics["notices"]:
+    for notice in metrics.get("notices", ()):
         yield f"notice                {notice}"
 
 
