@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, product
@@ -16,11 +16,13 @@ import numpy.typing as npt
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
-from omniservo.robots.gap_kernels import lower_gaps, slab, write_gap_slope
+from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, slab, write_gap_slope
 from omniservo.robots.gap_search import widen
+from omniservo.robots.mounted_pairs import mounted_pairs
 from omniservo.robots.read_shapes import first_joints_between, read_shapes
-from omniservo.robots.shapes import Scene
+from omniservo.robots.shapes import Scene, Shapes
 from omniservo.robots.solid import Solid
+from omniservo.robots.tracking_tube import Tube
 
 MOUNTED = "camera"
 """What the bodies that the tool carries are called together."""
@@ -54,8 +56,10 @@ class Nearness:
 class ArmBodies:
     """An arm, what it carries and what stands around it, in any posture; not for two threads at once.
 
-    Pairs are those that may meet: any part that moves with what stands around, and parts of the arm that
-    neither share a joint nor are left out by the arm's file (see `omniservo.robots.Arm.notices`).
+    Pairs are those that may meet: any part that moves with what stands around, and parts of the arm that do
+    not carry each other; what the last joint carries is kept off the link before it, too, and what the first
+    one carries off the base. What is left out of that stands in the arm's file, in
+    `omniservo.robots.Arm.notices`, and in `notices`.
     """
 
     def __init__(
@@ -64,7 +68,7 @@ class ArmBodies:
         *,
         mounted: Sequence[Solid] = (),
         surroundings: Sequence[Solid] = (),
-        strays: Mapping[str, float] | None = None,
+        tube: Tube | None = None,
     ) -> None:
         """Put everything together.
 
@@ -73,12 +77,10 @@ class ArmBodies:
             mounted: what the tool carries, in the flange frame; one body called `MOUNTED`.
             surroundings: what stands around, in the base frame. Bodies of one name are one thing: they stand
                 side by side in the sequence.
-            strays: by name of `tube_parts` [m]: how far any point of a link may be from where a path has it,
-                and by how much two of the arm's own links may be nearer. Pairs are asked to keep that much
-                more. None: nothing.
+            tube: how far a run strays from its path: pairs are asked to keep so much more. None: it does not.
 
         Raises:
-            InputError: two things around of one name; strays of other parts than `tube_parts`; a half-space
+            InputError: two things around of one name; a tube of other parts than `tube_parts`; a half-space
                 that is carried; a shape of a kind that is not known.
         """
         things = [(name, list(parts)) for name, parts in groupby(surroundings, lambda solid: solid.name)]
@@ -103,9 +105,10 @@ class ArmBodies:
         self._data: Any = mujoco.MjData(self._model)
         self._names = dict(zip(self._around, names, strict=True))
         self._is_around = np.isin(_body_names(self._model), self._around)[self._model.geom_bodyid]
-        self.shapes = read_shapes(self._model, self._data, self._is_around)
-        """What does not change of them, for compiled code."""
+        shapes = read_shapes(self._model, self._data, self._is_around)
         self._hinges = self._data.xanchor.copy(), self._data.xaxis.copy()  # it was left at q = 0
+        self.shapes, self.notices = self._with_mounted(shapes)
+        """What does not change of them, for compiled code; and what of that the arm carries is not judged."""
         self.pairs = self.shapes.pairs
         """(p, 2) of shapes that may meet; the second is carried by more joints"""
         shown = self._data
@@ -120,7 +123,7 @@ class ArmBodies:
         )
         """Where they are: MuJoCo's own arrays, so that it measures what compiled code has placed."""
         self._fromto, self._simplex = np.zeros(6), np.empty((4, 7))
-        self._strays = self._stray_of_pairs(strays)
+        self._strays = self._stray_of_pairs(tube)
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -130,9 +133,15 @@ class ArmBodies:
 
     @cached_property
     def tube_parts(self) -> tuple[str, ...]:
-        """What strays: the links, and of the pairs of links that may meet, as "camera & forearm"."""
-        own = [self.names(i) for i in range(len(self.pairs)) if not self.is_around(i)]
+        """What strays: the links, and of the pairs of links in `own_pairs`, as "camera & forearm"."""
+        own = [self.names(i) for i in self.own_pairs.tolist()]
         return (*self.links, *(_PAIRED.format(*pair) for pair in dict.fromkeys(own)))
+
+    @cached_property
+    def own_pairs(self) -> IntArray:
+        """Indices (k,) of the pairs of the arm's own parts with more than one joint between them."""
+        between = np.diff(self.shapes.carried[self.pairs], axis=1)[:, 0]
+        return np.flatnonzero(~self._has_surroundings & (between > 1))
 
     @cached_property
     def _owners(self) -> list[str]:
@@ -169,16 +178,41 @@ class ArmBodies:
         self._solids = tuple(surroundings)
         return True
 
-    def _stray_of_pairs(self, strays: Mapping[str, float] | None) -> FloatArray:
-        """Return by how much each pair (p,) may come closer than on the path [m]."""
-        if strays is None:
+    def _with_mounted(self, shapes: Shapes) -> tuple[Shapes, tuple[str, ...]]:
+        """Return the shapes with the pairs of what the tool carries and the link before, and notices."""
+        last = self.arm.dof - 1
+        before = self.touched[shapes.carried[self.touched] == last]
+        mounted = self.shapes_of(MOUNTED)
+        hinge, ends = (self._hinges[0][last], self._hinges[1][last]), self.arm.joint_range[last]
+        meet, overlap = mounted_pairs(shapes, before, mounted, hinge, ends)
+        shapes = shapes._replace(pairs=np.concatenate([shapes.pairs, meet]))
+        shapes = shapes._replace(first_between=first_joints_between(shapes, self._hinges))
+        if not len(overlap):
+            return shapes, ()
+        link = self.owner(int(overlap[0, 0]))
+        return shapes, (
+            f"shapes that overlap in every posture, not kept off each other: {MOUNTED} and {link} "
+            f"({len(overlap)} of {len(meet) + len(overlap)} pairs)",
+        )
+
+    def _stray_of_pairs(self, tube: Tube | None) -> FloatArray:
+        """Return by how much each pair (p,) may come closer than on the path [m].
+
+        With one joint between the two it is that joint's part alone, turned about its axis.
+        """
+        if tube is None:
             return np.zeros(len(self.pairs))
-        if other := set(strays) ^ set(self.tube_parts):
+        if other := set(tube.links) ^ set(self.tube_parts):
             known = "missing" if min(other) in self.tube_parts else "no part of this arm"
-            raise InputError(f"strays: {spelled(min(other))}: {known}; see `ArmBodies.tube_parts`")
-        for name, most in strays.items():
-            finite_number(f"strays: {name}", most, minimum=0.0)
-        found = np.array([strays[self.part_of(pair)] for pair in range(len(self.pairs))])
+            raise InputError(f"tube: links: {spelled(min(other))}: {known}; see `ArmBodies.tube_parts`")
+        for name, most in tube.links.items():
+            finite_number(f"tube: links: {name}", most, minimum=0.0)
+        shapes, scene = self.shapes, self.scene
+        places = scene.anchors, scene.directions, scene.places, shapes.radii
+        farthest_moves(*places, shapes.carried, shapes.spins, np.asarray(tube.joints), scene.moves)
+        found = scene.moves[self.pairs[:, 1], shapes.first_between]
+        for pair in np.union1d(self.own_pairs, np.flatnonzero(self._has_surroundings)).tolist():
+            found[pair] = tube.links[self.part_of(pair)]
         found[self._is_steady] = 0.0
         return found
 

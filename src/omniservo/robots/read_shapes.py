@@ -150,7 +150,10 @@ def _radii(model: Any, kinds: IntArray, corners: list[FloatArray]) -> FloatArray
 
 
 def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:
-    """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move."""
+    """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move.
+
+    Pairs that the model states are asked for whatever else it says of them, as MuJoCo does.
+    """
     i, j = np.nonzero(np.tril((carried > 0)[:, None] | (carried > 0), -1))
     first = np.where(carried[j] <= carried[i], j, i)
     second = i + j - first
@@ -164,6 +167,12 @@ def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:
         (b << 16) + a, model.exclude_signature
     )
     apart = around[first] | (carried[first] != carried[second])
-    kept = (carried[second] > 0) & (weld[a] != weld[b]) & (touch != 0) & apart & ~neighbours & ~left_out
+    stated = np.isin(
+        np.minimum(i, j) * len(carried) + np.maximum(i, j),
+        np.minimum(model.pair_geom1, model.pair_geom2) * len(carried)
+        + np.maximum(model.pair_geom1, model.pair_geom2),
+    )
+    may_meet = (weld[a] != weld[b]) & (touch != 0) & ~neighbours & ~left_out
+    kept = (carried[second] > 0) & apart & (may_meet | stated)
     pairs: IntArray = np.stack([first, second], axis=1)[kept]
     return pairs

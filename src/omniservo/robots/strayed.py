@@ -27,8 +27,8 @@ def strayed(
     Σ ‖Δx‖² of the corners of boxes about their shapes), not with where the time law would have it: being
     late is no deviation from a path that is clear for all w. Between rows the path is taken to be straight. A
     link strays by the farthest of its corners; no point of a shape goes farther, ‖A x + b‖ being convex in x.
-    Two links of the arm stray by what the run takes of the gap between them, where that is planned to be
-    below 0.15 m.
+    Two links of the arm with more than one joint between them stray by what the run takes of the gap between
+    them, where that is planned to be below 0.15 m.
 
     Args:
         bodies: the arm, with what it carries.
@@ -68,7 +68,7 @@ def strayed(
 
 def _own_gaps(bodies: ArmBodies, within: float) -> dict[int, float]:
     """Return the gaps of the arm's own parts that are close, by pair [m]."""
-    own = np.array([i for i in range(len(bodies.pairs)) if not bodies.is_around(i)], dtype=np.int64)
+    own = bodies.own_pairs
     close = own[bodies.lower_gaps(own) < within].tolist()
     return {pair: gap for pair in close if (gap := bodies.measure(pair)) < within}
 

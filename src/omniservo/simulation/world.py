@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP
+from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
+from omniservo.robots.arm_bodies import MOUNTED
 from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
 
 TICK = 0.001
@@ -30,6 +31,8 @@ _FLOOR_COLOUR: Colour = (0.30, 0.31, 0.33)
 _HOUSING_COLOUR: Colour = (0.07, 0.08, 0.10)
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (Rec. 709)
 _THICKNESS = 1e-5  # [m] of dots and panels: thinner than any pixel shows from the side
+
+_CAMERA_SHAPE = "camera shape {}"
 
 _FACING = 0.5  # cosine between normals that tells a panel's front from its sides and back
 
@@ -51,6 +54,7 @@ class World:
         _put_base(spec, scene.world_T_base)
         link_T_camera = scene.arm.link_T_flange * scene.flange_T_camera
         _add_camera(spec, spec.body(scene.arm.tool_link), link_T_camera)
+        _let_camera_touch_wrist(spec, scene)
         for body in scene.bodies:
             _add_body(spec, body)
         if scene.dots is not None:
@@ -143,10 +147,23 @@ def _add_camera(spec: Any, link: Any, pose: RigidTransform) -> None:
     camera = link.add_body(
         name="camera", pos=pose.translation, quat=_mujoco_quaternion(pose.rotation), gravcomp=1.0
     )
-    for solid in CAMERA_HOUSING:
+    for number, solid in enumerate(CAMERA_HOUSING):
         geom = solid.add_to(spec, camera)
+        geom.name = _CAMERA_SHAPE.format(number)
         geom.mass = 0.15
         _paint(geom, _HOUSING_COLOUR, CAMERA_GROUP)
+
+
+def _let_camera_touch_wrist(spec: Any, scene: Scene) -> None:
+    """State the camera's contacts with the link before the last joint, which MuJoCo itself leaves out."""
+    bodies = ArmBodies(
+        scene.arm, mounted=tuple(solid.moved(scene.flange_T_camera) for solid in CAMERA_HOUSING)
+    )
+    camera = bodies.shapes_of(MOUNTED).tolist()
+    for first, second in bodies.pairs.tolist():
+        if second in camera and bodies.shapes.carried[first] == scene.arm.dof - 1:
+            name = _CAMERA_SHAPE.format(camera.index(second))
+            spec.add_pair(geomname1=bodies.model.geom(first).name, geomname2=name)
 
 
 def _add_body(spec: Any, body: Box | Ball) -> None:

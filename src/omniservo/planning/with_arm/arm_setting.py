@@ -105,8 +105,7 @@ class ArmSetting:
             InputError: see `solids_of`.
         """
         carried = tuple(solid.moved(self.flange_T_camera) for solid in self.mounted)
-        strays = None if self.tube is None else self.tube.links
-        return ArmBodies(self.arm, mounted=carried, surroundings=self.solids(obstacles), strays=strays)
+        return ArmBodies(self.arm, mounted=carried, surroundings=self.solids(obstacles), tube=self.tube)
 
     def solids(self, obstacles: tuple[Obstacle, ...]) -> tuple[Solid, ...]:
         """Return what stands around the arm, in the base frame: the obstacles that count, the surroundings.

@@ -14,7 +14,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_model import ArmModel
-from omniservo.robots.arm_files.contacts import leave_out_housings
+from omniservo.robots.arm_files.contacts import choose_contacts, name_shapes
 from omniservo.robots.arm_files.description import Description, held_notice
 from omniservo.robots.arm_files.drives import add_drives, has_drives
 from omniservo.robots.arm_files.hold_rest import hold_rest
@@ -112,6 +112,7 @@ def _made_ready(spec: Any, description: Description, file: Path, tool: str | Non
     notices += [held_notice(held)] if held else []
     paint(spec)
     notices += share_groups(spec)
+    name_shapes(spec)
     _keep_hulls(spec, description.vertices)
     model = _compiled(spec, file)
     check_joints(model, str(file))
@@ -127,7 +128,7 @@ def _made_ready(spec: Any, description: Description, file: Path, tool: str | Non
         raise InputError(f"{file}: {len(acceleration)} joint accelerations; the arm has {model.njnt} joints")
     for body in spec.bodies:
         body.gravcomp = 1.0
-    notices += leave_out_housings(spec, model)
+    notices += choose_contacts(spec, model)
     if not has_drives(model):
         add_drives(spec, model)
         notices.append("no position servo for every joint; stiff ones are put in for the simulation")
