@@ -110,3 +110,33 @@ class Blocked(ServoStop):
     """What is known now leaves no way on that is proven."""
 
     reason = "blocked"
+
+
+class NotFollowing(ServoStop):
+    """The joints do not move as they were told, by more than the drives' lag and gain explain."""
+
+    reason = "not_following"
+
+
+class InconsistentImage(ServoStop):
+    """The points in the image do not move as the measured joints move the camera."""
+
+    reason = "inconsistent_image"
+
+
+class RobotLost(ServoStop):
+    """The robot does not answer: its connection is gone, or its driver failed."""
+
+    reason = "robot_lost"
+
+
+class ClockFault(ServoStop):
+    """The robot's clock runs backwards."""
+
+    reason = "clock_fault"
+
+
+class InvalidData(ServoStop):
+    """What robot, camera or controller gave in mid motion has not the form that it must have."""
+
+    reason = "invalid_data"

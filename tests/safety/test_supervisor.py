@@ -7,6 +7,7 @@ from omniservo.errors import (
     InputError,
     JointLimit,
     NotFinite,
+    RobotLost,
     ServoStop,
     SlowLoop,
     StaleImage,
@@ -61,6 +62,7 @@ def test_whatever_is_commanded_what_leaves_is_legal_and_no_joint_leaves_its_rang
         except ServoStop as stop:
             causes.add(stop.reason)
             assert stands_still(written)
+            supervisor.release(stop.reason)
             pull_back(supervisor, written, 0.5 * (low + high))
     every_command_is_legal(arm, written.commands)
     joints = np.array(written.joints)
@@ -101,15 +103,15 @@ def test_every_joint_at_full_speed_is_stopped_inside_its_range(guard, written, a
 
 def test_from_the_end_of_its_range_a_joint_may_go_back(guard, written, arm):
     q = written.robot.read().joint_positions
-    q[1] = arm.joint_range[1, 1] - 1e-3
+    q[4] = arm.joint_range[4, 1] - 1e-3
     written.robot.place(q)
     supervisor = guard()
-    supervisor.command([0, -0.2, 0, 0, 0, 0])
+    supervisor.command([0, 0, 0, 0, -0.2, 0])
     supervisor.wait(0.2)
-    assert written.robot.read().joint_positions[1] < q[1]
+    assert written.robot.read().joint_positions[4] < q[4]
     with pytest.raises(JointLimit):
         for _ in range(20):
-            supervisor.command([0, 0.2, 0, 0, 0, 0])
+            supervisor.command([0, 0, 0, 0, 0.2, 0])
             supervisor.wait(0.05)
 
 
@@ -231,14 +233,15 @@ def test_a_joint_that_turns_faster_than_it_may_is_stopped(guard, written):
     assert stands_still(written)
 
 
-def test_an_error_of_the_robot_itself_brakes_it_and_goes_on(guard, written):
+def test_an_error_of_the_robot_itself_brakes_it_and_is_the_loss_of_it(guard, written):
     supervisor = guard()
     supervisor.command(SLOW)
     supervisor.wait(0.1)
     command = written.command
     written.command = lambda velocities: (_ for _ in ()).throw(OSError("the line is down"))
-    with pytest.raises(OSError, match="line"):
+    with pytest.raises(RobotLost, match="command failed: OSError: the line is down") as lost:
         supervisor.command(2 * SLOW)
+    assert isinstance(lost.value.__cause__, OSError)
     written.command = command
     assert written.stops >= 1
     written.robot.advance(0.3)

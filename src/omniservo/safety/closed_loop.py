@@ -13,13 +13,14 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import NotFinite, ServoStop, StaleImage
+from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, StaleImage
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.perception import FeatureTracker
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety.feature_watch import FeatureWatch
-from omniservo.safety.supervisor import Passed, Supervisor, Wish
+from omniservo.safety.image_watch import ImageWatch
+from omniservo.safety.supervisor import Passed, Supervisor, Wish, as_stop
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
 _TICK = 1e-3
@@ -140,59 +141,127 @@ def servo(
         controller: turns points into camera twists.
         features: finds the points near their predicted places.
         visibility: keeps the points in view.
-        on_step: called after every command; a `ServoStop` that it raises stops the robot.
+        on_step: called after every command; what it raises stops the robot.
         time_limit: of the whole servo [s].
         posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
 
+    What stops it latches in the supervisor: nothing moves the robot again until `Supervisor.release`.
+
     Returns:
-        None where the controller finished; else what stopped the robot.
+        None where the controller finished; else what stopped the robot. Also an `InputError` of whoever takes
+        part is a stop, `InvalidData`, once the robot was commanded.
+
+    Raises:
+        InputError: before the first command: the parts do not fit together.
+        Exception: what else controller, features or ``on_step`` raise; the robot stands still by then.
     """
-    watch = FeatureWatch(supervisor.options)
+    loop = _Loop(supervisor, controller, features, visibility, posture)
+    stop: ServoStop | None = None
     try:
-        image = _next_image(supervisor, None)
-        start = image.time
         while not controller.done:
-            if image.time - start > time_limit:
+            image = loop.next_image()
+            if image.time - loop.start > time_limit:
                 raise TimeLimit(f"not at the goal after {time_limit:g} s")
-            step = _step(supervisor, controller, features, visibility, watch, image, start, posture)
-            on_step(step)
-            image = _next_image(supervisor, image)
-    except ServoStop as stop:
-        return stop
-    finally:
-        supervisor.stop()
+            on_step(loop.step(image))
+    except BaseException as error:
+        stop = as_stop(error)
+        refused = isinstance(error, InputError) and loop.commanded
+        if not (isinstance(error, ServoStop) or refused):
+            _rest(supervisor, stop)
+            raise
+    return _rest(supervisor, stop)
+
+
+def _rest(supervisor: Supervisor, stop: ServoStop | None) -> ServoStop | None:
+    """Bring the robot to rest; return what it was stopped for, or what went wrong meanwhile."""
+    try:
+        supervisor.stop(stop)
         supervisor.wait(_SETTLING)
-    return None
+    except ServoStop as failed:
+        if stop is None:
+            return failed
+        stop.add_note(f"braking: {failed}")
+    return stop
 
 
-def _step(
-    supervisor: Supervisor,
-    controller: Controller,
-    features: FeatureTracker,
-    visibility: VisibilityFilter,
-    watch: FeatureWatch,
-    image: CameraImage,
-    start: float,
-    posture: Posture | None,
-) -> Step:
-    """Command what one image asks for; ``start`` is the time of the loop's first image [s]."""
-    time = image.time - start
-    predicted, expected = controller.predict(time)
-    pixels, valid = features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
-    state = supervisor.read()
-    before = perf_counter()
-    twist = controller.step(time, pixels, valid)
-    report = controller.report
-    if report is None or not np.isfinite(twist).all():
-        raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
-    points = report.initial_T_camera.inv().apply(controller.points)
-    watch.check(time, points, valid, report.error_px)
-    filtered = visibility.step(points, pixels, valid, twist)
-    # Six joints leave nothing free.
-    wish = _towards(posture, start) if posture and supervisor.arm.dof > 6 else None
-    passed = supervisor.carry(filtered.twist, wish)
-    seconds = perf_counter() - before
-    return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+class _Loop:
+    """One servo: what it works with, and what it knows from image to image."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        controller: Controller,
+        features: FeatureTracker,
+        visibility: VisibilityFilter,
+        posture: Posture | None,
+    ) -> None:
+        self._supervisor, self._controller, self._features = supervisor, controller, features
+        self._visibility, self._posture = visibility, posture
+        options = supervisor.options
+        self._watch = FeatureWatch(options)
+        self._image_watch = ImageWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
+        self._last = -np.inf
+        self.start = np.nan
+        """the time of the first image [s]"""
+        self.commanded = False
+        """whether the robot may move"""
+
+    def step(self, image: CameraImage) -> Step:
+        """Command what one image asks for."""
+        supervisor, controller = self._supervisor, self._controller
+        time = image.time - self.start
+        predicted, expected = controller.predict(time)
+        pixels, valid = self._features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
+        _refuse_wrong_points(pixels, valid, len(predicted))
+        state = supervisor.read()
+        before = perf_counter()
+        twist = controller.step(time, pixels, valid)
+        report = controller.report
+        if report is None or not np.isfinite(twist).all():
+            raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
+        pose = report.initial_T_camera
+        points = pose.inv().apply(controller.points)
+        self._watch.check(time, points, valid, report.error_px)
+        self._image_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
+        filtered = self._visibility.step(points, pixels, valid, twist)
+        # Six joints leave nothing free.
+        free = supervisor.arm.dof > 6
+        wish = _towards(self._posture, self.start) if self._posture is not None and free else None
+        self.commanded = True
+        passed = supervisor.carry(filtered.twist, wish)
+        seconds = perf_counter() - before
+        return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+
+    def next_image(self) -> CameraImage:
+        """Wait for an image newer than the last; refuse one that is too old, or that does not come."""
+        supervisor, waited = self._supervisor, 0.0
+        limit = supervisor.options.image_age
+        while True:
+            image = supervisor.image()
+            if image is not None and image.time > self._last:
+                age = supervisor.read().time - image.time
+                if not age <= limit:
+                    raise StaleImage(f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on")
+                self._last = image.time
+                self.start = image.time if np.isnan(self.start) else self.start
+                return image
+            if waited > limit:
+                raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
+            supervisor.wait(_TICK)
+            waited += _TICK
+
+
+def _refuse_wrong_points(pixels: FloatArray, valid: BoolArray, count: int) -> None:
+    """Raise where features are not what a step can work with."""
+    if np.shape(pixels) != (count, 2) or np.shape(valid) != (count,):
+        raise InvalidData(
+            f"features of shapes {np.shape(pixels)}, {np.shape(valid)} were found; a row for each of the "
+            f"{count} points is needed"
+        )
+    bad = np.asarray(valid) & ~np.isfinite(pixels).all(axis=1)
+    if bad.any():
+        j = int(np.argmax(bad))
+        raise NotFinite(f"point {j} was found at {np.asarray(pixels)[j].tolist()} px")
 
 
 def _towards(posture: Posture, start: float) -> Wish:
@@ -203,19 +272,3 @@ def _towards(posture: Posture, start: float) -> Wish:
         return speeds + POSTURE_GAIN * (wanted - state.joint_positions)
 
     return wish
-
-
-def _next_image(supervisor: Supervisor, last: CameraImage | None) -> CameraImage:
-    """Wait for an image newer than ``last``; refuse one that is too old, or that does not come."""
-    limit, waited = supervisor.options.image_age, 0.0
-    while True:
-        image = supervisor.image()
-        if image is not None and (last is None or image.time > last.time):
-            age = supervisor.read().time - image.time
-            if not age <= limit:
-                raise StaleImage(f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on")
-            return image
-        if waited > limit:
-            raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
-        supervisor.wait(_TICK)
-        waited += _TICK

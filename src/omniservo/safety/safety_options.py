@@ -17,6 +17,12 @@ _POSITIVE = (
     "max_angular_speed",
     "growing_time",
     "visibility_rate",
+    "drive_lag",
+    "least_gain",
+    "least_acceleration",
+    "following_error",
+    "image_error",
+    "time_offset",
 )
 
 
@@ -36,6 +42,24 @@ class SafetyOptions:
     every braking distance."""
     joint_reserve: float = float(np.deg2rad(1.0))
     """What is left of a joint's range beyond its braking distance, for the drive's own lag [rad]"""
+    drive_lag: float = 0.25
+    """L: what is sent shows in the joint readings by so much later at most, drives and reading together
+    [s]"""
+    least_gain: float = 0.7
+    """A drive turns at least this share of what is sent, once its lag is over,"""
+    most_gain: float = 1.6
+    """and at most this"""
+    least_acceleration: float = 0.5
+    """A drive accelerates at least with this share of the arm's limit."""
+    following_error: float = 3e-3
+    """What lag and gain do not explain of a joint's motion may be this much [rad]; more stops the robot."""
+    image_error: float = 4.0
+    """A point's motion in the image may be off by this much beyond what structure, mount, calibration and
+    time stamps explain [px]; see `ImageWatch`"""
+    time_offset: float = 0.25
+    """Time stamps of images may be off those of the joints by this much, either way [s]"""
+    structure_error: float = 0.4
+    """The points' distances may be off by this share."""
     max_linear_speed: float = 1.0
     """of the camera's centre [m/s]; a faster command is slowed down as a whole"""
     max_angular_speed: float = 3.0
@@ -59,8 +83,9 @@ class SafetyOptions:
     def __post_init__(self) -> None:
         for name in _POSITIVE:
             finite_number(name, getattr(self, name), above=0.0)
-        for name in ("joint_reserve", "growing_px", "visibility_margin"):
+        for name in ("joint_reserve", "growing_px", "visibility_margin", "structure_error"):
             finite_number(name, getattr(self, name), minimum=0.0)
+        finite_number("most_gain", self.most_gain, minimum=self.least_gain)
         finite_number("least_features", self.least_features, minimum=3)
         if not isinstance(self.least_features, int):
             raise InputError(f"least_features: {self.least_features} given; a whole number is needed")

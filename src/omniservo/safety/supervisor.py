@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -11,23 +11,31 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import InputError, JointLimit, NotFinite, SlowLoop, StaleImage, WorkspaceLimit
+from omniservo.errors import (
+    InputError,
+    InvalidData,
+    NotFinite,
+    RobotLost,
+    ServoStop,
+    SlowLoop,
+    StaleImage,
+    spelled,
+)
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots import Arm, CameraImage, Robot, RobotState
-from omniservo.robots.twist_matrix import twist_matrix
-from omniservo.safety.motion_limits import approached, braked, slowed, stopping_distance
+from omniservo.safety.following_watch import FollowingWatch
+from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.motion_limits import approached, braked, slowed
+from omniservo.safety.robot_link import RobotLink
 from omniservo.safety.safety_options import SafetyOptions
+from omniservo.safety.stoppable import Stoppable
 
 TICK = 5e-3
 """The moving robot is looked at, and its velocity led on towards the command, so often [s]."""
 
 _ROUNDING = 1e-9
 """[s] of clocks"""
-
-RUNAWAY = 1.25
-"""A joint measured to turn faster than this times its speed limit does not do what it is told."""
-
 
 Wish: TypeAlias = Callable[[RobotState], FloatArray]
 """From the joints as they are to the velocities (n,) that they should have where the camera leaves them free
@@ -55,9 +63,11 @@ class Supervisor:
     the joints can accelerate is approached, along its own direction where that can be. Any other breach
     brakes the robot within its acceleration limits and then raises the `ServoStop` that names it: a joint
     (or the camera's centre, to first order in the braking distance) that could not be stopped inside its
-    range any more, a number that is not finite, an image too old, a robot not looked at. So the last command
-    sent was one after which braking leads to no violation, whenever it begins within the reaction time.
+    range any more, a number that is not finite, an image too old, a robot not looked at, joints that do not
+    do what they were told, a robot that does not answer. So the last command sent was one after which
+    braking leads to no violation, whenever it begins within the reaction time.
 
+    Whatever braked it latches: nothing moves it again until `release` names the reason.
     Let time pass through `wait` alone: between commands the robot is watched there, and velocities led on.
 
     Args:
@@ -68,7 +78,8 @@ class Supervisor:
         options: see SafetyOptions.
 
     Raises:
-        NotFinite: the robot's joints are not finite.
+        InputError: the robot has another number of joints than the arm.
+        ServoStop: it does not answer, or not with finite numbers.
     """
 
     def __init__(
@@ -86,31 +97,60 @@ class Supervisor:
         """as given"""
         self.options = options or SafetyOptions()
         """as given"""
-        self._robot, self._wait = robot, wait
+        self.stopped: ServoStop | None = None
+        """what the robot was stopped for, and has not been released from"""
+        self._link = RobotLink(robot, wait, arm.dof)
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
         self._carried: Callable[[RobotState], FloatArray] | None = None
         self._carried_time = 0.0
-        state = _checked(robot.read(), arm.dof)
+        try:
+            state = self._link.read()
+        except InvalidData as error:
+            raise InputError(str(error)) from error
         self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
+        self.history = MotionHistory(state, self.options.least_acceleration * arm.joint_acceleration)
+        """what was sent and what was measured"""
         base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
-        self._initial_T_base = base_T_initial.inv().as_matrix()[:3]
-        self._flange_T_camera = flange_T_camera.as_matrix()
+        self._stoppable = Stoppable(arm, flange_T_camera, base_T_initial, self.options)
+        self._following = FollowingWatch(arm, self.options)
 
     def read(self) -> RobotState:
         """Return the joints as they are now.
 
         Raises:
-            NotFinite: they are no finite numbers; the robot has been braked.
+            ServoStop: the robot does not answer, or not with finite numbers; it has been braked.
         """
         with self._braking():
             return self._seen_state()
 
     def image(self) -> CameraImage | None:
-        """Return the newest delivered frame; None before the first one arrives."""
-        image = self._robot.image()
-        if image is not None:
-            self._image_time = image.time
-        return image
+        """Return the newest delivered frame; None before the first one arrives.
+
+        Raises:
+            ServoStop: the robot does not answer, or not with a frame; it has been braked.
+        """
+        with self._braking():
+            image = self._link.image()
+            if image is not None:
+                self._image_time = image.time
+            return image
+
+    def release(self, reason: str) -> None:
+        """Let the robot move again after a stop.
+
+        Args:
+            reason: what it was stopped for: `ServoStop.reason` of `stopped`.
+
+        Raises:
+            InputError: it was not stopped, or for another reason.
+            ServoStop: the robot does not answer, or not with finite numbers.
+        """
+        if self.stopped is None or reason != self.stopped.reason:
+            legal = "the robot is not stopped" if self.stopped is None else f"legal: {self.stopped.reason!r}"
+            raise InputError(f"reason: {spelled(reason)} given; {legal}")
+        self.stopped = None
+        with self._braking():
+            self._sent_time = self._seen_state().time
 
     def command(self, joint_velocities: npt.ArrayLike) -> Passed:
         """Move with these joint velocities (n,) [rad/s], or as near to them as the limits allow.
@@ -123,6 +163,7 @@ class Supervisor:
             InputError: wrong shape; the robot stands still by then.
         """
         with self._braking():
+            self._refuse_stopped()
             self._carried = None
             return self._commanded(self._checked_command(joint_velocities), self._seen_state())
 
@@ -145,6 +186,7 @@ class Supervisor:
             InputError: wrong shape, NaN or infinity; the robot stands still by then.
         """
         with self._braking():
+            self._refuse_stopped()
             wanted = finite_array("twist", twist, (6,))
 
             def carried(state: RobotState) -> FloatArray:
@@ -165,43 +207,73 @@ class Supervisor:
         left = duration
         while left > 1e-9:
             part = min(left, TICK)
-            self._wait(part)
-            left -= part
-            if self._sent.any() or self._target.any():
-                with self._braking():
+            with self._braking():
+                self._link.wait(part)
+                left -= part
+                if self._sent.any() or self._target.any():
                     state = self._seen_state()
                     if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
                         self._carried_time = state.time
                         self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
                     self._pass(state, self._led_on(state))
 
-    def stop(self) -> None:
-        """Brake every joint as fast as its acceleration limit allows; the robot stands still on return."""
+    def stop(self, reason: ServoStop | None = None) -> None:
+        """Brake every joint as fast as its acceleration limit allows; the robot stands still on return.
+
+        Args:
+            reason: what for; nothing moves it again until it is released. None: it may move on.
+
+        Raises:
+            RobotLost: it could not be told to; nothing else can be done from here.
+        """
+        self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
         try:
-            while self._sent.any():
-                self._wait(TICK)
-                now = self._robot.read().time
-                # Of a clock that stands or is no number, the time waited for is taken.
-                elapsed = now - self._sent_time if 0.0 < now - self._sent_time < TICK else TICK
-                self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
-                self._sent_time = now if np.isfinite(now) else self._sent_time
-                self._robot.command(self._sent)
-        finally:
-            self._sent = np.zeros(self.arm.dof)
-            self._robot.stop()
+            try:
+                while self._sent.any():
+                    self._link.wait(TICK)
+                    self._brake_on()
+            finally:
+                self._sent = np.zeros(self.arm.dof)
+                self.history.sent(self._sent)
+                self._link.stop()
+        except RobotLost as lost:
+            self.stopped = self.stopped or lost
+            raise
+
+    def _brake_on(self) -> None:
+        """Lead the joints one tick nearer to rest."""
+        elapsed = TICK  # where nothing or nonsense is read: what was waited for
+        with suppress(ServoStop):
+            state = self._seen_state()
+            elapsed = state.time - self._sent_time if 0.0 < state.time - self._sent_time < TICK else TICK
+            self._sent_time = state.time
+        self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
+        self._link.command(self._sent)
+        self.history.sent(self._sent)
 
     @contextmanager
     def _braking(self) -> Iterator[None]:
-        """Brake before any error goes on."""
+        """Brake before any error goes on, and let nothing move any more."""
         try:
             yield
-        except BaseException:
-            self.stop()
+        except BaseException as error:
+            try:
+                self.stop(as_stop(error))
+            except RobotLost as lost:
+                error.add_note(f"braking: {lost}")
             raise
 
+    def _refuse_stopped(self) -> None:
+        if self.stopped is not None:
+            raise type(self.stopped)(
+                f"stopped before: {self.stopped}; release({self.stopped.reason!r}) lets it move again"
+            )
+
     def _seen_state(self) -> RobotState:
-        return _checked(self._robot.read(), self.arm.dof)
+        state = self._link.read()
+        self.history.measured(state)
+        return state
 
     def _commanded(self, wanted: FloatArray, state: RobotState) -> Passed:
         """Begin to lead the robot to these velocities."""
@@ -251,14 +323,14 @@ class Supervisor:
                 f"at most {self.options.reaction:g} s is allowed"
             )
         self._refuse_stale(state)
-        self._refuse_runaway(state)
-        self._refuse_range(state, velocities)
-        self._refuse_workspace(state, velocities)
+        self._stoppable.check(state, velocities)
+        self._following.check(self.history)
         if not np.isfinite(velocities).all():  # whatever went wrong on the way here
             raise NotFinite(f"the command {velocities.tolist()} rad/s; it was not sent")
         self._seen_time = state.time
-        self._robot.command(velocities)
-        self._sent, self._sent_time = velocities, state.time
+        self._sent, self._sent_time = velocities, state.time  # first: it may move though the call fails
+        self._link.command(velocities)
+        self.history.sent(velocities)
 
     def _refuse_stale(self, state: RobotState) -> None:
         age = state.time - self._image_time
@@ -267,71 +339,10 @@ class Supervisor:
                 f"the newest image is {age:.3f} s old; at most {self.options.image_age:g} s is acted on"
             )
 
-    def _refuse_runaway(self, state: RobotState) -> None:
-        share = np.abs(state.joint_velocities) / self.arm.joint_speed
-        if (share > RUNAWAY).any():
-            j = int(np.argmax(share))
-            raise JointLimit(
-                f"{self.arm.joint_names[j]} turns with "
-                f"{np.rad2deg(abs(state.joint_velocities[j])):.0f} deg/s; "
-                f"at most {np.rad2deg(self.arm.joint_speed[j]):.0f} deg/s was allowed"
-            )
 
-    def _refuse_range(self, state: RobotState, velocities: FloatArray) -> None:
-        """Stop when a joint that goes outwards could not be braked inside its range any more."""
-        arm, options, measured = self.arm, self.options, state.joint_velocities
-        worst = np.where(velocities > 0.0, np.maximum(velocities, measured), np.minimum(velocities, measured))
-        end = state.joint_positions + stopping_distance(worst, arm.joint_acceleration, options.reaction)
-        low, high = (
-            arm.joint_range[:, 0] + options.joint_reserve,
-            arm.joint_range[:, 1] - options.joint_reserve,
-        )
-        leaving = ((velocities > 0.0) & (end > high)) | ((velocities < 0.0) & (end < low))
-        if leaving.any():
-            j = int(np.argmax(leaving))
-            raise JointLimit(
-                f"{arm.joint_names[j]} at {np.rad2deg(state.joint_positions[j]):.1f} deg, turning with "
-                f"{np.rad2deg(worst[j]):.1f} deg/s, would stop at {np.rad2deg(end[j]):.1f} deg; its range is "
-                f"{np.rad2deg(arm.joint_range[j, 0]):.1f} … {np.rad2deg(arm.joint_range[j, 1]):.1f} deg, "
-                f"{np.rad2deg(options.joint_reserve):.1f} deg of it held back"
-            )
-
-    def _refuse_workspace(self, state: RobotState, velocities: FloatArray) -> None:
-        """Stop when the camera's centre, going outwards, could not be braked inside the workspace."""
-        box = self.options.workspace
-        if box is None or not velocities.any():
-            return
-        base_T_flange, jacobian = self.arm.locate(state.joint_positions)
-        initial_R_base = self._initial_T_base[:, :3]
-        base_T_camera = base_T_flange @ self._flange_T_camera
-        to_camera = twist_matrix(self.flange_T_camera)[:3]
-        along = initial_R_base @ base_T_camera[:, :3] @ (to_camera @ jacobian)
-        ways = along * stopping_distance(velocities, self.arm.joint_acceleration, 0.0)
-        centre = initial_R_base @ base_T_camera[:, 3] + self._initial_T_base[:, 3]
-        speed = along @ velocities
-        # Braking, the joints do not come to rest together: on the way only some may have moved.
-        reached = centre + speed * self.options.reaction
-        lowest = reached + np.minimum(ways, 0.0).sum(axis=1)
-        highest = reached + np.maximum(ways, 0.0).sum(axis=1)
-        leaving = ((speed < 0.0) & (lowest < box[0])) | ((speed > 0.0) & (highest > box[1]))
-        if leaving.any():
-            i = int(np.argmax(leaving))
-            end = lowest[i] if speed[i] < 0.0 else highest[i]
-            raise WorkspaceLimit(
-                f"the camera at {'xyz'[i]} = {centre[i]:.3f} m, moving with {speed[i]:.3f} m/s, could stop "
-                f"only at {end:.3f} m; its workspace is {box[0, i]:g} … {box[1, i]:g} m"
-            )
-
-
-def _checked(state: RobotState, dof: int) -> RobotState:
-    """Return the state if all of it is finite."""
-    for name, value in (
-        ("time", np.array([state.time])),
-        ("joint_positions", state.joint_positions),
-        ("joint_velocities", state.joint_velocities),
-    ):
-        if not np.isfinite(value).all():
-            raise NotFinite(f"the robot reports {name} {np.asarray(value).tolist()}")
-    if np.shape(state.joint_positions) != (dof,) or np.shape(state.joint_velocities) != (dof,):
-        raise InputError(f"the robot reports {len(state.joint_positions)} joints; the arm has {dof}")
-    return state
+def as_stop(error: BaseException) -> ServoStop:
+    """Return what an error stops the robot for."""
+    if isinstance(error, ServoStop):
+        return error
+    kind = InvalidData if isinstance(error, InputError) else ServoStop
+    return kind(f"{type(error).__name__}: {error}")

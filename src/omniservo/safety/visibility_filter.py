@@ -58,7 +58,8 @@ class VisibilityFilter:
     def __init__(
         self, camera: UnifiedCamera, *, delay: float = 0.0, options: SafetyOptions | None = None
     ) -> None:
-        self._camera = camera
+        self.camera = camera
+        """as given"""
         self._options = options or SafetyOptions()
         self._limits, self._edges, self._ends = _limits_of(
             camera, self._options.visibility_margin + camera.deviation_px
@@ -99,7 +100,7 @@ class VisibilityFilter:
             )
         twist, evidence = np.empty(6), np.empty(4)
         kernel.keep_in_view(
-            self._camera.parameters, self._limits, self._edges, self._ends, self._settings, places,
+            self.camera.parameters, self._limits, self._edges, self._ends, self._settings, places,
             image, used, self._last, command, twist, evidence,
         )  # fmt: skip
         self._last = twist

@@ -1,0 +1,326 @@
+"""Faults while an arm moves: is every one a named stop in time, and does anything come too close?
+
+Run: ``python -m benchmarks.motion_faults [--tasks 11] [--arm NAME] [--fault WORDS]``. Tasks are those of
+`tests.planning.arm_scenes`, planned with 10 mm more than the 10 mm that are asked to the balls and the 2 mm
+that are asked of the arm's own parts, such that the plan comes within 30 mm of that, and followed on
+projected pixels with 0.5 px of noise by drives with lag and acceleration limits (`benchmarks.driven_arm`).
+A fault (`benchmarks.planted_faults`) is planted at a random 25 to 60% of the time; of joints, it is the one
+that turns fastest then. Judged are MuJoCo's distances of all bodies every 5 ms, to where the arm stands
+still, and the time from the moment from which a fault can be told to the beginning of braking:
+
+- at once: the first reading, call or image that is broken;
+- image age: when the newest image is as old as that of a sound robot may be, 0.25 s after the fault;
+- joints: when the joints read have turned, since the fault, otherwise than every drive with a lag up to
+  0.25 s and a gain of 0.7 to 1.6 would have turned them, by more than 3e-3 rad;
+- points: the first image in which more than a quarter of the points, three or more, are off by more than
+  4 px and 0.4 of what they moved since the fault.
+
+Beside them sound robots of many kinds, which must not be stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from benchmarks.arm_runs import JOINT_SHARE, LEAST_DURATION, TOLERANCE_PX, Gaps, Truth
+from benchmarks.driven_arm import DrivenArm, Drives
+from benchmarks.planted_faults import FAULTS, Fault, FaultyArm, marked_valid
+from scipy.spatial.transform import RigidTransform
+from tests.planning.arm_scenes import random_task
+
+from omniservo.errors import ServoStop
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
+from omniservo.planning import Plan, plan_with_arm
+from omniservo.robots import Arm, JointPath, load_arm, shipped_arms
+from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
+from omniservo.servoing import PathLimits, RestToRestLaw
+from omniservo.tracking import PathTracker, TrackerOptions
+
+SEED = 24
+ASKED, SELF_ASKED, ROOM = 0.01, 0.002, 0.01
+"""[m]"""
+
+NEAR = 0.03
+"""Of a task taken, the plan comes as near to what is asked [m]."""
+
+SETTLING = 2.0
+OPTIONS = SafetyOptions()
+IN_TIME = 0.3
+"""[s]"""
+
+
+@dataclass(frozen=True)
+class Sound:
+    """A robot on which nothing is broken."""
+
+    name: str
+    drives: Drives = field(default_factory=Drives)
+    noise_px: float = 0.5
+    structure: float = 0.0
+    """σ of the share by which the points' distances are wrong"""
+    mount: tuple[float, float] = (0.0, 0.0)
+    """by which the camera's mount is wrong [m, rad]"""
+
+
+SOUND = (
+    Sound("undisturbed"),
+    *(Sound(f"gain {g}", Drives(gain=g)) for g in (0.8, 1.2, 1.5)),
+    Sound("drives with a lag of 0.1 s", Drives(lag=0.1)),
+    Sound("half of the stated acceleration", Drives(acceleration=0.5)),
+    Sound("readings 0.2 s late", Drives(reading_late=0.2)),
+    Sound("readings 0.2 s late, stamped so", Drives(reading_late=0.2, stamped_then=True)),
+    Sound("readings with 3e-4 rad of noise", Drives(reading_noise=3e-4)),
+    Sound("images 0.2 s late", Drives(image_late=0.2)),
+    Sound("time stamps 0.1 s late", Drives(stamp_error=-0.1)),
+    Sound("time stamps 0.2 s in the future", Drives(stamp_error=0.2)),
+    Sound("time stamps off by up to 5 ms", Drives(stamp_jitter=5e-3)),
+    Sound("one image of five lost", Drives(drop=0.2)),
+    Sound("noise of 1 px", noise_px=1.0),
+    Sound("distances wrong by 3%", structure=0.03),
+    Sound("mount wrong by 5 mm, 1°", mount=(0.005, np.radians(1.0))),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A planned task."""
+
+    truth: Truth
+    plan: Plan
+    branch: JointPath
+    law: RestToRestLaw
+
+
+@dataclass(eq=False)
+class Points:
+    """The target's true projections with noise, and what the fault makes of them."""
+
+    robot: FaultyArm
+    truth: Truth
+    noise_px: float
+    random: np.random.Generator
+    off: list[tuple[float, bool]] = field(default_factory=list)
+    """time and whether more than a quarter of the points are off, of each image since the fault"""
+    _before: FloatArray | None = None
+    _true_before: FloatArray | None = None
+
+    def update(self, image: ByteArray, predicted: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return where the newest frame shows the points."""
+        del image, predicted
+        newest = self.robot.robot.exposed()
+        assert newest is not None
+        pose = self.truth.initial_T_camera(self.robot.robot.joints_at(newest[0])[None])
+        camera_points = pose[0].inv().apply(self.truth.points)
+        pixels, seen = self.truth.camera.project(camera_points)
+        seen = seen & self.truth.camera.in_image(np.where(seen[:, None], pixels, 0.0))
+        noisy = pixels + self.noise_px * self.random.standard_normal(pixels.shape)
+        seen = seen & self.truth.camera.unproject(np.where(seen[:, None], noisy, 0.0))[1]
+        fault = self.robot.fault
+        if not self.robot.broken or self._before is None or self._true_before is None:
+            self._before, self._true_before = noisy, pixels
+        elif fault is not None and fault.points is not None:
+            noisy = fault.points(noisy, self._before, self.random)
+            gap = np.linalg.norm(noisy - pixels, axis=1)
+            moved = np.linalg.norm(pixels - self._true_before, axis=1)
+            bad = gap > OPTIONS.image_error + OPTIONS.structure_error * moved
+            self.off.append((self.robot.robot.time, int(bad.sum()) > max(2, len(bad) // 4)))
+        valid = marked_valid(fault if self.robot.broken else None, noisy, seen)
+        return np.where(valid[:, None], noisy, np.nan), valid
+
+
+class Timed(Supervisor):
+    """A supervisor that notes when it first begins to brake for a reason."""
+
+    began = np.inf
+
+    def stop(self, reason: ServoStop | None = None) -> None:
+        """As `Supervisor.stop`."""
+        if reason is not None and self.began == np.inf:
+            self.began = self.clock()
+        super().stop(reason)
+
+    def clock(self) -> float:
+        """The true time [s]; set by who makes it."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one run."""
+
+    reason: str
+    """"" where the goal was reached"""
+    delay: float
+    """from the moment from which the fault can be told to the beginning of braking [s], 0 where that began
+    earlier; infinite: it was told never; NaN: nor could it be"""
+    left: float
+    """beyond the clearance, least of all pairs [m]"""
+    distance: float
+    """least of all pairs [m]"""
+
+
+def jobs(arm: Arm, count: int) -> Iterator[Job]:
+    """Yield planned tasks."""
+    random = np.random.default_rng(SEED)
+    while count:
+        problem, setting = random_task(arm, random)
+        if setting.start is None:
+            continue
+        wider = replace(setting, clearance=ASKED + ROOM, self_clearance=SELF_ASKED + ROOM)
+        found = plan_with_arm(replace(problem, visibility_margin=8.0), wider)
+        if not found.certified or found.branch is None:
+            continue
+        balls = [(np.array(o.center), o.radius) for o in problem.obstacles]
+        truth = Truth(arm, setting.start, setting.flange_T_camera, problem.camera, problem.points, balls)
+        planned = Gaps(truth, ASKED, SELF_ASKED).least(found.branch(np.linspace(0.0, 1.0, 101)))
+        if planned > NEAR:
+            continue
+        limits = PathLimits(found.branch, JOINT_SHARE * arm.joint_speed, JOINT_SHARE * arm.joint_acceleration)
+        law = RestToRestLaw.for_limits(limits, least_duration=LEAST_DURATION)
+        count -= 1
+        yield Job(truth, found.plan, found.branch, law)
+
+
+def outcome(job: Job, sound: Sound, fault: Fault | None, seed: int) -> Outcome:
+    """Return what becomes of a run."""
+    random = np.random.default_rng([SEED, seed])
+    fault_time = float(random.uniform(0.25, 0.6)) * job.law.duration
+    w, speed = job.law(fault_time)
+    joint = int(np.argmax(np.abs(job.branch(w, 1) * speed)))
+    truth, mount = _truth(job, sound, random)
+    robot = DrivenArm(truth.arm, truth.start, sound.drives, random)
+    faulty = FaultyArm(robot, fault, fault_time, joint)
+    points = Points(faulty, truth, sound.noise_px, random)
+    end = job.plan.problem.initial_T_goal
+    goal, _ = truth.camera.project(end.inv().apply(truth.points))
+    options = TrackerOptions(delay=sound.drives.image_late + 0.5 / 30.0, tolerance_px=TOLERANCE_PX)
+    tracker = PathTracker(job.plan, truth.camera, goal_pixels=goal, options=options, time_law=job.law)
+    supervisor = Timed(faulty, truth.arm, mount, wait=faulty.advance)  # type: ignore[arg-type]
+    supervisor.clock = lambda: robot.time  # type: ignore[method-assign]
+
+    def posture(time: float) -> tuple[FloatArray, FloatArray]:
+        w, speed = job.law(time)
+        return job.branch(w), job.branch(w, 1) * speed
+
+    stop = servo(
+        supervisor, tracker, points, VisibilityFilter(truth.camera, delay=sound.drives.image_late),
+        on_step=lambda step: None, time_limit=job.law.duration + SETTLING, posture=posture,
+    )  # fmt: skip
+    robot.advance(0.3)
+    moment = _moment(faulty, points) if fault is not None else np.nan
+    trace = np.array(robot.trace)[::5]
+    left = Gaps(truth, ASKED, SELF_ASKED).least(trace)
+    distance = left + ASKED if left > 0.0 else Gaps(truth, 0.0, 0.0).least(trace)
+    reason = "" if stop is None or stop.reason == "time_limit" else stop.reason
+    began = supervisor.began if reason else np.inf
+    delay = max(began - moment, 0.0) if min(began, moment) < np.inf else np.nan
+    return Outcome(reason, delay, left, distance)
+
+
+def _truth(job: Job, sound: Sound, random: np.random.Generator) -> tuple[Truth, RigidTransform]:
+    """Return what is there, and the mount that the robot believes in."""
+    truth = job.truth
+    share = 1.0 + sound.structure * random.standard_normal(len(truth.points))
+    way, turn = (random.normal(size=3) for _ in range(2))
+    error = RigidTransform.from_exp_coords(
+        np.concatenate(
+            [
+                turn / np.linalg.norm(turn) * sound.mount[1],
+                way / np.linalg.norm(way) * sound.mount[0],
+            ]
+        )
+    )
+    return replace(truth, points=truth.points * share[:, None]), truth.flange_T_camera * error
+
+
+def _moment(faulty: FaultyArm, points: Points) -> float:
+    """Return from when the fault can be told [s]; infinity where it never can."""
+    fault, since = faulty.fault, faulty.fault_time
+    assert fault is not None
+    if fault.told == "at once":
+        return since
+    if fault.told == "image age":
+        return since + OPTIONS.image_age
+    if fault.told == "points":
+        return next((time for time, off in points.off if off), np.inf)
+    return _joints_moment(faulty)
+
+
+def _joints_moment(faulty: FaultyArm) -> float:
+    """Return when the joints read have moved, since the fault, as no drive within the bounds moves them."""
+    times = np.array([time for time, _ in faulty.robot.commands])
+    velocities = np.array([u for _, u in faulty.robot.commands])
+    steps = velocities[:-1] * np.diff(times)[:, None]
+    sent = np.vstack([np.zeros(steps.shape[1]), np.cumsum(steps, axis=0)])
+    lags = np.linspace(0.0, OPTIONS.drive_lag, 26)
+
+    def sent_at(time: float) -> FloatArray:
+        return np.array([np.interp(time - lags, times, column) for column in sent.T])
+
+    before, first = sent_at(faulty.fault_time), None
+    for time, state in faulty.readings:
+        if time < faulty.fault_time:
+            first = state.joint_positions
+            continue
+        if first is None:
+            return faulty.fault_time
+        told = sent_at(time) - before
+        bounds = np.stack([OPTIONS.least_gain * told, OPTIONS.most_gain * told])
+        low, high = bounds.min(axis=(0, 2)), bounds.max(axis=(0, 2))
+        moved = state.joint_positions - first
+        if (np.maximum(low - moved, moved - high) > OPTIONS.following_error).any():
+            return time
+    return np.inf
+
+
+def faults_row(fault: Fault, found: list[Outcome]) -> str:
+    """Say what became of a fault's runs."""
+    delays = np.array([o.delay for o in found if not np.isnan(o.delay)])
+    late = int((delays > IN_TIME).sum())
+    reasons = Counter(o.reason or "reached the goal" for o in found)
+    words = ", ".join(f"{reason} {n}" for reason, n in reasons.most_common())
+    times = f"{np.median(delays):.2f} / {delays.max():.2f}" if len(delays) else "–"
+    return (
+        f"| {fault.name} | {fault.told} | {len(found)} | {words} | {len(found) - len(delays)} | {times} |"
+        f" {late} | {1e3 * min(o.left for o in found):.1f} | {sum(o.left < 0.0 for o in found)} |"
+        f" {sum(o.distance <= 0.0 for o in found)} |"
+    )
+
+
+def main() -> None:
+    """Run everything and print two tables."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--tasks", type=int, default=11, help="of each arm")
+    parser.add_argument("--arm", choices=shipped_arms(), action="append")
+    parser.add_argument("--fault", default="", help="only those whose name holds these words")
+    asked = parser.parse_args()
+    planned = [
+        job for name in asked.arm or ("rx60", "ur5e", "panda") for job in jobs(load_arm(name), asked.tasks)
+    ]
+    head = (
+        "| fault | told | runs | ended | cannot be told | s until braking, median / most | later than 0.3 s |"
+        " least left of the clearance [mm] | below it | contacts |"
+    )
+    print(head, "|---" * (head.count("|") - 1) + "|", sep="\n", flush=True)
+    for number, fault in enumerate(f for f in FAULTS if asked.fault in f.name):
+        found = [outcome(job, SOUND[0], fault, 100 * k + number) for k, job in enumerate(planned)]
+        print(faults_row(fault, found), flush=True)
+    head = "| sound robot | runs | stopped | at the goal | least left of the clearance [mm] |"
+    print("", head, "|---" * (head.count("|") - 1) + "|", sep="\n", flush=True)
+    for sound in (s for s in SOUND if asked.fault in s.name):
+        found = [outcome(job, sound, None, k) for k, job in enumerate(planned)]
+        stops = Counter(o.reason for o in found if o.reason)
+        words = ", ".join(f"{reason} {n}" for reason, n in stops.items()) or "0"
+        left = 1e3 * min(o.left for o in found)
+        print(
+            f"| {sound.name} | {len(found)} | {words} | {len(found) - stops.total()} | {left:.1f} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,188 @@
+"""Whether the points in the image move as the measured joints move the camera."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.errors import InconsistentImage
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.robots import Arm
+from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.safety_options import SafetyOptions
+
+BACK = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6)
+"""An image is compared with the first, and with the newest that are older than these [s]."""
+
+OFFSETS = 11
+"""of the time stamps that are tried"""
+
+GROUP = 0.25
+"""A larger share of the points must disagree,"""
+
+LEAST_WRONG = 3
+"""and so many; fewer are wrong matches, which the tracker's gate leaves out."""
+
+IN_A_ROW = 2
+"""so many images"""
+
+TURNED = 0.1
+"""Share of a point's motion in the image by which rotation may be off: calibration and mount"""
+
+ASIDE = 0.15
+"""Share of the motion that comes of translation by which it may go aside: mount"""
+
+JITTER = 0.01
+"""Time stamps may be off from image to image by this [s]."""
+
+SAME_PX = 1.0
+"""A picture whose points do not differ at all from those before is an old one where they should have moved
+by this [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What was seen in one image."""
+
+    time: float
+    pixels: FloatArray
+    """(n, 2) [px], NaN where a point was not seen"""
+    turns: FloatArray
+    """(offsets, 3, 3) of initial_T_camera, by the joints"""
+    places: FloatArray
+    """(offsets, 3) likewise [m]"""
+
+
+class ImageWatch:
+    """Compares how points moved in the image with how the joints moved the camera.
+
+    The pose of the first image, carried on by the measured joints, says where every point should be in any
+    two images: it should have moved by e = e_t + e_r, e_t what the camera's translation does and e_r the
+    rest. The motion seen, m, agrees if along e_t it is off by at most ``image_error`` + ε |e_t| + 0.1 |e_r|
+    and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms make of it: ε is
+    the share by which distances may be wrong. Joints and images may be off each other in time by any one
+    offset up to ``time_offset``. Where for every such offset more than a quarter of the points disagree, in
+    two images in a row, pictures or joints are wrong. What the points belong to must stand still.
+
+    Args:
+        camera: takes the images.
+        arm: carries it.
+        flange_T_camera: how it sits there.
+        options: image_error, time_offset, structure_error.
+    """
+
+    def __init__(
+        self, camera: UnifiedCamera, arm: Arm, flange_T_camera: RigidTransform, options: SafetyOptions
+    ) -> None:
+        self._camera, self._arm, self._options = camera, arm, options
+        self._flange_T_camera = flange_T_camera.as_matrix()
+        self._offsets = np.linspace(-options.time_offset, options.time_offset, OFFSETS)
+        self._initial_T_base: FloatArray | None = None
+        self._first: _Seen | None = None
+        self._seen: deque[_Seen] = deque()
+        self._wrong = 0
+
+    def check(
+        self,
+        time: float,
+        pixels: FloatArray,
+        valid: BoolArray,
+        points: FloatArray,
+        initial_T_camera: RigidTransform,
+        history: MotionHistory,
+    ) -> None:
+        """Take an image in.
+
+        Args:
+            time: of its exposure, on the robot's clock [s].
+            pixels: (n, 2) [px].
+            valid: (n,) the points seen.
+            points: (n, 3) in the initial camera frame, as estimated now [m].
+            initial_T_camera: the pose of this image; of the first, joints carry it on.
+            history: the joints up to now.
+
+        Raises:
+            InconsistentImage: in this image and the one before, points did not move with the camera.
+        """
+        if self._initial_T_base is None:
+            there = self._base_T_camera(history.expected(np.array(time)))
+            self._initial_T_base = initial_T_camera.as_matrix() @ np.linalg.inv(there)
+        joints = history.expected(time + self._offsets)
+        poses = np.array([self._initial_T_base @ self._base_T_camera(q) for q in joints])
+        seen = np.where(valid[:, None], pixels, np.nan)
+        now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3])
+        told = [why for before in self._before(time) if (why := self._disagreement(before, now, points))]
+        self._wrong = self._wrong + 1 if told else 0
+        self._first = self._first or now
+        self._seen.append(now)
+        if self._wrong >= IN_A_ROW:
+            raise InconsistentImage(told[0])
+
+    def _before(self, time: float) -> list[_Seen]:
+        """Return the images to compare with, each once."""
+        while len(self._seen) > 1 and self._seen[1].time <= time - BACK[-1]:
+            self._seen.popleft()
+        found = [self._first] if self._first is not None else []
+        for back in BACK:
+            older = [seen for seen in self._seen if seen.time <= time - back]
+            if older and older[-1] not in found:
+                found.append(older[-1])
+        return found
+
+    def _base_T_camera(self, joints: FloatArray) -> FloatArray:
+        place = np.eye(4)
+        place[:3] = self._arm.locate(joints)[0][:3] @ self._flange_T_camera
+        return place
+
+    def _disagreement(self, before: _Seen, now: _Seen, points: FloatArray) -> str:
+        """Return in what the motion between two images is not the camera's; empty where it may be."""
+        moved = now.pixels - before.pixels
+        known = np.isfinite(moved).all(axis=1)
+        at_first = self._projected(points, before.turns, before.places)
+        by_place = self._projected(points, before.turns, now.places) - at_first
+        expected = self._projected(points, now.turns, now.places) - at_first
+        known = known & np.isfinite(expected).all(axis=(0, 2)) & np.isfinite(by_place).all(axis=(0, 2))
+        least = max(LEAST_WRONG, math.floor(GROUP * known.sum()) + 1)
+        if known.sum() < least:
+            return ""
+        expected, by_place, moved = expected[:, known], by_place[:, known], moved[known]
+        length = np.linalg.norm(expected, axis=2)
+        wrong = self._beyond(moved, expected, by_place, length / (now.time - before.time))
+        if not moved.any():
+            wrong |= length > SAME_PX
+        counts = wrong.sum(axis=1)
+        if counts.min() < least:
+            return ""
+        best = int(np.argmin(counts))
+        off = float(np.median(np.linalg.norm(moved - expected[best], axis=1)[wrong[best]]))
+        return (
+            f"{counts[best]} of {len(moved)} points did not move with the camera: in "
+            f"{now.time - before.time:.2f} s they are {off:.1f} px off where the joints have them"
+        )
+
+    def _beyond(
+        self, moved: FloatArray, expected: FloatArray, by_place: FloatArray, speed: FloatArray
+    ) -> BoolArray:
+        """Return which motions (offsets, n) no error within the bounds explains."""
+        options = self._options
+        shift = np.linalg.norm(by_place, axis=2)
+        along = by_place / np.maximum(shift, 1e-12)[..., None]
+        gap = moved - expected
+        on = np.sum(gap * along, axis=2)
+        aside = np.linalg.norm(gap - on[..., None] * along, axis=2)
+        free = options.image_error + TURNED * np.linalg.norm(expected - by_place, axis=2) + JITTER * speed
+        wrong: BoolArray = (np.abs(on) > free + options.structure_error * shift) | (
+            aside > free + ASIDE * shift
+        )
+        return wrong
+
+    def _projected(self, points: FloatArray, turns: FloatArray, places: FloatArray) -> FloatArray:
+        """Return where poses (offsets,) see the points: (offsets, n, 2) [px], NaN where they do not."""
+        seen_from = np.einsum("dji,dnj->dni", turns, points - places[:, None])
+        pixels, valid = self._camera.project(seen_from)
+        return np.where(valid[..., None], pixels, np.nan)

@@ -1,0 +1,383 @@
+"""What breaks while the arm moves is a stop by its name, and latches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.safety.test_closed_loop import run  # noqa: F401
+from tests.safety.test_supervisor import SLOW, stands_still
+
+from omniservo.errors import (
+    ClockFault,
+    InputError,
+    InvalidData,
+    NotFinite,
+    NotFollowing,
+    RobotLost,
+    ServoStop,
+    StaleImage,
+)
+from omniservo.robots import RobotState
+
+LINES = ("read", "image", "command")
+
+
+def down(*_):
+    raise ConnectionError("the line is down")
+
+
+def go_on(supervisor, seconds, velocities=SLOW):
+    """Command the same for a while, as a loop does."""
+    for _ in range(round(seconds / 0.033)):
+        supervisor.command(velocities)
+        supervisor.wait(0.033)
+
+
+def after(written, time, change, name="read"):
+    """Let what a method of the robot returns be changed from a time on."""
+    sound = getattr(written, name)
+    setattr(written, name, lambda *a: change(sound(*a)) if written.robot.time >= time else sound(*a))
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_robot_that_does_not_answer_in_mid_motion_is_a_named_stop_and_is_braked_as_far_as_it_hears(
+    guard, written, line
+):
+    supervisor = guard()
+    go_on(supervisor, 0.2)
+    setattr(written, line, down)
+    with pytest.raises(RobotLost, match=f"robot's {line} failed: ConnectionError: the line is down") as lost:
+        supervisor.image()
+        supervisor.command(SLOW)
+    assert isinstance(lost.value.__cause__, ConnectionError)
+    assert written.stops >= 1
+    written.robot.advance(0.3)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+    assert supervisor.stopped is lost.value
+
+
+def test_a_robot_that_is_gone_altogether_is_told_to_stop_all_the_same(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.2)
+    tried = []
+    for line in LINES:
+        setattr(written, line, down)
+    written.stop = lambda: tried.append(1) or down()
+    with pytest.raises(RobotLost) as lost:
+        supervisor.command(SLOW)
+    assert tried
+    assert any("stop failed" in note for note in lost.value.__notes__)
+    with pytest.raises(RobotLost):
+        supervisor.stop()
+
+
+def test_a_clock_that_lets_time_pass_and_breaks_is_a_stop_too(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    advance, written.robot.advance = written.robot.advance, down
+    with pytest.raises(RobotLost, match="wait failed"):
+        supervisor.wait(0.01)
+    written.robot.advance = advance
+    assert stands_still(written)
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind"),
+    [
+        (lambda s: RobotState(s.time, s.joint_positions[:5], s.joint_velocities[:5]), InvalidData),
+        (lambda s: RobotState(s.time, s.joint_positions, s.joint_velocities[:5]), InvalidData),
+        (lambda s: None, InvalidData),
+        (lambda s: RobotState("noon", s.joint_positions, s.joint_velocities), InvalidData),
+        (lambda s: replace(s, time=s.time - 0.05), ClockFault),
+        (lambda s: replace(s, time=np.nan), NotFinite),
+    ],
+)
+def test_a_reading_that_is_none_is_a_named_stop(guard, written, answer, kind):
+    supervisor = guard()
+    go_on(supervisor, 0.2)
+    after(written, written.robot.time, answer)
+    with pytest.raises(kind):
+        supervisor.command(SLOW)
+    del written.read
+    assert stands_still(written)
+    assert supervisor.stopped.reason == kind.reason
+
+
+def test_a_robot_of_another_number_of_joints_is_a_wrong_call_before_it_moves(guard, written):
+    written.broken = {"joint_positions": np.zeros(7), "joint_velocities": np.zeros(7)}
+    with pytest.raises(InputError, match="the arm has 6"):
+        guard()
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind"),
+    [
+        (lambda image: replace(image, time=np.nan), NotFinite),
+        (lambda image: replace(image, pixels=image.pixels[:-1]), InvalidData),
+        (lambda image: replace(image, pixels=image.pixels.astype(float)), InvalidData),
+        (lambda image: "a picture", InvalidData),
+    ],
+)
+def test_an_image_that_is_none_is_a_named_stop(guard, written, answer, kind):
+    written.robot.advance(0.03)
+    supervisor = guard()
+    assert supervisor.image() is not None
+    supervisor.command(SLOW)
+    supervisor.wait(0.05)
+    after(written, 0.0, answer, "image")
+    with pytest.raises(kind):
+        supervisor.image()
+    assert stands_still(written)
+
+
+def test_a_stop_latches_until_it_is_released_by_its_name(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.1)
+    with pytest.raises(NotFinite):
+        supervisor.command(SLOW * np.nan)
+    for again in (supervisor.command, lambda v: supervisor.carry(0.1 * v)):
+        with pytest.raises(NotFinite, match=r"stopped before: .*release\('not_finite'\)"):
+            again(SLOW)
+    supervisor.wait(0.1)
+    assert stands_still(written)
+    for wrong in ("stale_image", "", None):
+        with pytest.raises(InputError, match="legal: 'not_finite'"):
+            supervisor.release(wrong)
+    supervisor.release("not_finite")
+    go_on(supervisor, 0.2)
+    np.testing.assert_allclose(written.robot.read().joint_velocities, SLOW, atol=2e-3)
+    with pytest.raises(InputError, match="is not stopped"):
+        supervisor.release("not_finite")
+
+
+def test_a_wrong_call_latches_as_well_and_a_plain_stop_does_not(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.stop()
+    supervisor.command(SLOW)
+    with pytest.raises(InputError):
+        supervisor.command(np.zeros(5))
+    with pytest.raises(InvalidData, match="stopped before"):
+        supervisor.command(SLOW)
+    supervisor.release("invalid_data")
+    supervisor.command(SLOW)
+
+
+def test_a_robot_that_still_reports_nonsense_is_not_released(guard, written):
+    supervisor = guard()
+    written.broken = {"joint_positions": np.full(6, np.nan)}
+    with pytest.raises(NotFinite):
+        supervisor.read()
+    with pytest.raises(NotFinite):
+        supervisor.release("not_finite")
+    with pytest.raises(NotFinite, match="nan"):
+        supervisor.command(SLOW)
+
+
+def stuck(joint, gain):
+    """A drive that turns a share of what it is told."""
+
+    def told(written):
+        command = written.robot.command
+        written.command = lambda v: command(np.where(np.arange(6) == joint, gain * np.asarray(v), v))
+
+    return told
+
+
+def frozen(written):
+    state = written.robot.read()
+    written.read = lambda: replace(state, time=written.robot.time)
+
+
+@pytest.mark.parametrize(
+    "fault", [stuck(0, 0.0), stuck(1, 0.5), stuck(2, 2.0), stuck(3, -1.0), stuck(4, 0.0), frozen]
+)
+def test_joints_that_do_not_do_what_they_are_told_are_stopped_within_a_few_degrees(guard, written, fault):
+    supervisor = guard()
+    go_on(supervisor, 0.5)
+    fault(written)
+    begin, sent = written.robot.time, written.robot.read().joint_positions
+    with pytest.raises(NotFollowing, match=r"j\d turned by"):
+        go_on(supervisor, 1.0)
+    assert written.robot.time - begin < 0.3 + 0.2  # and braked
+    assert np.abs(written.robot.read().joint_positions - sent).max() < np.deg2rad(8.0)
+
+
+def test_frozen_joint_readings_do_not_let_a_joint_be_driven_to_its_end(guard, written, arm):
+    """They stand from the start: what moves the arm is told apart only once its lag is over."""
+    supervisor = guard()
+    frozen(written)
+    with pytest.raises(NotFollowing):
+        go_on(supervisor, 3.0, np.array([0.6, 0, 0, 0, 0, 0]))
+    assert written.robot.time < 0.25 + 0.3 + 0.2
+    assert stands_still(written) or np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
+class Late:
+    """Joint readings of some time ago, under the time of now."""
+
+    def __init__(self, written, late):
+        self.written, self.late, self.past = written, late, [written.robot.read()]
+        self.sound = written.read
+
+    def __call__(self):
+        state = self.sound()
+        self.past.append(state)
+        then = [s for s in self.past if s.time <= state.time - self.late]
+        return replace(then[-1] if then else self.past[0], time=state.time)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+@pytest.mark.parametrize("gain", [0.8, 1.0, 1.2, 1.5])
+def test_sound_drives_of_other_gains_and_late_readings_are_not_stopped(guard, written, gain, late):
+    supervisor = guard()
+    command = written.robot.command
+    written.command = lambda v: command(gain * np.asarray(v))
+    written.read = Late(written, late)
+    random = np.random.default_rng(3)
+    for _ in range(8):
+        go_on(supervisor, 0.2, random.uniform(-0.5, 0.5, 6))
+    supervisor.stop()
+    supervisor.wait(0.3)
+
+
+def test_a_robot_that_moves_on_a_little_after_braking_may_be_commanded_again(guard, written):
+    supervisor = guard()
+    for _ in range(3):
+        go_on(supervisor, 0.3, 2.0 * SLOW)
+        supervisor.stop()
+        go_on(supervisor, 0.1, -2.0 * SLOW)
+
+
+def test_nan_in_a_valid_row_and_features_of_another_number_are_named_stops(run):  # noqa: F811
+    for broken, reason in (
+        (lambda p: np.where(np.arange(9)[:, None] == 4, np.nan, p), "not_finite"),
+        (lambda p: np.where(np.arange(9)[:, None] == 4, np.inf, p), "not_finite"),
+        (lambda p: p[:8], "invalid_data"),
+    ):
+
+        def spoil(controller, features, broken=broken):
+            update, count = features.update, []
+
+            def spoilt(image, predicted):
+                count.append(1)
+                pixels, seen = update(image, predicted)
+                return (broken(pixels), seen) if len(count) > 5 else (pixels, seen)
+
+            features.update = spoilt
+
+        stop, steps = run(lambda k: np.array([0.02, 0, 0, 0, 0, 0]), prepare=spoil)
+        assert (stop.reason, len(steps)) == (reason, 5)
+
+
+def test_an_input_error_of_anybody_in_mid_motion_is_a_named_stop_and_before_it_a_wrong_call(run):  # noqa: F811
+    def refuse(at):
+        def twist(k):
+            if k == at:
+                raise InputError("virtual plane: Z <= 0")
+            return np.array([0.02, 0, 0, 0, 0, 0])
+
+        return twist
+
+    stop, _ = run(refuse(5))
+    assert (stop.reason, str(stop)) == ("invalid_data", "InputError: virtual plane: Z <= 0")
+    with pytest.raises(InputError, match="virtual plane"):
+        run(refuse(1))
+
+
+def test_what_stops_a_servo_latches(guard, written, scene):
+    from tests.safety.test_closed_loop import Commanding, Points
+
+    from omniservo.safety import VisibilityFilter, servo
+
+    supervisor = guard()
+    controller = Commanding(written, scene, lambda k: np.array([0.02, 0, 0, 0, 0, 0]))
+    stop = servo(
+        supervisor, controller, Points(written, scene), VisibilityFilter(scene.camera),
+        on_step=lambda step: None, time_limit=0.2,
+    )  # fmt: skip
+    assert stop.reason == "time_limit"
+    with pytest.raises(ServoStop) as again:
+        supervisor.command(SLOW)
+    assert again.value.reason == "time_limit"
+    supervisor.release("time_limit")
+    supervisor.command(SLOW)
+
+
+def test_a_robot_lost_in_a_servo_is_returned_by_its_name(run, written):  # noqa: F811
+    def lose(k):
+        if k == 5:
+            written.command = down
+        return np.array([0.02, 0, 0, 0, 0, 0])
+
+    stop, steps = run(lose)
+    assert stop.reason == "robot_lost"
+    assert 4 <= len(steps) <= 5
+
+
+MOVING = np.array([0.06, 0.03, 0.0, 0.0, 0.0, 0.1])
+"""a twist with which the dots move in the image by some 50 px/s"""
+
+
+def pictured(broken):
+    """Let what is found in the image be changed after fifteen images."""
+
+    def spoil(controller, features):
+        update, seen_before = features.update, []
+
+        def spoilt(image, predicted):
+            pixels, seen = update(image, predicted)
+            seen_before.append(pixels)
+            return (broken(pixels, seen_before[14]), seen) if len(seen_before) > 15 else (pixels, seen)
+
+        features.update = spoilt
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        lambda p, before: before,
+        lambda p, before: before + 0.3 * np.sin(1e3 * p),
+        lambda p, before: p + np.array([20.0, 0.0]),
+        lambda p, before: p + np.where(np.arange(9)[:, None] < 4, [15.0, 10.0], 0.0),
+        lambda p, before: p[::-1],
+    ],
+    ids=["frozen", "frozen with noise", "all off", "half off", "swapped"],
+)
+def test_pictures_that_do_not_move_as_the_joints_move_the_camera_are_a_named_stop(run, broken):  # noqa: F811
+    stop, steps = run(lambda k: MOVING, prepare=pictured(broken), time_limit=2.0)
+    assert stop.reason == "inconsistent_image"
+    assert "did not move with the camera" in str(stop)
+    assert len(steps) < 15 + 12
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        lambda p, before: p,
+        lambda p, before: p + 0.7 * np.sin(1e3 * p),
+        lambda p, before: p + np.where(np.arange(9)[:, None] < 2, [15.0, 10.0], 0.0),
+        lambda p, before: before + 1.05 * (p - before),
+    ],
+    ids=["sound", "noise", "two wrong matches", "calibration off by 5%"],
+)
+def test_sound_pictures_and_a_few_wrong_matches_are_none(run, broken):  # noqa: F811
+    stop, _ = run(lambda k: MOVING, prepare=pictured(broken), time_limit=1.2)
+    assert stop.reason == "time_limit"
+
+
+def test_time_stamps_off_by_a_fifth_of_a_second_are_not_inconsistent(run, written):  # noqa: F811
+    written.read = Late(written, 0.2)
+    stop, _ = run(lambda k: MOVING, time_limit=1.2)
+    assert stop.reason == "time_limit"
+
+
+def test_a_future_time_stamp_beyond_the_age_allowed_stops(guard, written):
+    supervisor = guard(image_age=0.25)
+    written.robot.advance(0.05)
+    after(written, 0.0, lambda image: replace(image, time=image.time + 1.0), "image")
+    supervisor.image()
+    with pytest.raises(StaleImage):
+        supervisor.command(SLOW)
