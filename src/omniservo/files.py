@@ -45,6 +45,23 @@ def is_file(path: str | Path) -> bool:
         return False
 
 
+def require_file(path: str | Path) -> None:
+    """Refuse what is no file: a pipe would keep its reader waiting, a device would never end.
+
+    Raises:
+        InputError: missing, a folder, or another thing that is no file.
+    """
+    if is_file(path):
+        return
+    try:
+        there = Path(path).exists()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except ValueError:  # a path that no file can have
+        raise InputError(f"{spelled(str(path))}: no such file") from None
+    raise InputError(f"{path}: not a file" if there else f"{path}: no such file")
+
+
 def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
     """Return the file's text (UTF-8).
 
@@ -63,10 +80,9 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     Raises:
         InputError: missing, a folder, unreadable, or larger than ``max_bytes``.
     """
+    require_file(path)
     file = Path(path)
     try:
-        if not is_file(file):  # a pipe would keep its reader waiting, a device would never end
-            raise InputError(f"{path}: no such file" if not file.exists() else f"{path}: not a file")
         if file.stat().st_size > max_bytes:
             raise InputError(f"{path}: {file.stat().st_size} bytes; at most {max_bytes} are read")
         with file.open("rb") as stream:
@@ -75,8 +91,6 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
         raise
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError:  # a path that no file can have
-        raise InputError(f"{spelled(str(path))}: no such file") from None
     if len(content) > max_bytes:  # files of the system may have more in them than they say
         raise InputError(f"{path}: more than {max_bytes} bytes; at most so many are read")
     return content
@@ -166,13 +180,18 @@ def writable(path: str | Path, *, force: bool = False) -> None:
         InputError: the path exists and ``force`` is False, or its folder does not exist.
     """
     target = Path(path)
-    if _exists(target) and not force:
+    if exists(target) and not force:
         raise AlreadyExists(path)
     if not target.parent.is_dir():
         raise InputError(f"{path}: its folder {target.parent} does not exist")
 
 
-def _exists(path: Path) -> bool:
+def exists(path: Path) -> bool:
+    """Say whether anything is at this path.
+
+    Raises:
+        InputError: a path that no file can have.
+    """
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -222,7 +241,7 @@ def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Ite
             less than ``room`` or gets full.
     """
     folder = Path(path)
-    if _exists(folder) and not force:
+    if exists(folder) and not force:
         raise AlreadyExists(path)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{path}: a file; a folder is needed")

@@ -42,6 +42,8 @@ def imports_of(*arguments, folder):
         (["teach", "no-such-task", "--out", "goal.json"], 2, "neither a file nor one of the shipped tasks"),
         (["teach", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
         (["plan", "problem.json", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+        (["plan", "missing.json"], 2, "missing.json: no such file\n"),
+        (["run", "paper-example-1", "--goal", "missing.json"], 2, "missing.json: no such file\n"),
         (["estimate"], 2, "give a TASK alone"),
     ],
 )

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import typer
 
 from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
@@ -21,7 +20,7 @@ from omniservo.cli.output import (
 )
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import InputError
-from omniservo.files import writable
+from omniservo.files import require_file, writable
 from omniservo.shipped_tasks import task_file
 
 if TYPE_CHECKING:
@@ -79,6 +78,9 @@ def estimate(
         raise InputError(_NEEDED)
     if task is not None:
         task_file(task)
+    for image in (initial, goal):
+        if image is not None:
+            require_file(image)
     with output.working("loading") as progress:
         from omniservo.reporting import write_estimate_report
         from omniservo.runs import estimate_images, estimate_simulated
@@ -116,6 +118,8 @@ def _say(output: Output, result: TwoViewEstimate) -> None:
 
 def _lines(result: TwoViewEstimate, initial_T_goal: RigidTransform) -> Iterator[str]:
     """Yield what a person wants to know of an estimate with a pose."""
+    import numpy as np
+
     unit = "m" if result.is_metric else "(length 1: no scale was given)"
     turn = initial_T_goal.rotation.as_rotvec(degrees=True)
     yield f"translation {np.array2string(initial_T_goal.translation, precision=5)} {unit}"

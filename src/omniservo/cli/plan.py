@@ -17,7 +17,7 @@ from omniservo.cli.output import (
     with_unit,
 )
 from omniservo.errors import InputError
-from omniservo.files import writable
+from omniservo.files import require_file, writable
 
 
 def plan(
@@ -49,6 +49,7 @@ def plan(
     output = Output(as_json, quiet)
     if out is not None:
         writable(out, force=force)
+    require_file(problem)
     if estimate is not None:
         if method != "certified" or quality != "effort" or time_budget is not None:
             raise InputError("plan: --estimate given; it goes with neither method, quality nor time budget")

@@ -19,7 +19,7 @@ from omniservo.cli.output import (
 )
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import AlreadyExists
-from omniservo.files import unused, whole_folder
+from omniservo.files import exists, require_file, unused, whole_folder
 from omniservo.shipped_tasks import task_file
 
 _ROOM = 20 * 2**20
@@ -53,8 +53,10 @@ def run(
 ) -> None:
     """Do the whole job: images, estimate, plan, servo on the simulated arm, report."""
     task_file(task)
-    if out is not None and out.exists() and not force:
+    if out is not None and exists(out) and not force:
         raise AlreadyExists(out)
+    if goal is not None:
+        require_file(goal)
     output = Output(as_json, quiet)
     with output.working("starting") as progress:
         progress("loading", 0.0)
