@@ -96,6 +96,16 @@ def test_tiny_positive_minimum_is_proven(above):
     assert decide([minus(squares([-1, 3]), -above)], [[0]], strict=True) == HOLDS
 
 
+@pytest.mark.parametrize("root", [Fraction(1, 2), Fraction(3, 8), Fraction(0)])
+def test_negative_beside_a_root_at_the_end_of_a_piece_is_found(root):
+    # (w - root)(w - root - 2^-90): the first root is an end of every piece that the second one lies in.
+    gap = Fraction(1, 2**90)
+    p = integers(root * (root + gap), -(2 * root + gap), Fraction(1))
+    found = nonnegative(p)
+    assert found.verdict == "violated"
+    assert value(p, found.w) < 0
+
+
 def test_negative_between_two_close_roots_is_found():
     eps = Fraction(1, 10**12)
     p = integers(*(Fraction(1, 3) * (Fraction(1, 3) + eps), -(Fraction(2, 3) + eps), Fraction(1)))

@@ -318,6 +318,22 @@ def test_too_many_points_are_refused_before_any_work(honest):
     refuted(honest, "at most 100000")
 
 
+@pytest.mark.parametrize(("off", "status"), [(0.9e-9, "certified"), (1.1e-9, "refuted")])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_end_meets_the_goal_within_a_nanometre_and_a_nanoradian(honest, off, status, sign):
+    goal = honest["problem"]["goal"]
+    turned = Rotation.from_quat(goal["quaternion"]) * Rotation.from_rotvec([0.0, off, 0.0])
+    for fields in (
+        {"quaternion": (sign * turned.as_quat()).tolist()},
+        {"translation": [goal["translation"][0] + sign * off, *goal["translation"][1:]]},
+    ):
+        changed = copy.deepcopy(honest)
+        changed["problem"]["goal"] |= fields
+        answer = verify_plan(changed)
+        assert answer.status == status, answer.reasons
+        assert all(reason.startswith("path end (w = 1): ") for reason in answer.reasons)
+
+
 def test_what_is_no_plan_at_all_is_an_error(tmp_path, honest):
     for document in ({}, [], 3, None, {"format": "omniservo.problem/1"}):
         with pytest.raises(PlanFileError, match="not a plan"):
