@@ -19,7 +19,7 @@ def test_positions_and_what_was_sent_are_known_for_two_seconds_back_however_long
     times, sums, places = [0.0], [STILL], [STILL]
     commands = max(1, round(0.033 / step))
     for k in range(1, round(12.0 / step)):
-        if k % max(1, round(0.033 / step)) == 1:
+        if k % commands == 1 % commands:
             velocities = random.normal(size=2)
             history.sent(velocities)
         sums.append(sums[-1] + step * velocities)
