@@ -93,4 +93,4 @@ def _say(output: Output, folder: Path, found: dict[str, dict[str, object]]) -> N
     compared = {"methods": found} if others else {}
     output.result({**first, "out": str(folder), **compared})
     if first["status"] != "converged":
-        raise answer_is_no(f"{first['status']}: {first['reason']}")
+        raise answer_is_no(how_it_ended(first))
