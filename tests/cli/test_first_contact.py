@@ -132,7 +132,7 @@ def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
         for _ in range(2)
     )
     begun, done = first.splitlines()
-    assert begun.endswith("compiling, once: 1 functions so far (planning)")
+    assert begun.endswith("compiling, once: this stage's code (planning)")
     assert "compiling took" in done
     assert second == ""
 

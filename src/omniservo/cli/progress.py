@@ -122,7 +122,8 @@ class Progress:
             return
         compiled = 0 if self._watch is None else self._watch.compiled
         if compiled == 1 or perf_counter() - self._last_line > _ANOTHER_LINE:
-            self._line(f"compiling, once: {compiled} functions so far ({self._what})")
+            what = "this stage's code" if compiled == 1 else f"{compiled} functions so far"
+            self._line(f"compiling, once: {what} ({self._what})")
 
     def _line(self, words: str) -> None:
         self._last_line = perf_counter()
