@@ -3,7 +3,9 @@
 A wrong call raises; an unlucky computation returns a result with a status and its evidence.
 """
 
+import difflib
 import reprlib
+from collections.abc import Iterable
 from pathlib import Path
 
 _SHORT = reprlib.Repr()
@@ -22,6 +24,12 @@ def spelled_name(name: object) -> str:
     """Return a given field's name for a message, bare where it can be."""
     text = str(name)[:41]
     return text if len(text) <= 40 and text.isprintable() else spelled(text)
+
+
+def did_you_mean(given: object, legal: Iterable[str]) -> str:
+    """Return "; did you mean 'clearance'?" where a legal name is much like the given one, else nothing."""
+    close = difflib.get_close_matches(str(given)[:64], list(legal), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 class OmniservoError(Exception):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, did_you_mean
 from omniservo.files import is_file
 
 _FOLDER = Path(__file__).parent / "tasks" / "shipped"
@@ -26,5 +26,6 @@ def task_file(task: str | Path) -> Path:
     if not is_file(path):
         raise InputError(
             f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
+            f"{did_you_mean(task, names)}"
         )
     return path

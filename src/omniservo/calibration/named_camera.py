@@ -7,7 +7,7 @@ from pathlib import Path
 from omniservo.calibration.camera_files import as_unified, load_model, seen_up_to
 from omniservo.cameras import PRESETS, UnifiedCamera
 from omniservo.cameras.models import CentralModel
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.files import is_file
 
 
@@ -27,7 +27,10 @@ def named_model(
     if str(camera) in PRESETS and name is None and size is None and model is None:
         return seen_up_to(PRESETS[str(camera)], max_angle)
     if not is_file(camera):
-        raise InputError(f"camera {spelled(str(camera))}: neither a file nor a preset: {', '.join(PRESETS)}")
+        raise InputError(
+            f"camera {spelled(str(camera))}: neither a file nor a preset: {', '.join(PRESETS)}"
+            f"{did_you_mean(camera, PRESETS)}"
+        )
     return load_model(camera, name=name, size=size, model=model, max_angle=max_angle)
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone
 from omniservo.cameras.image_mask import ImageMask, distance_beyond
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number
 
 _LARGEST_IMAGE = 100_000
@@ -128,7 +128,10 @@ def checked_fields(
         raise InputError(f"{source}: {missing[0]}: missing; needed: {', '.join(required)}")
     unknown = [str(name) for name in fields if name not in legal]
     if unknown:
-        raise InputError(f"{source}: {spelled_name(unknown[0])}: no such field; legal: {', '.join(legal)}")
+        raise InputError(
+            f"{source}: {spelled_name(unknown[0])}: no such field; legal: {', '.join(legal)}"
+            f"{did_you_mean(unknown[0], legal)}"
+        )
     if fields["model"] != model:
         raise InputError(f"{source}: model: {spelled(fields['model'])} given; legal: {model!r}")
     return {k: v for k, v in fields.items() if k != "model" and not (k in optional and v is None)}

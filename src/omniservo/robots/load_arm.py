@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.files import is_file
 from omniservo.robots.arm import Arm
 
@@ -37,5 +37,6 @@ def load_arm(
     if not is_file(arm):
         raise InputError(
             f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
+            f"{did_you_mean(arm, names)}"
         )
     return Arm(arm, tool=tool, packages=packages)

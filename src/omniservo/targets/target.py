@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, stated_units, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
@@ -187,7 +187,10 @@ def _mapping(value: Any, source: str, needed: set[str], optional: set[str]) -> d
         raise InputError(f"{source}: {spelled(value)} given; a mapping with the fields {legal} is needed")
     for name in value:
         if name not in needed | optional:
-            raise InputError(f"{source}: {spelled_name(name)}: unknown field; the fields are {legal}")
+            raise InputError(
+                f"{source}: {spelled_name(name)}: unknown field; the fields are {legal}"
+                f"{did_you_mean(name, needed | optional)}"
+            )
     for name in sorted(needed):
         if name not in value:
             raise InputError(f"{source}: {name}: missing field; the fields are {legal}")

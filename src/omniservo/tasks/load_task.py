@@ -11,12 +11,13 @@ from pydantic import ValidationError
 
 from omniservo.calibration import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.planning.obstacles.file_unit import UNIT_FIELDS, file_unit
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
+from omniservo.tasks.fields_at import fields_at
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
 from omniservo.tasks.task_files import TaskFiles
@@ -88,6 +89,7 @@ def _camera(value: Any, files: TaskFiles) -> UnifiedCamera:
     if not is_file(path):
         raise InputError(
             f"{source}: camera: {spelled(value)} is neither a file nor a preset: {', '.join(PRESETS)}"
+            f"{did_you_mean(value, PRESETS)}"
         )
     return load_camera(path)
 
@@ -103,7 +105,7 @@ def _found_arm(
     if not is_file(path):
         raise InputError(
             f"{files.source}: arm.model: {spelled(model)} is neither a file nor a shipped arm: "
-            f"{', '.join(shipped_arms())}"
+            f"{', '.join(shipped_arms())}{did_you_mean(model, shipped_arms())}"
         )
     if not isinstance(stated, dict) or not all(isinstance(folder, str) for folder in stated.values()):
         raise InputError(f"{files.source}: arm.packages: {spelled(stated)} given; legal: {{NAME: FOLDER, …}}")
@@ -194,7 +196,9 @@ def _first_problem(error: ValidationError, source: str) -> str:
     problem = error.errors()[0]
     field = ".".join(str(part) for part in problem["loc"]) or "task"
     if problem["type"] == "extra_forbidden":
-        return f"{source}: {field}: no such field"
+        legal = fields_at(problem["loc"][:-1])
+        given = problem["loc"][-1]
+        return f"{source}: {field}: no such field; legal: {', '.join(legal)}{did_you_mean(given, legal)}"
     given = "" if problem["type"] == "missing" else f"; {_shortened(problem['input'])} given"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"{source}: {field}: {problem['msg']}{given}{more}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import file_inside
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
@@ -68,7 +68,10 @@ def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
     kind = value.get("type") if isinstance(value, Mapping) else None
     if isinstance(value, Mapping) and not (isinstance(kind, str) and kind in _FIELDS):
         legal = ", ".join(map(repr, _FIELDS))
-        raise InputError(f"type: {spelled(kind)} given; legal: {legal} (a sphere of radius 0 is a point)")
+        raise InputError(
+            f"type: {spelled(kind)} given; legal: {legal} (a sphere of radius 0 is a point)"
+            + did_you_mean(kind, _FIELDS)
+        )
     if kind == "cloud" and "file" in value:
         return _cloud_of_file(value, folder)
     make, names = _FIELDS[kind or "sphere"]
@@ -108,6 +111,7 @@ def only_fields(fields: Any, required: Sequence[str], optional: Sequence[str]) -
         raise InputError(f"{missing[0]}: missing; needed: {', '.join(required)}")
     unknown = [str(name) for name in fields if name not in (*required, *optional)]
     if unknown:
-        legal = ", ".join((*required, *optional))
-        raise InputError(f"{spelled_name(unknown[0])}: no such field; legal: {legal}")
+        legal = (*required, *optional)
+        meant = did_you_mean(unknown[0], legal)
+        raise InputError(f"{spelled_name(unknown[0])}: no such field; legal: {', '.join(legal)}{meant}")
     return fields

@@ -1,0 +1,51 @@
+"""What fields a place in a task's file may have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args
+
+from pydantic import AliasChoices
+from pydantic.fields import FieldInfo
+
+from omniservo.tasks.section import Section
+from omniservo.tasks.task import Task
+
+
+def fields_at(place: Sequence[str | int]) -> tuple[str, ...]:
+    """Return the legal names in the section at ``place``: of fields, places in lists, kinds of obstacles."""
+    sections: list[type[Section]] = [Task]
+    for part in place:
+        inner = [s for section in sections for s in _sections_of(section, part)]
+        kinds = [s for s in sections if part == _kind(s)]
+        sections = inner or kinds or sections
+    found = (
+        name for section in sections for n, field in section.model_fields.items() for name in _names(n, field)
+    )
+    return tuple(dict.fromkeys(found))
+
+
+def _sections_of(section: type[Section], part: str | int) -> Iterator[type[Section]]:
+    for name, field in section.model_fields.items():
+        if part in _names(name, field):
+            yield from _sections_in(field.annotation)
+
+
+def _sections_in(annotation: Any) -> Iterator[type[Section]]:
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _sections_in(inner)
+
+
+def _kind(section: type[Section]) -> str | None:
+    """Return what ``type`` says in a section of this class."""
+    field = section.model_fields.get("type")
+    return None if field is None else str(get_args(field.annotation)[0])
+
+
+def _names(name: str, field: FieldInfo) -> list[str]:
+    """Return a field's names in the file."""
+    if isinstance(field.validation_alias, AliasChoices):
+        return [str(choice) for choice in field.validation_alias.choices]
+    return [str(field.validation_alias or name)]
