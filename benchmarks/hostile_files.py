@@ -3,8 +3,8 @@
 Run: ``python -m benchmarks.hostile_files [--count 5000] [--commands 300] [--first SEED] [--only KIND …]``.
 The samples of `benchmarks.hostile_samples` are spoiled: bytes flipped, cut out, doubled; tokens replaced by
 NaN, infinity, huge, negative, nested and empty ones; lines and fields removed, doubled and exchanged. Each is
-read in process, with warnings as errors, within `SECONDS` of the processor and `MEMORY` more bytes; the
-first ``--commands`` of them that a command reads, also by that command, in a process of its own.
+read in process, with warnings as errors, within `SECONDS` of the processor and `MEMORY` more bytes; some of
+those that a command reads also by that command, in a process of its own.
 
 A fault is: an exception that is not `InputError` (or `AnswerIsNo`), a warning, more than a line on standard
 error, a time or memory that is exceeded, an exit code but 0, 1 and 2, a file half written or left behind.
@@ -261,7 +261,11 @@ def main() -> None:
         data, before = spoiled(sample, seed), process_time()
         answers = [in_process(sample, data)]
         longest = max(longest, (process_time() - before, f"{sample.name}, seed {seed}"))
-        if (seed // len(known)) % every == 0 and sample.command and commands < arguments.commands:
+        if (
+            ((seed - arguments.first) // len(known)) % every == 0
+            and sample.command
+            and commands < arguments.commands
+        ):
             commands += 1
             answers.append(by_command(sample, data))
         for way, answer in zip(("in process", "by command"), answers, strict=False):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import warnings
 from pathlib import Path
 from typing import Any
@@ -54,9 +55,14 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     return joined, triangles
 
 
+_SILENT = logging.NullHandler()
+"""Without a handler, what trimesh says of a broken file goes to standard error, with a traceback."""
+
+
 def _load_stl(content: io.BytesIO) -> dict[str, Any]:
     from trimesh.exchange.stl import load_stl  # loads slowly, and few callers have meshes
 
+    logging.getLogger("trimesh").addHandler(_SILENT)
     loaded: dict[str, Any] = load_stl(content)
     return loaded
 

@@ -1,11 +1,16 @@
 """What is no file, or one that would not end, is refused at once by everything that reads files."""
 
+import contextlib
+import json
+import logging
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from omniservo.calibration import load_camera
+from omniservo.calibration.hand_eye import load_hand_eye
 from omniservo.calibration.mask_image import load_mask
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
@@ -15,6 +20,7 @@ from omniservo.mesh_files import read_triangles
 from omniservo.planning import Plan, PlanningProblem
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, load_arm
+from omniservo.shipped_tasks import task_file
 from omniservo.targets import Target
 from omniservo.tasks import TaughtGoal, load_task
 
@@ -91,3 +97,32 @@ def test_a_picture_is_read_by_formats_that_run_nothing(tmp_path):
     script.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n")
     with pytest.raises(InputError, match="not an image; legal: PNG, JPEG"):
         read_image(script)
+
+
+def test_what_is_said_of_a_broken_stl_does_not_go_to_standard_error(tmp_path, caplog):
+    corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+    facets = f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n" * 12
+    (tmp_path / "part.stl").write_text(f"solid part\n{facets.replace('0 0 0', 'x 0', 1)}endsolid part\n")
+    with contextlib.suppress(InputError):
+        read_triangles(tmp_path / "part.stl")
+    said = [record.name for record in caplog.records]
+    assert said == ["trimesh"], "this file is one of those of which something is said"
+    assert logging.getLogger("trimesh").handlers, "without one of its own, Python's last resort writes it"
+
+
+@pytest.mark.parametrize("reader", ["target", "hand-eye", "task"])
+def test_a_quaternion_whose_square_is_no_number_is_refused_without_a_warning(reader, tmp_path):
+    path, turn = tmp_path / "file.yaml", {"quaternion": [1e200, 0.0, 0.0, 1.0]}
+    if reader == "target":
+        tag = {"dictionary": "tag36h11", "id": 3, "edge": 0.05, **turn}
+        fields, read = {"format": "omniservo.target/1", "tags": [tag]}, Target.load
+    elif reader == "hand-eye":
+        pose = {"translation": [0, 0, 0], **turn}
+        fields = {"format": "omniservo.hand_eye/1", "tool_T_camera": pose, "covariance": np.eye(6).tolist()}
+        read = load_hand_eye
+    else:
+        fields, read = read_document(task_file("paper-example-1")), load_task
+        fields["teach"]["initial_T_goal"] = {"translation": [0, 0, 1], **turn}
+    path.write_text(json.dumps(fields))
+    with pytest.raises(InputError, match=r"norm 1e\+200"):
+        read(path)

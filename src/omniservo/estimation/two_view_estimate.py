@@ -284,7 +284,7 @@ def _read_pose(goal: Any, source: str) -> RigidTransform | None:
         raise InputError(f"{source}: exactly the fields translation and quaternion are needed")
     translation = finite_array(f"{source}: translation", goal["translation"], (3,))
     quaternion = finite_array(f"{source}: quaternion", goal["quaternion"], (4,))
-    norm = float(np.linalg.norm(quaternion))
+    norm = math.hypot(*quaternion)
     if abs(norm - 1.0) > 1e-6:
         raise InputError(f"{source}: quaternion: norm {norm:g} given; 1 within 1e-6 is needed")
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))

@@ -219,7 +219,7 @@ def _tag(value: Any, source: str, units: dict[str, float]) -> Tag:
     translation = finite_array(f"{source}: translation", fields.get("translation", (0, 0, 0)), (3,))
     if "quaternion" in fields:
         quaternion = finite_array(f"{source}: quaternion", fields["quaternion"], (4,))
-        norm = float(np.linalg.norm(quaternion))
+        norm = math.hypot(*quaternion)
         if abs(norm - 1.0) > _NEAR_UNIT:
             raise InputError(f"{source}: quaternion: norm {norm:g} given; 1 within {_NEAR_UNIT:g} is needed")
         rotation = Rotation.from_quat(quaternion)

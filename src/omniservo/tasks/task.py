@@ -7,6 +7,7 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -42,8 +43,8 @@ class Pose(Section):
     def _one_rotation(self) -> Pose:
         if self.quaternion is not None and self.rotation_vector is not None:
             raise ValueError("give quaternion or rotation_vector, not both")
-        if self.quaternion is not None and abs(np.linalg.norm(self.quaternion) - 1.0) > _UNIT_TOLERANCE:
-            raise ValueError(f"quaternion has norm {np.linalg.norm(self.quaternion):g}; it must be 1")
+        if self.quaternion is not None and abs(math.hypot(*self.quaternion) - 1.0) > _UNIT_TOLERANCE:
+            raise ValueError(f"quaternion has norm {math.hypot(*self.quaternion):g}; it must be 1")
         return self
 
     @property

@@ -183,9 +183,9 @@ def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
         )
     translation = finite_array(f"{path}: tool_T_camera: translation", pose["translation"], (3,))
     quaternion = finite_array(f"{path}: tool_T_camera: quaternion", pose["quaternion"], (4,))
-    if abs(np.linalg.norm(quaternion) - 1.0) > _NEAR_UNIT:
+    if abs(math.hypot(*quaternion) - 1.0) > _NEAR_UNIT:
         raise InputError(
-            f"{path}: tool_T_camera: quaternion: norm {np.linalg.norm(quaternion):g} given; legal: 1"
+            f"{path}: tool_T_camera: quaternion: norm {math.hypot(*quaternion):g} given; legal: 1"
         )
     covariance = finite_array(f"{path}: covariance", fields["covariance"], (6, 6))
     if (

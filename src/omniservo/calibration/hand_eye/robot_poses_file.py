@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -189,9 +190,9 @@ def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:
         vector = units["angle"] * finite_array(f"{where}: rotation_vector", value["rotation_vector"], (3,))
         return RigidTransform.from_components(translation, Rotation.from_rotvec(vector))
     quaternion = finite_array(f"{where}: quaternion", value["quaternion"], (4,))
-    if abs(np.linalg.norm(quaternion) - 1.0) > ROUNDED:
+    if abs(math.hypot(*quaternion) - 1.0) > ROUNDED:
         raise InputError(
-            f"{where}: quaternion: norm {np.linalg.norm(quaternion):.4g} given; legal: 1 within {ROUNDED:g}"
+            f"{where}: quaternion: norm {math.hypot(*quaternion):.4g} given; legal: 1 within {ROUNDED:g}"
         )
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
 
