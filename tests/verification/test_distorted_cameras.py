@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull
 from omniservo.verification import verify_plan
 from omniservo.verification.distorted_region import region
 from omniservo.verification.fields import Fields
+from omniservo.verification.image_limits import least_stretch
 from omniservo.verification.plan_file import _camera
 
 DISTORTIONS = [(-0.08, 0.02, 1e-3, -5e-4), (0.05, 0.4, -8e-4, 2e-3), (-0.3, 0.06, 0.0, 0.0)]
@@ -180,16 +181,23 @@ def test_polygon_beyond_the_domain_or_the_largest_angle_is_refuted():
         assert judged(narrow, square * fits * 1.0005, inset).verdict == "violated"
 
 
-@pytest.mark.parametrize(
-    "distortion", [(-0.14, 0.03, 0, 0), (0.1, 0.05, 0, 0), (-0.1, 0.1, 0, 0), (0.1, -0.1, 0, 0)]
-)
+RINGS = [
+    (-0.14, 0.03, 0, 0),
+    (0.1, 0.05, 0, 0),
+    (-0.1, 0.1, 0, 0),
+    (0.1, -0.1, 0, 0),
+    (-0.05, 0.02, 0.01, -0.02),
+]
+
+
+@pytest.mark.parametrize("distortion", RINGS)
 def test_pixels_to_the_circle_of_the_largest_angle_are_told_within_a_thousandth(distortion):
     camera = lens(distortion, width=5000, height=5000, cx=2500.0, cy=2500.0, xi=1.0, max_angle=1.5)
     circle = np.sin(1.5) / (np.cos(1.5) + 1.0)
-    k1, k2, _, _ = distortion
+    k1, k2, p1, p2 = distortion
     radii = np.linspace(0, circle, 20_001)
     s = radii**2
-    slope = np.minimum(1 + k1 * s + k2 * s**2, 1 + 3 * k1 * s + 5 * k2 * s**2)
+    slope = np.minimum(1 + k1 * s + k2 * s**2, 1 + 3 * k1 * s + 5 * k2 * s**2) - 6 * np.hypot(p1, p2) * radii
     assert slope.min() > 0.1
     way = np.concatenate([[0], np.cumsum((slope[1:] + slope[:-1]) / 2) * (radii[1] - radii[0])])
     least = min(camera["fx"], camera["fy"])
@@ -198,6 +206,36 @@ def test_pixels_to_the_circle_of_the_largest_angle_are_told_within_a_thousandth(
         pixels = least * (way[-1] - np.interp(radius, radii, way))
         assert judged(camera, square * radius, pixels * 0.999).verdict == "holds"
         assert judged(camera, square * radius, pixels * 1.0001).verdict == "violated"
+
+
+def test_the_least_singular_value_of_k_is_enclosed():
+    for fx, skew, fy in ((300.0, 0.0, 310.0), (300.0, 200.0, 310.0), (-300.0, 5e-3, 299.0), (1e-5, 1e3, 2.0)):
+        camera = _camera(Fields({"camera": lens((0, 0, 0, 0), fx=fx, fy=fy, skew=skew)}, "problem"))
+        below, above = least_stretch(camera)
+        assert below <= above
+        determinant, trace = Fraction(fx) * Fraction(fy), sum(Fraction(x) ** 2 for x in (fx, skew, fy))
+        for bound, sign in ((below, 1), (above, -1)):  # x is below both roots of x² - trace x + determinant²
+            x = bound**2
+            assert sign * (x * x - trace * x + determinant**2) >= 0
+        assert above - below <= Fraction(1, 10**9) * above
+
+
+def test_the_one_side_that_bulges_out_of_the_image_is_found_wherever_the_list_begins():
+    camera = lens((-0.1, 0, 0, 0), width=601, height=2001, cx=300.0, cy=1000.0, fx=300.0, fy=300.0, xi=1.0)
+    sides = np.array([[1.17, -0.6], [1.17, 0.6], [-0.5, 0.6], [-0.5, -0.6]])
+    assert (distort(camera, sides)[:, 0] < 600).all()
+    assert judged(camera, sides * [0.97, 1.0], 0).verdict == "holds"
+    for first in range(4):
+        for polygon in (np.roll(sides, first, axis=0), np.roll(sides, first, axis=0)[::-1]):
+            assert judged(camera, polygon, 0).note.endswith("crosses the right edge")
+
+
+@pytest.mark.parametrize("tangential", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2), (0.14, 0.14)])
+def test_a_fold_on_one_side_of_the_axis_is_found(tangential):
+    # Along (p2, p1) the slope is 1 + 6 |p| r: it is 0 at r = 0.83 on one side only.
+    camera = lens((0, 0, *tangential), width=4000, height=4000, cx=2000.0, cy=2000.0, xi=0.5)
+    assert judged(camera, octagon(0.75)).verdict == "holds"
+    assert judged(camera, octagon(0.9)).note == "the distortion is not one-to-one on the polygon"
 
 
 def test_point_outside_the_polygon_is_refuted():

@@ -120,6 +120,14 @@ def test_pieces_need_not_be_dyadic():
     assert by_hand(WALL, [-1.0, 0.0, 0.0], [(0.0, 0.1), (0.1, 1 / 3), (1 / 3, 1.0)])[1] == []
 
 
+@pytest.mark.parametrize("place", range(5))
+def test_every_vertex_of_a_mesh_counts_wherever_it_stands_in_the_list(place):
+    block = [[0.3, 0.0, 0.0], [0.5, 0.2, 0.0], [0.5, 0.0, 0.2], [0.6, 0.1, 0.1]]
+    for x, faults in ((0.01, 0), (-0.01, 1)):
+        vertices = [*block[:place], [x, 0.05, 0.02], *block[place:]]
+        assert len(by_hand({"type": "mesh", "vertices": vertices}, [-1.0, 0.0, 0.0])[1]) == faults
+
+
 SCREEN = {
     "type": "box",
     "center": [0, 0.06, 0.25],
