@@ -15,7 +15,7 @@ from omniservo.cli.main import main
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
 from omniservo.planning.obstacles.obstacle_fields import _FIELDS as OBSTACLE_FIELDS
-from omniservo.planning.problem_file import _OPTIONAL, _REQUIRED
+from omniservo.planning.problem_file import _REQUIRED, OPTIONAL
 
 FULL: dict[str, Any] = {
     "format": "omniservo.problem/1",
@@ -192,7 +192,7 @@ def test_the_full_document_is_legal_and_has_every_field(tmp_path):
     file = tmp_path / "p.json"
     file.write_text(json.dumps(FULL))
     problem = PlanningProblem.load(file)
-    assert set(FULL) == {*_REQUIRED, *_OPTIONAL}
+    assert set(FULL) == {*_REQUIRED, *OPTIONAL}
     assert set(FULL["camera"]) == set(problem.camera.to_dict())
     assert {o["type"] for o in FULL["obstacles"]} == set(OBSTACLE_FIELDS)
     for obstacle in FULL["obstacles"]:

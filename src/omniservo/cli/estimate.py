@@ -34,6 +34,9 @@ FeaturesOption = Annotated[
 DictionaryOption = Annotated[
     str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
 ]
+CameraOption = Annotated[
+    str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")
+]
 TargetOption = Annotated[
     Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
 ]
@@ -45,9 +48,7 @@ _NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal"
 
 def estimate(
     task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
-    camera: Annotated[
-        str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")
-    ] = None,
+    camera: CameraOption = None,
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
@@ -78,9 +79,8 @@ def estimate(
         raise InputError(_NEEDED)
     if task is not None:
         task_file(task)
-    for image in (initial, goal):
-        if image is not None:
-            require_file(image)
+    for image in filter(None, (initial, goal)):
+        require_file(image)
     with output.working("loading") as progress:
         from omniservo.reporting import write_estimate_report
         from omniservo.runs import estimate_images, estimate_simulated

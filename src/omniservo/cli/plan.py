@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -17,64 +18,92 @@ from omniservo.cli.output import (
     with_unit,
 )
 from omniservo.errors import InputError
-from omniservo.files import require_file, writable
+from omniservo.files import require_file, writable, write_whole
+
+if TYPE_CHECKING:
+    from omniservo.estimation import TwoViewEstimate
+    from omniservo.planning import Plan, PlanningProblem
+
+
+EstimateOption = Annotated[
+    Path | None,
+    typer.Option("--estimate", help="What estimate --out wrote: its goal and points are planned with."),
+]
+ObstaclesOption = Annotated[
+    Path | None,
+    typer.Option("--obstacles", help="With an estimate, in PROBLEM's place: what stands in the way."),
+]
+ClearanceOption = Annotated[
+    float | None,
+    typer.Option("--clearance", help="With --obstacles: replaces the file's clearance, in metres."),
+]
+RiskOption = Annotated[
+    float | None,
+    typer.Option("--risk", help="With an estimate: probability of violating a demand (0.01)."),
+]
+BudgetOption = Annotated[
+    float | None,
+    typer.Option("--time-budget", help="Seconds; the best plan found in them, instead of the first."),
+]
+DrawOption = Annotated[
+    Path | None,
+    typer.Option("--draw", help="Draw the moment with the least left, or the worst violation (.png, .svg)."),
+]
 
 
 def plan(
-    problem: Annotated[Path, typer.Argument(help="Planning problem, JSON or YAML.")],
+    problem: Annotated[Path | None, typer.Argument(help="Planning problem, JSON or YAML.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan here.")] = None,
+    draw: DrawOption = None,
     method: Annotated[Literal["certified", "paper"], typer.Option("--method")] = "certified",
     quality: Annotated[
         Literal["effort", "margin"],
         typer.Option("--quality", help="Least bending energy, or largest smallest margin."),
     ] = "effort",
-    time_budget: Annotated[
-        float | None,
-        typer.Option("--time-budget", help="Seconds; the best plan found in them, instead of the first."),
-    ] = None,
-    estimate: Annotated[
-        Path | None,
-        typer.Option("--estimate", help="Estimate file: its goal and points take the problem's place."),
-    ] = None,
-    risk: Annotated[
-        float | None,
-        typer.Option("--risk", help="With an estimate: probability of violating a demand (0.01)."),
-    ] = None,
+    time_budget: BudgetOption = None,
+    estimate: EstimateOption = None,
+    obstacles: ObstaclesOption = None,
+    clearance: ClearanceOption = None,
+    risk: RiskOption = None,
     seed: SeedOption = 0,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Plan a camera path that is proven to keep every constraint of the problem."""
-    output = Output(as_json, quiet)
-    if out is not None:
-        writable(out, force=force)
-    require_file(problem)
+    """Plan a camera path that is proven to keep every constraint of the problem.
+
+    A plan that is not certified is drawn beside --out, at the moment of its worst violation.
+    """
+    output, results = Output(as_json, quiet), _Results(out, draw, force)
+    for path in (problem, estimate, obstacles):
+        if path is not None:
+            require_file(path)
     if estimate is not None:
         if method != "certified" or quality != "effort" or time_budget is not None:
             raise InputError("plan: --estimate given; it goes with neither method, quality nor time budget")
-        _plan_with_risk(problem, estimate, 0.01 if risk is None else risk, out, seed, force, output)
+        asked = _Asked(problem, estimate, obstacles, clearance, 0.01 if risk is None else risk, seed)
+        _plan_with_risk(asked, results, output)
         return
-    if risk is not None:
-        raise InputError("plan: --risk given without --estimate, which says what is uncertain")
+    for name, given in (("--risk", risk), ("--obstacles", obstacles), ("--clearance", clearance)):
+        if given is not None:
+            raise InputError(f"plan: {name} given without --estimate, which it belongs to")
+    if problem is None:
+        raise InputError("plan: give a PROBLEM, or --estimate with --obstacles")
     with output.working("loading") as progress:
         from omniservo.geometry.compiler_watch import CompilerWatch
         from omniservo.planning import PlanningProblem, plan_path
 
         progress("planning")
-        asked = PlanningProblem.load(problem)
+        loaded = PlanningProblem.load(problem)
         with CompilerWatch() as watch:
-            result = plan_path(asked, method=method, quality=quality, time_budget=time_budget, seed=seed)
-    if out is not None:
-        result.save(out, force=force)
-    _say_notices(asked.notices, output)
+            result = plan_path(loaded, method=method, quality=quality, time_budget=time_budget, seed=seed)
+    _say_notices(loaded.notices, output)
     output.line(f"{result.status} in {_time(result.seconds, watch.seconds)} (method {method})")
     if result.certificate is not None:
         for c in result.certificate.constraints:
             output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)} at w = {c.w:.4f}")
-    if out is not None:
-        output.written(out)
-    output.result({**result.to_dict(), "notices": asked.notices})
+    results.write(result, output)
+    output.result({**result.to_dict(), "notices": loaded.notices})
     if result.status != "certified":
         raise answer_is_no(f"{result.status}: {result.reason}")
 
@@ -84,27 +113,83 @@ def _say_notices(notices: tuple[str, ...], output: Output) -> None:
         output.line(f"notice: {notice}")
 
 
-def _plan_with_risk(
-    problem: Path, estimate: Path, risk: float, out: Path | None, seed: int, force: bool, output: Output
-) -> None:
+@dataclass(frozen=True)
+class _Results:
+    """Where a plan and its picture go."""
+
+    out: Path | None
+    draw: Path | None
+    force: bool
+
+    def __post_init__(self) -> None:
+        for path in (self.out, self.draw):
+            if path is not None:
+                writable(path, force=self.force)
+        if self.draw is not None and self.draw.suffix not in (".png", ".svg"):
+            raise InputError(f"--draw: {self.draw} given; legal: a file that ends with .png or .svg")
+
+    def write(self, plan: Plan, output: Output) -> None:
+        """Write the plan, and the picture that is asked for or that a refused plan has beside it."""
+        if self.out is not None:
+            plan.save(self.out, force=self.force)
+            output.written(self.out)
+        drawn = self.draw
+        if drawn is None and self.out is not None and plan.status != "certified":
+            drawn = self.out.with_suffix(".png")
+        if drawn is not None:
+            from omniservo.reporting.figure_files import image_bytes
+            from omniservo.reporting.moment_figure import draw_moment
+
+            picture = image_bytes(draw_moment(plan), drawn.suffix.removeprefix("."))
+            write_whole(drawn, picture, force=self.force)
+            output.written(drawn)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is planned with an estimate."""
+
+    problem: Path | None
+    estimate: Path
+    obstacles: Path | None
+    clearance: float | None
+    risk: float
+    seed: int
+
+    def load(self) -> tuple[PlanningProblem, TwoViewEstimate]:
+        """Return what the files say.
+
+        Raises:
+            InputError: a file is not legal, or not exactly one of problem and obstacles is given.
+        """
+        from omniservo.estimation import TwoViewEstimate
+        from omniservo.planning import PlanningProblem, problem_around
+
+        known = TwoViewEstimate.load(self.estimate)
+        if self.problem is not None and self.obstacles is None and self.clearance is None:
+            return PlanningProblem.load(self.problem), known
+        if self.problem is None and self.obstacles is not None:
+            return problem_around(known, self.obstacles, clearance=self.clearance), known
+        raise InputError("plan: --estimate given; it goes with a PROBLEM, or with --obstacles [--clearance]")
+
+
+def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
     """Plan to the estimate's goal with margins that its uncertainty needs."""
     with output.working("loading") as progress:
-        from omniservo.estimation import TwoViewEstimate
         from omniservo.geometry.compiler_watch import CompilerWatch
-        from omniservo.planning import PlanningProblem, plan_with_risk
+        from omniservo.planning import plan_with_risk
 
         progress("planning with risk")
-        asked, known = PlanningProblem.load(problem), TwoViewEstimate.load(estimate)
+        problem, known = asked.load()
         with CompilerWatch() as watch:
-            found = plan_with_risk(asked, known, risk=risk, seed=seed)
-    if out is not None:
-        found.plan.save(out, force=force)
-    _say_notices(asked.notices, output)
-    output.line(f"goal and {int(known.inliers.sum())} points of {estimate} instead of the problem's own")
+            found = plan_with_risk(problem, known, risk=asked.risk, seed=asked.seed)
+    _say_notices(problem.notices, output)
+    used = f"goal and {int(known.inliers.sum())} points of {asked.estimate}"
+    output.line(used if asked.problem is None else f"{used} instead of the problem's own")
     output.line(
         f"{found.plan.status} in {_time(found.seconds, watch.seconds)}; {100 * found.predicted:.2g}% of"
         f" {found.samples} samples violate a demand (at most {100 * found.predicted_bound:.2g}%, asked"
-        f" {100 * risk:g}%)"
+        f" {100 * asked.risk:g}%)"
     )
     output.line(
         f"for uncertainty: {1e3 * found.extra_clearance:.3g} mm more clearance,"
@@ -118,9 +203,8 @@ def _plan_with_risk(
         )
     if found.ok:
         output.line(found.advice)
-    if out is not None:
-        output.written(out)
-    output.result({**found.plan.to_dict(), "risk": found.to_dict(), "notices": asked.notices})
+    results.write(found.plan, output)
+    output.result({**found.plan.to_dict(), "risk": found.to_dict(), "notices": problem.notices})
     if not found.ok:
         raise answer_is_no(f"{found.plan.status}: {found.plan.reason}")
 

@@ -32,8 +32,9 @@ STATUSES: tuple[str, ...] = get_args(Status)
 _FIELDS = {
     "format", "status", "message", "goal", "points", "is_metric", "covariance", "points_covariance",
     "inliers", "rms_px", "noise_px", "residuals_px", "seconds", "scale_sigma", "uncertainty",
+    "camera",
 }  # fmt: skip
-_ADDED = {"scale_sigma", "uncertainty"}
+_ADDED = {"scale_sigma", "uncertainty", "camera"}
 """Fields that older files of this format do not have."""
 
 
@@ -86,6 +87,8 @@ class TwoViewEstimate:
     uncertainty: JointUncertainty | None = None
     """Joint law of motion and structure, the scale aside; None where there is no pose, and in files written
     before there was one."""
+    camera: UnifiedCamera | None = None
+    """that took both images, where the estimate is kept for planning; None: not said"""
 
     def __repr__(self) -> str:
         words = [self.status, f"{int(self.inliers.sum())} of {self.inliers.size} points"]
@@ -183,6 +186,7 @@ class TwoViewEstimate:
             "seconds": self.seconds,
             "scale_sigma": self.scale_sigma,
             "uncertainty": None if self.uncertainty is None else self.uncertainty.to_dict(),
+            "camera": None if self.camera is None else self.camera.to_dict(),
         }
 
     @classmethod
@@ -206,7 +210,7 @@ class TwoViewEstimate:
         if not all(isinstance(x, bool) for x in fields["inliers"]):
             raise InputError(f"{source}: inliers: true or false is needed for each match")
         n = len(fields["inliers"])
-        law = fields.get("uncertainty")
+        law, camera = fields.get("uncertainty"), fields.get("camera")
         return cls(
             status=cast(Status, status),
             message=fields["message"],
@@ -226,6 +230,7 @@ class TwoViewEstimate:
             uncertainty=None
             if law is None
             else JointUncertainty.from_dict(law, sum(fields["inliers"]), f"{source}: uncertainty"),
+            camera=None if camera is None else UnifiedCamera.from_dict(camera, source=f"{source}: camera"),
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> None:

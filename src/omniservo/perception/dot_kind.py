@@ -12,6 +12,8 @@ from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, req
 from omniservo.perception.find_dots import find_dots
 from omniservo.perception.match_dots import match_dots
 
+_OTHERS = "; of a photograph without dots: natural (--features natural), or tags (--features tags)"
+
 
 class DotKind:
     """Dots of one radius: nobody knows which is which until two pictures are compared."""
@@ -31,8 +33,8 @@ class DotKind:
             AnswerIsNo: the match is ambiguous, or fewer than eight dots can be matched.
         """
         initial_dots, goal_dots = find_dots(initial, camera), find_dots(goal, camera)
-        require_features(len(initial_dots), self.name, "the initial image")
-        require_features(len(goal_dots), self.name, "the goal image")
+        require_features(len(initial_dots), self.name, "the initial image", hint=_OTHERS)
+        require_features(len(goal_dots), self.name, "the goal image", hint=_OTHERS)
         match = match_dots(camera, initial_dots, goal_dots)
         if match.status != "ok":
             raise AnswerIsNo(f"the dots of the two images cannot be matched: {match.status}: {match.reason}")

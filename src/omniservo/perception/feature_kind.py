@@ -102,13 +102,13 @@ class FeatureKind(Protocol):
         ...
 
 
-def require_features(count: int, name: str, where: str, least: int = LEAST_FEATURES) -> None:
-    """Refuse a picture with too few features.
+def require_features(count: int, name: str, where: str, least: int = LEAST_FEATURES, hint: str = "") -> None:
+    """Refuse a picture with too few features; ``hint``: what else may be looked for.
 
     Raises:
         InputError: fewer than ``least``.
     """
     if count < least:
         raise InputError(
-            f"{where}: {count} {name} found; at least {least} {'is' if least == 1 else 'are'} needed"
+            f"{where}: {count} {name} found; at least {least} {'is' if least == 1 else 'are'} needed{hint}"
         )

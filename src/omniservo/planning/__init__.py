@@ -16,6 +16,7 @@ from omniservo.planning.planning_problem import Degrees, PlanningProblem, Worksp
 from omniservo.planning.replan import replan
 from omniservo.planning.risk.executions import Executions
 from omniservo.planning.risk.plan_with_risk import plan_with_risk
+from omniservo.planning.risk.problem_around import problem_around
 from omniservo.planning.risk.risk_plan import LinkMargin, RiskPlan, UncertainMargin
 from omniservo.planning.widened import widened_evenly
 from omniservo.planning.with_arm.arm_plan import ArmPlan
@@ -24,6 +25,7 @@ from omniservo.planning.with_arm.link_margin import plan_links_at_risk
 from omniservo.planning.with_arm.plan_arm_with_risk import plan_arm_with_risk
 from omniservo.planning.with_arm.plan_with_arm import plan_with_arm
 from omniservo.planning.with_arm.replan_with_arm import replan_with_arm
+from omniservo.planning.worst_moment import worst_moment
 
 __all__ = [
     "ArmPlan",
@@ -53,7 +55,9 @@ __all__ = [
     "plan_path",
     "plan_with_arm",
     "plan_with_risk",
+    "problem_around",
     "replan",
     "replan_with_arm",
     "widened_evenly",
+    "worst_moment",
 ]

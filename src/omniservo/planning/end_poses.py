@@ -25,8 +25,16 @@ def end_margins(problem: PlanningProblem) -> dict[str, tuple[float, str]]:
 def violation_at_end(problem: PlanningProblem) -> str:
     """Return a sentence that names the worst violated constraint at the first end pose that has one; else "".
 
-    It names constraint, point or obstacle, w and amount. An image limit of a distorted camera is judged by
-    the pixel itself, not by the polygon that plans keep to.
+    It names constraint, point or obstacle, w and amount.
+    """
+    w, violated = violations_at_end(problem)
+    return _sentence(w, violated) if violated else ""
+
+
+def violations_at_end(problem: PlanningProblem) -> tuple[int, list[tuple[float, str, str]]]:
+    """Return the first end pose's w that violates constraints, and margin, name and unit of each; else none.
+
+    An image limit of a distorted camera is judged by the pixel itself, not by the polygon that plans keep to.
     """
     entries, at_ends = margins_at_ends(problem)
     for w, found in enumerate(at_ends):
@@ -38,8 +46,8 @@ def violation_at_end(problem: PlanningProblem) -> str:
         if problem.camera.is_distorted:
             violated += _violated_pixels(problem, w)
         if violated:
-            return _sentence(w, violated)
-    return ""
+            return w, violated
+    return 0, []
 
 
 def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:

@@ -28,7 +28,7 @@ from omniservo.planning.stated_quaternion import ROTATION_FIELDS, stated_quatern
 FORMAT = "omniservo.problem/1"
 
 _REQUIRED = ("format", "camera", "points", "goal")
-_OPTIONAL = (
+OPTIONAL = (
     "obstacles",
     "clearance",
     "least_distance",
@@ -38,6 +38,7 @@ _OPTIONAL = (
     "degrees",
     "initial_velocity",
 )
+"""Fields that a problem file may have, and a file of obstacles."""
 
 
 def load_problem(path: str | Path) -> PlanningProblem:
@@ -65,7 +66,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
         InputError: a field is missing, unknown or not legal.
     """
     try:
-        only_fields(fields, _REQUIRED, _OPTIONAL)
+        only_fields(fields, _REQUIRED, OPTIONAL)
         if fields["format"] != FORMAT:
             raise InputError(f"format: {spelled(fields['format'])} given; legal: {FORMAT!r}")
         given: dict[str, Any] = {

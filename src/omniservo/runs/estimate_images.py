@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -71,7 +71,8 @@ def estimate_images(
     kind = feature_kind(features, dictionary, known)
     seen = see(kind, model, read_image(initial, model), read_image(goal, model))
     if known is not None:
-        return EstimatedImages(seen, estimate_on_target(model, seen.matched, known, dictionary))
+        metric = estimate_on_target(model, seen.matched, known, dictionary)
+        return EstimatedImages(seen, replace(metric, camera=model))
     matched = seen.matched
     method: Literal["pixel", "homography"] = "homography" if planar else "pixel"
     found = estimate_two_view(
@@ -84,7 +85,7 @@ def estimate_images(
         squares=matched.squares,
         windows=matched.window,
     )
-    return EstimatedImages(seen, found)
+    return EstimatedImages(seen, replace(found, camera=model))
 
 
 def estimate_simulated(
@@ -102,7 +103,8 @@ def estimate_simulated(
     robot = SimulatedRobot(scene, seed=seed)
     image, joints = take_picture(robot), robot.read().joint_positions
     seen = see(feature_kind_of(loaded), loaded.camera, image.pixels, goal.image)
-    return EstimatedImages(seen, estimate_task(loaded, scene, seen, goal, joints))
+    found = estimate_task(loaded, scene, seen, goal, joints)
+    return EstimatedImages(seen, replace(found, camera=loaded.camera))
 
 
 def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:

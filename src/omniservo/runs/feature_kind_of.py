@@ -37,5 +37,7 @@ def feature_kind(name: KindName, dictionary: str | None, target: Target | None) 
         target.tag_corners(dictionary)
         dictionary = dictionary or target.dictionaries[0]
     if dictionary is None:
-        raise InputError("dictionary: missing; tags need it, or a target file")
+        raise InputError(
+            "dictionary: missing; tags need one, as --dictionary tag36h11, or a target file (--target)"
+        )
     return TagKind(dictionary, LEAST_FEATURES if target is None else LEAST_CORNERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -64,7 +65,7 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> None:
     """Everything but the report."""
     write_whole(folder / "metrics.json", json.dumps(result.metrics, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "log.csv", result.log.to_csv())
-    result.estimate.save(folder / "estimate.json")
+    replace(result.estimate, camera=result.task.camera).save(folder / "estimate.json")
     if result.plan is not None:
         result.plan.save(folder / "plan.json")
     for number, plan in enumerate((e.plan for e in result.replannings if e.plan is not None), start=2):

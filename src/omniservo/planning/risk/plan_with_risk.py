@@ -19,6 +19,7 @@ from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.risk.advice import sources_of, what_dominates, what_would_help
 from omniservo.planning.risk.executions import IMAGE, Executions
+from omniservo.planning.risk.problem_around import NOT_METRIC
 from omniservo.planning.risk.risk_plan import RiskPlan, UncertainMargin
 from omniservo.planning.risk.safe_path import (
     Planner,
@@ -155,7 +156,7 @@ def problem_of_estimate(
     if estimate.initial_T_goal is None:
         raise InputError(f"estimate: status {estimate.status!r}: no pose to plan to; {estimate.message}")
     if not estimate.is_metric:
-        raise InputError("estimate: not metric; obstacles are in metres, so a scale is needed")
+        raise InputError(NOT_METRIC)
     return replace(problem, points=estimate.points[rows], initial_T_goal=estimate.initial_T_goal)
 
 
