@@ -75,7 +75,7 @@ def test_a_unit_that_says_nothing_is_refused(kind, own, says, tmp_path):
 def test_a_mesh_in_millimetres_read_as_metres_is_told_of_by_the_command(tmp_path, capsys):
     write_brick(tmp_path / "brick.stl", 1000.0)
     file = problem(tmp_path, {"type": "mesh", "file": "brick.stl"})
-    words = ("brick.stl: it is 200 m large and it is 249.9 m from the target", "say units: mm")
+    words = ("brick.stl is 200 m large, 249.9 m from the target", "state units: mm")
     with pytest.raises(SystemExit) as end:
         main(["plan", str(file)])
     told = " ".join(capsys.readouterr().out.split())

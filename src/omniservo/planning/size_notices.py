@@ -33,32 +33,29 @@ def size_notices(problem: PlanningProblem) -> tuple[str, ...]:
 
     Nothing is wrong with such a body, but a file in millimetres that is read as one in metres is one: the
     obstacle that was meant is then not where it is taken to be. All parts of a file are one body. Of
-    half-spaces, which have no size, and of points nothing is said.
+    half-spaces, which have no size, nothing is said.
     """
-    scene = np.array([np.zeros(3), problem.goal_translation, *problem.points])
+    scene = np.vstack([np.zeros(3), problem.goal_translation, problem.points])
     scene = np.array([scene.min(axis=0), scene.max(axis=0)])
     bodies: dict[str, Corners] = {}
+    advice: dict[str, str] = {}
     for i, obstacle in enumerate(problem.obstacles):
         if isinstance(obstacle, HalfSpace):
             continue
         file = getattr(obstacle, "file", None)
         name, box = f"obstacle {i}" if file is None else file, _moved(_box(obstacle), obstacle.motion)
+        advice[name] = "are all lengths in m?" if file is None else "if that file is in mm, state units: mm"
         bodies[name] = _around(bodies[name], box) if name in bodies else box
-    return tuple(notice for name, box in bodies.items() for notice in _notices(name, box, scene))
+    told = ((name, words) for name, box in bodies.items() for words in _oddities(box, scene))
+    return tuple(f"{name} is {words}; {advice[name]}" for name, words in told)
 
 
-def _notices(name: str, box: Corners, scene: Corners) -> Iterator[str]:
+def _oddities(box: Corners, scene: Corners) -> Iterator[str]:
     size, wide = float(np.ptp(box, axis=0).max()), float(np.linalg.norm(np.ptp(scene, axis=0)))
     gap = float(np.linalg.norm(np.maximum(np.maximum(box[0] - scene[1], scene[0] - box[1]), 0.0)))
-    told = []
-    if size > MANY_METRES:
-        told.append(f"it is {size:.4g} m large")
-    if gap > wide:
-        told.append(f"it is {gap:.4g} m from the target and the camera, which take {wide:.3g} m")
-        if not size > MANY_METRES:
-            told[0] += f", and {size:.3g} m large"
-    if told:
-        yield f"{name}: {' and '.join(told)}; if it is stated in millimetres, say units: mm"
+    if size > MANY_METRES or gap > wide:
+        far = f", {gap:.4g} m from the target and the camera, which take {wide:.3g} m" if gap > wide else ""
+        yield f"{size:.3g} m large{far}"
 
 
 def _box(obstacle: Obstacle) -> Corners:
