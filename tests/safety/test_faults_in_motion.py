@@ -249,6 +249,18 @@ def test_a_robot_that_moves_on_a_little_after_braking_may_be_commanded_again(gua
         go_on(supervisor, 0.1, -2.0 * SLOW)
 
 
+def test_the_history_holds_everything_that_was_sent_braking_too(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.3, 3.0 * SLOW)
+    supervisor.stop()
+    supervisor.wait(0.1)
+    go_on(supervisor, 0.1)
+    times = np.array([time for time, _ in written.commands])
+    velocities = np.array([u for _, u in written.commands])
+    sent = (velocities[:-1] * np.diff(times)[:, None]).sum(axis=0)
+    np.testing.assert_allclose(supervisor.history.at(times[-1:])[1][0], sent, atol=1e-9)
+
+
 def test_nan_in_a_valid_row_and_features_of_another_number_are_named_stops(run):  # noqa: F811
     for broken, reason in (
         (lambda p: np.where(np.arange(9)[:, None] == 4, np.nan, p), "not_finite"),
