@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from omniservo.cameras import DeadZone, UnifiedCamera
-from omniservo.cameras.distorted_region import dead_zone_on_plane
+from omniservo.cameras.distorted_region import _edges_inside, dead_zone_on_plane
 from omniservo.errors import InputError
 from omniservo.verification.distorted_region import region
 from omniservo.verification.plan_file import Camera
@@ -259,3 +259,33 @@ def test_equal_cameras_share_the_polygon():
     fields = {"distortion": (-0.1, 0.01, 0.0, 0.0)}
     first = UnifiedCamera(400, 400, 320, 240, 1.0, 640, 480, **fields).image_limits(2.0)
     assert UnifiedCamera(400, 400, 320, 240, 1.0, 640, 480, **fields).image_limits(2) is first
+
+
+def outline_extremes(camera, polygon):
+    """Least and largest pixel of the distorted outline, by samples that miss less than 1e-7 px."""
+    along = np.roll(polygon, -1, axis=0) - polygon
+    points = polygon[:, None] + np.linspace(0.0, 1.0, 20_001)[:, None] * along[:, None]
+    pixels = np.stack(pixels_of(camera, np.moveaxis(points, -1, 0)), axis=-1)
+    return pixels.min(axis=(0, 1)), pixels.max(axis=(0, 1))
+
+
+@pytest.mark.parametrize("k1", [-0.1, 0.08])
+def test_an_outline_that_leaves_the_image_by_a_millionth_of_a_pixel_is_not_proven(k1):
+    """At every edge of the image, wherever between the looks along a side the outline is farthest out."""
+    rng = np.random.default_rng(7)
+    camera = UnifiedCamera(300.0, 300.0, 320.0, 240.0, 1.0, 640, 480, distortion=(k1, 0.01, 1e-3, -2e-3))
+    for _ in range(20):
+        corners = (
+            0.9
+            * rng.uniform(0.8, 1.0, (5, 1))
+            * np.column_stack(
+                [f(2.0 * np.pi * (np.arange(5) + rng.uniform(0.0, 0.6)) / 5.0) for f in (np.cos, np.sin)]
+            )
+        )
+        least, most = outline_extremes(camera, corners)
+        assert _edges_inside(camera, corners, least - 1e-2, most + 1e-2)
+        for axis in range(2):
+            step = np.eye(2)[axis] * 1e-6
+            wide = np.ones(2) - np.eye(2)[axis]
+            assert not _edges_inside(camera, corners, least + step - wide, most + 1.0)
+            assert not _edges_inside(camera, corners, least - 1.0, most - step + wide)
