@@ -1,7 +1,10 @@
 """The numbers behind the figures, against independent computations."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
@@ -9,7 +12,7 @@ from omniservo.reporting.curves import executed_curve, planned_curve
 from omniservo.reporting.image_distance import image_distance
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.robot_motion import robot_position
-from omniservo.reporting.space import box_edges, box_faces
+from omniservo.reporting.space import box_faces, cut_faces, cut_hull, space_of
 from omniservo.reporting.upright_axes import UprightAxes
 
 PERSPECTIVE = UnifiedCamera(400.0, 400.0, 319.5, 239.5, 0.0, 640, 480)
@@ -114,10 +117,48 @@ def test_figures_of_space_are_upright_and_not_mirrored(seed):
     assert (page_R_camera @ up_in_camera)[2] == pytest.approx(np.abs(up_in_camera).max())
 
 
-def test_a_box_has_twelve_edges_and_six_faces_of_its_lengths():
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=float)
-    lengths = sorted(float(np.linalg.norm(b - a)) for a, b in box_edges(corners))
-    assert lengths == [1.0] * 4 + [2.0] * 4 + [3.0] * 4
-    for face in box_faces(corners):
-        flat = face.reshape(-1, 3)
-        assert (np.ptp(flat, axis=0) == 0).sum() == 1
+def box(low, high):
+    return np.array(list(product(*zip(low, high, strict=True))))
+
+
+def test_a_box_has_six_flat_faces_whose_sides_are_its_edges():
+    faces = box_faces(box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)))
+    lengths = sorted(float(n) for f in faces for n in np.linalg.norm(f - np.roll(f, 1, axis=0), axis=1))
+    assert lengths == [1.0] * 8 + [2.0] * 8 + [3.0] * 8
+    for face in faces:
+        assert (np.ptp(face, axis=0) == 0).sum() == 1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_cut_to_the_view_is_what_both_share(seed):
+    """Volumes of random hulls cut to a box, against shares of random points."""
+    rng = np.random.default_rng(seed)
+    view = np.array([[-0.5, -0.4, -0.6], [0.7, 0.5, 0.6]])
+    points = rng.normal(size=(12, 3)) + rng.normal(size=3) * 0.3
+    cut = cut_hull(points, view)
+    samples = rng.uniform(*view, size=(20_000, 3))
+    share = np.mean(Delaunay(points).find_simplex(samples) >= 0)
+    assert ConvexHull(cut).volume == pytest.approx(share * np.prod(view[1] - view[0]), abs=0.02)
+    assert (cut >= view[0] - 1e-12).all()
+    assert (cut <= view[1] + 1e-12).all()
+
+
+def test_a_long_body_is_cut_and_one_out_of_view_is_left_out():
+    view = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    long = cut_faces(box_faces(box((-9.0, -0.1, -0.1), (9.0, 0.1, 0.1))), view)
+    assert np.ptp(np.vstack(long), axis=0) == pytest.approx([2.0, 0.2, 0.2])
+    assert len(long) == 4
+    assert cut_faces(box_faces(box((2.0, 2.0, 2.0), (3.0, 3.0, 3.0))), view) == ()
+    assert len(cut_hull(box((2.0, 2.0, 2.0), (3.0, 3.0, 3.0)), view)) == 0
+
+
+@pytest.mark.parametrize("task", ["paper-example-1", "ur5e-table", "whole-arm-1"])
+def test_path_and_target_fill_the_figure_of_space_however_long_obstacles_are(made_up_run, task):
+    run = made_up_run(task, steps=5)
+    space = space_of(run, UprightAxes.for_start(run.task.start.world_T_camera.transform))
+    core = np.vstack([space.points, space.executed, space.planned])
+    longest = np.ptp(core, axis=0).max()
+    assert np.ptp(space.view, axis=0).max() < 1.6 * longest
+    for part in (*(f for faces in space.bodies for f in faces), *(r.outline for r in space.keep_out)):
+        assert (part >= space.view[0] - 1e-6).all()
+        assert (part <= space.view[1] + 1e-6).all()

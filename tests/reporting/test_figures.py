@@ -10,6 +10,7 @@ from PIL import Image
 
 from omniservo.reporting import write_figures
 from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.promise_words import CERTIFIED
 from omniservo.reporting.write_figures import drawings
 from omniservo.simulation.run_log import RunLog
 from omniservo.tasks import load_task
@@ -148,8 +149,8 @@ def test_the_certified_bound_is_drawn_only_for_a_certified_plan(run, drawn):
     def labels(drawing):
         return {line.get_label() for line in drawing.figure.axes[0].lines}
 
-    assert "certified for all w" in labels(drawn["clearance"])
-    assert "certified for all w" in labels(drawn["visibility"])
+    assert CERTIFIED in labels(drawn["clearance"])
+    assert CERTIFIED in labels(drawn["visibility"])
 
 
 def test_the_caption_says_what_the_planner_was_given_of_the_obstacle(made_up_run):

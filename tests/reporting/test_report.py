@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 from omniservo.errors import InputError
 from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
+from omniservo.reporting.margins import certified_clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
+from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
-from omniservo.reporting.spelling import significant, spell
-from omniservo.reporting.verdict import verdict_of
+from omniservo.reporting.spelling import significant, spell, spell_bound
+from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
+from omniservo.reporting.write_figures import drawings, write_figures
 from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}
@@ -77,16 +81,148 @@ def test_report_tells_joints_and_time_and_what_other_branches_would_do(report, r
     assert structure.words.count("can follow") == sum(b.feasible for b in motion.others.branches)
 
 
-def test_the_first_number_is_the_links_where_they_are_to_keep_a_distance(run, made_up_run):
-    assert "Camera to the obstacle" in key_numbers(run).html
+def tiles_of(result):
+    """Label → {word: number} of the tiles on the first screen."""
+    tiles = re.findall(r'<p class="label">(.*?)</p><dl>(.*?)</dl>', key_numbers(result).html)
+    lines = r"<dt>(.*?)</dt><dd>(.*?)</dd>"
+    return {unescape(label): dict(re.findall(lines, rows)) for label, rows in tiles}
+
+
+def test_every_number_of_a_distance_stands_beside_the_word_that_says_whose_it_is(run):
+    tiles = tiles_of(run)
+    assert tiles["Camera's centre to the obstacles"] == {
+        EXECUTED: "60.70 mm",
+        CERTIFIED: spell_bound(certified_clearance(run), "m"),
+        ASKED: "55.00 mm",
+    }
+    assert set(tiles["Points to the image's limits"]) == {EXECUTED, CERTIFIED, ASKED}
+    assert tiles["Any link to any obstacle's body"] == {EXECUTED: "13.70 mm"}
+
+
+def test_where_less_was_executed_than_certified_the_tile_says_why(run):
+    def said(executed):
+        metrics = {**run.metrics, "clearance_executed_m": executed, "path_deviation_m": 0.00021}
+        return key_numbers(replace(run, metrics=metrics)).html.replace("\u00a0", " ")
+
+    less = said(certified_clearance(run) - 2e-5)
+    assert "Less than certified: the proof is of the path, from which the arm strayed by up to 0.210" in less
+    assert "The path keeps 10.00 mm more than asked" in less
+    assert "Less than certified" not in said(certified_clearance(run) + 2e-5)
+
+
+def test_the_report_lists_the_files_beside_it(run, tmp_path):
+    write_figures(run, tmp_path)
+    for name in ("metrics.json", "log.csv", "notes.txt"):
+        (tmp_path / name).write_text("{}")
+    write_report(tmp_path, [run])
+    words = read(tmp_path)[1].words
+    for path in tmp_path.glob("*"):
+        if path.suffix in (".png", ".svg"):
+            assert f"{path.stem}.png, {path.stem}.svg" in words
+        elif path.name != "report.html":
+            assert path.name in words
+
+
+@pytest.mark.parametrize("task", ["paper-example-1", "whole-arm-1", "ur5e-table"])
+@pytest.mark.parametrize("method", ["certified", "ibvs"])
+def test_no_tile_compares_executed_with_planned_without_both_words(made_up_run, task, method):
+    for label, rows in tiles_of(made_up_run(task, method=method, steps=3)).items():
+        assert set(rows) in ({EXECUTED}, {EXECUTED, CERTIFIED, ASKED}), label
+        assert "≥" not in rows[EXECUTED]
+        assert rows.get(CERTIFIED, "–")[0] in "≥–"
+    assert label == "Points to the image's limits"
+
+
+def test_the_smallest_distance_of_any_link_stands_in_the_first_sentence(run):
+    found = verdict_of(run).sentence
+    assert "the smallest distance of any link to any obstacle was 13.70 mm" in found
+    unknown = replace(run, metrics={**run.metrics, "arm_clearance_executed_m": None})
+    assert verdict_of(unknown).sentence.endswith("nothing was touched.")
+
+
+def test_the_page_says_why_a_path_keeps_away_from_points_in_free_air(run, made_up_run):
+    said = verdict(run, named=False).html
+    assert "from 2 points in free air because the paper states its obstacle as these points" in said
+    assert "passed at 13.70 mm, was not given to the planner" in said
+    own = replace(run, task=run.task.model_copy(update={"name": "my-own"}))
+    assert "because the task states its obstacle as these points" in planner_sentence(own)
+    assert planner_sentence(made_up_run("whole-arm-1", steps=3)) == ""
+    assert planner_sentence(made_up_run(method="ibvs", steps=3)) == ""
+
+
+def test_links_have_a_tile_of_their_own_where_they_are_to_keep_a_distance(made_up_run):
     whole_run = made_up_run("whole-arm-1", steps=3)
     whole_run = replace(whole_run, metrics={**whole_run.metrics, "link_clearance_executed_m": 0.0123})
-    for status, certified in (("clear", "8.00 mm"), ("undecided", "–")):
+    for status, certified in (("clear", "≥ 8.00 mm"), ("undecided", "–")):
         whole = replace(whole_run.whole_arm, proof=replace(whole_run.whole_arm.proof, status=status))
-        said = key_numbers(replace(whole_run, whole_arm=whole)).html
-        assert "Camera to the obstacle" not in said
-        assert "<dt>Nearest link to anything</dt><dd>12.30 mm</dd>" in said
-        assert f"certified {certified}, asked 5.00 mm" in said.replace("\u00a0", " ")
+        tiles = tiles_of(replace(whole_run, whole_arm=whole))
+        assert "Camera's centre to the obstacles" not in tiles
+        assert tiles["Any link to what the planner knows"] == {
+            EXECUTED: "12.30 mm",
+            CERTIFIED: certified,
+            ASKED: "5.00 mm",
+        }
+
+
+def test_the_same_three_words_are_used_in_tables_metrics_and_legends(run, report):
+    said = " ".join(report[1].words)
+    legends = {
+        str(text.get_text())
+        for drawing in drawings(run)
+        for legend in drawing.figure.legends
+        for text in legend.get_texts()
+    }
+    for word in (CERTIFIED, EXECUTED):
+        assert any(word in legend for legend in legends), word
+        assert meaning_of("clearance_planned_m").label.endswith(CERTIFIED)
+        assert meaning_of("clearance_executed_m").label.endswith(EXECUTED)
+        assert f"… {word}" in said
+    assert any(legend.startswith(ASKED) for legend in legends)
+
+
+def test_the_page_has_a_dark_form_that_can_be_read(report):
+    """Of each pair of ink and ground the contrast is that which WCAG asks of text, 4.5 : 1, in both forms."""
+    page = report[0]
+    style = page[page.index("<style>") : page.index("</style>")]
+    dark = style[style.index("prefers-color-scheme: dark") :]
+    assert 'name="color-scheme" content="light dark"' in page
+    for form in (style, dark):
+        colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6});", form[: form.index("}")]))
+        for ink, ground in (
+            ("ink", "ground"), ("quiet", "ground"), ("accent", "ground"), ("ink", "shade"),
+            ("good", "good-ground"), ("bad", "bad-ground"), ("ink", "good-ground"), ("quiet", "good-ground"),
+            ("quiet", "bad-ground"),
+        ):  # fmt: skip
+            assert contrast(colours[ink], colours[ground]) > 4.5, (ink, ground)
+
+
+def contrast(one, other):
+    """WCAG 2's contrast of two colours "#rrggbb"."""
+
+    def luminance(colour):
+        channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722]
+
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_figure_is_held_once_and_enlarged_by_a_button_without_a_script(report, run):
+    page = report[0]
+    opened = re.findall(r'popovertarget="(figure-\w+)"', page)
+    shown = re.findall(r'<img id="(figure-\w+)" popover', page)
+    assert opened == shown
+    assert len(set(opened)) == len(opened) == len(list(drawings(run)))
+    assert all("enlarge" in label for label in re.findall(r'aria-label="(.*?)"', page))
+    sources = re.findall(r'src="(.*?)"', page)
+    assert len(set(sources)) == len(sources) == len(opened) + 1
+
+
+def test_tables_that_scroll_can_be_reached_by_keyboard_and_show_it(report):
+    page = report[0]
+    assert page.count('class="scroll" tabindex="0"') == page.count("<table")
+    assert "background-attachment: local, local, scroll, scroll" in page
 
 
 def test_the_time_of_loading_code_is_told_from_that_of_the_job(run):
@@ -200,8 +336,8 @@ def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
     assert "Nothing was planned" in page
     assert "forearm and obstacle 0" in structure.words
     assert page.count("data:image/gif") == 2
-    assert page.count("Distance to the obstacles Certified plan") == 1
-    assert page.count("Distance to the obstacles Classical servo, no plan") == 1
+    assert page.count('alt="Distance to the obstacles Certified plan"') == 1
+    assert page.count('alt="Distance to the obstacles Classical servo, no plan"') == 1
     assert structure.words.count("Certificate") == 1
     assert '<span class="no">21.00 mm</span>' in page
     assert "omniservo run paper-example-1 --method compare" in structure.words
@@ -261,6 +397,13 @@ def test_numbers_keep_the_digits_that_matter(value, words):
 )
 def test_quantities_are_given_in_units_people_read(value, unit, words):
     assert spell(value, unit) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.0649999, "≥ 64.99 mm"), (0.065, "≥ 65.00 mm"), (0.0, "≥ 0 mm"), (None, "–")]
+)
+def test_a_proven_bound_is_rounded_down(value, words):
+    assert spell_bound(value, "m") == words
 
 
 def test_the_verdict_has_the_colour_of_what_happened(run, stopped_run):

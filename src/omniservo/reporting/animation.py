@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from matplotlib import get_data_path
 from PIL import Image, ImageDraw, ImageFont
 
 from omniservo.files import write_whole
@@ -15,7 +16,9 @@ from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.reporting.style import GOAL
 from omniservo.simulation.run_result import RunResult
 
-_FOOTER = 30
+_FOOTER = 40
+_TEXT = 24
+"""[px]: half as large, where a page shows the film at half its width, is still read"""
 _GAP = 6
 _FINE = 2
 """Marks are drawn at this multiple of the size and averaged down."""
@@ -105,9 +108,9 @@ def _composed(
     page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], height + _FOOTER), "white")
     page.paste(left.resize(sizes[0], Image.Resampling.BOX), (0, 0))
     page.paste(right.resize(sizes[1], Image.Resampling.BOX), (sizes[0][0] + _GAP, 0))
-    font = ImageFont.load_default(15)
+    font = ImageFont.truetype(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), _TEXT)
     words = _words(result, steps, last=last)
-    ImageDraw.Draw(page).text((4, height + 7), words, fill="#1c1f24", font=font)
+    ImageDraw.Draw(page).text((4, height + 6), words, fill="#1c1f24", font=font)
     return page
 
 

@@ -98,6 +98,7 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
         axes.set_ylabel("v [px]")
         at = pixels[chosen]
         axes.plot(*at.T, ".", color=QUIET, ms=3)
+        show_around(axes, at)
         axes.quiver(*at.T, *(scale * residual).T, angles="xy", scale_units="xy", scale=1.0, width=0.003,
                     color=EXECUTED)  # fmt: skip
     caption = (

@@ -5,22 +5,29 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from omniservo.files import write_whole
 from omniservo.reporting.style import Drawing, styled
 
 _DPI = 170
 
+_SETTINGS: dict[str, dict[str, Any]] = {
+    "png": {"metadata": {"Software": None}},
+    "svg": {"metadata": {"Date": None}},
+    "webp": {"pil_kwargs": {"quality": 88}},
+}
+
 
 def image_bytes(drawing: Drawing, ending: str) -> bytes:
-    """Return a figure as the bytes of a ``png`` or ``svg`` file; equal figures give equal bytes."""
+    """Return a figure as the bytes of a ``png``, ``svg`` or ``webp`` file; equal figures give equal bytes."""
     stream = io.BytesIO()
     with styled():
         drawing.figure.savefig(
             stream,
             format=ending,
             dpi=_DPI,
-            metadata={"Date": None} if ending == "svg" else {"Software": None},
+            **_SETTINGS[ending],
         )
     return stream.getvalue()
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
+
+from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 
 
 @dataclass(frozen=True)
@@ -26,8 +29,11 @@ def text(value: Cell) -> str:
 
 
 def tag(name: str, *content: Cell, **attributes: str) -> Markup:
-    """Return an element; ``class_`` gives the attribute class."""
-    given = "".join(f' {key.rstrip("_")}="{escape(value, quote=True)}"' for key, value in attributes.items())
+    """Return an element; ``class_`` gives the attribute class, ``aria_label`` aria-label."""
+    given = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(value, quote=True)}"'
+        for key, value in attributes.items()
+    )
     return Markup(f"<{name}{given}>{''.join(text(c) for c in content)}</{name}>")
 
 
@@ -40,7 +46,7 @@ def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]]) -> Markup:
     """Return a table that scrolls sideways where the page is too narrow."""
     top = tag("tr", *(tag("th", cell, scope="col") for cell in head))
     body = [tag("tr", tag("th", row[0], scope="row"), *(tag("td", cell) for cell in row[1:])) for row in rows]
-    return tag("div", tag("table", tag("thead", top), tag("tbody", *body)), class_="scroll")
+    return tag("div", tag("table", tag("thead", top), tag("tbody", *body)), class_="scroll", tabindex="0")
 
 
 def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
@@ -50,6 +56,30 @@ def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
         for label, value, note in values
     )
     return tag("dl", *cells, class_="tiles")
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One quantity: what was asked of it, what was certified of the planned path, what was measured."""
+
+    label: str
+    executed: str
+    certified: str | None = None
+    """None: nothing is proven of it, and nothing was asked"""
+    asked: str | None = None
+    note: str = ""
+
+
+def demands(values: Iterable[Demand]) -> Markup:
+    """Return tiles in which each number stands beside the word that says whose it is."""
+    return tag("div", *(_demand(value) for value in values), class_="demands")
+
+
+def _demand(value: Demand) -> Markup:
+    lines = [(EXECUTED, value.executed), (CERTIFIED, value.certified), (ASKED, value.asked)]
+    rows = (tag("div", tag("dt", word), tag("dd", said)) for word, said in lines if said is not None)
+    note = [tag("p", _unparted(value.note), class_="quiet")] if value.note else []
+    return tag("div", tag("p", value.label, class_="label"), tag("dl", *rows), *note)
 
 
 def _unparted(words: str) -> str:
@@ -64,6 +94,7 @@ def page(title: str, body: Iterable[Cell]) -> str:
         [
             Markup('<meta charset="utf-8">'),
             Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            Markup('<meta name="color-scheme" content="light dark">'),
             tag("title", f"omniservo: {title}"),
             tag("style", Markup(style)),
         ]
@@ -89,6 +120,25 @@ def part(title: str, *content: Markup) -> Markup:
 
 
 def inlined(data: bytes, kind: str, alternative: str) -> Markup:
-    """Return an image that is part of the page; ``kind`` is "png" or "gif"."""
+    """Return an image that is part of the page; ``kind`` is as in its MIME type."""
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     return Markup(f'<img src="{source}" alt="{escape(alternative, quote=True)}">')
+
+
+def enlargeable(data: bytes, kind: str, alternative: str, size: tuple[float, float]) -> Markup:
+    """Return an image that fills the window on a click or Enter, until a click or Escape; without a script.
+
+    The image is the popover of the button around it; ``size`` (width, height) keeps its place on the page.
+    """
+    name = f"figure-{hashlib.sha256(data).hexdigest()[:12]}"
+    shown = inlined(data, kind, alternative).html.replace("<img", f'<img id="{name}" popover', 1)
+    return tag(
+        "button",
+        Markup(shown),
+        type="button",
+        class_="enlarge",
+        popovertarget=name,
+        title="enlarge (Escape closes)",
+        aria_label=f"enlarge: {alternative}",
+        style=f"aspect-ratio: {size[0]:.4g} / {size[1]:.4g}",
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import matplotlib as mpl
 
+from omniservo.reporting import promise_words
 from omniservo.reporting.style import ASKED, CERTIFIED, FORBIDDEN, Drawing, legend_below, new_figure
 from omniservo.robots import FARTHEST
 from omniservo.simulation.run_result import RunResult
@@ -26,10 +27,10 @@ def link_clearance(result: RunResult) -> Drawing | None:
         axes.plot(time, 1e3 * whole.planned[link], color=colour, lw=1.2, ls="--")
         axes.plot(time, 1e3 * whole.executed[link], color=colour, lw=1.8, label=link.replace("_", " "))
     if whole.asked is not None:
-        axes.axhline(1e3 * whole.asked, color=ASKED, ls=":", lw=1.6, label="asked as executed")
+        axes.axhline(1e3 * whole.asked, color=ASKED, ls=":", lw=1.6, label=promise_words.ASKED)
         if whole.proof.status == "clear":
             axes.axhline(
-                1e3 * whole.proof.clearance, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w"
+                1e3 * whole.proof.clearance, color=CERTIFIED, ls="--", lw=1.6, label=promise_words.CERTIFIED
             )
     low = min(0.0, axes.get_ylim()[0])
     axes.set_ylim(low, min(1e3 * FARTHEST, axes.get_ylim()[1]))

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
+from omniservo.reporting import promise_words
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.style import (
     ASKED,
@@ -39,7 +40,9 @@ def clearance(result: RunResult) -> Drawing | None:
     _asked_lines(axes, result, common)
     certified = certified_clearance(result)
     if certified is not None and common:
-        axes.axhline(1000.0 * certified, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w")
+        axes.axhline(
+            1000.0 * certified, color=CERTIFIED, ls=(0, (5, 2)), lw=2.0, label=promise_words.CERTIFIED
+        )
     _along(axes, planned)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     axes.set_ylabel("camera centre to surface [mm]")
@@ -47,9 +50,9 @@ def clearance(result: RunResult) -> Drawing | None:
     return Drawing(
         "clearance",
         "Distance to the obstacles",
-        "One curve for each obstacle that the planner knows. Planned curves must stay above the certified "
-        "bound, executed ones above what the task asks for; the room between the two dotted lines is the "
-        "tracking margin.",
+        "One curve for each obstacle that the planner knows. The planned path must stay above the certified "
+        "bound (red), what was executed above what the task asks for (dotted). The path has to keep more "
+        "than is asked, because the arm strays from it.",
         figure,
     )
 
@@ -69,14 +72,14 @@ def visibility(result: RunResult) -> Drawing:
         lw=0.8,
         ms=5,
         color=EXECUTED,
-        label="executed (truth)",
+        label=promise_words.EXECUTED,
     )
     axes.axhline(
-        result.task.planning.visibility_margin, color=ASKED, ls=":", lw=1.6, label="asked when planning"
+        result.task.planning.visibility_margin, color=ASKED, ls=":", lw=1.6, label=promise_words.ASKED
     )
     certified = certified_visibility(result)
     if certified is not None:
-        axes.axhline(certified, color=CERTIFIED, ls="--", lw=1.6, label="certified for all w")
+        axes.axhline(certified, color=CERTIFIED, ls=(0, (5, 2)), lw=2.0, label=promise_words.CERTIFIED)
     _along(axes, planned)
     low = min(0.0, axes.get_ylim()[0])
     axes.set_ylim(bottom=low)
@@ -100,7 +103,9 @@ def arm_gap(result: RunResult) -> Drawing | None:
     figure = new_figure(5.8, 3.8)
     axes = figure.subplots()
     gap = 1000.0 * result.log.column("arm_clearance")
-    axes.plot(result.log.column("time"), gap, ".-", ms=3, lw=1.5, color=EXECUTED, label="executed (truth)")
+    axes.plot(
+        result.log.column("time"), gap, ".-", ms=3, lw=1.5, color=EXECUTED, label=promise_words.EXECUTED
+    )
     low = min(0.0, axes.get_ylim()[0])
     axes.set_ylim(bottom=low)
     axes.axhline(0.0, color=CERTIFIED, lw=1.2, label="contact")
@@ -158,7 +163,7 @@ def _group(
         if not note or planned is None:
             axes.plot(
                 x, 1000.0 * executed.clearances[:, i], style, lw=0.8, ms=4, color=colours[1],
-                label=(label or "executed (truth)") if number == 0 else None,
+                label=(label or promise_words.EXECUTED) if number == 0 else None,
             )  # fmt: skip
 
 
@@ -167,10 +172,12 @@ def _asked_lines(axes: Axes, result: RunResult, common: Sequence[int]) -> None:
     if not common:
         return
     asked = 1000.0 * planning.clearance
-    axes.axhline(asked, color=ASKED, ls=":", lw=1.8, label=f"asked: {asked:g} mm")
+    axes.axhline(asked, color=ASKED, ls=":", lw=1.8, label=f"{promise_words.ASKED}: {asked:g} mm")
     if planning.tracking_margin > 0.0 and result.plan is not None:
         wider = 1000.0 * (planning.clearance + planning.tracking_margin)
-        axes.axhline(wider, color=QUIET, ls=":", lw=1.8, label=f"asked with tracking margin: {wider:g} mm")
+        axes.axhline(
+            wider, color=QUIET, ls=(0, (8, 3, 1, 3)), lw=1.4, label=f"to be kept by the path: {wider:g} mm"
+        )
 
 
 def _abscissa(executed: Curve, planned: Curve | None) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 from omniservo.reporting.spelling import NOTHING, spell
 
 
@@ -17,6 +18,9 @@ class Meaning:
     """as in metrics.json: "m", "rad", "px", "s", "share" (of 1), or "" where it is not a quantity"""
 
 
+_CENTRE = "Camera's centre to the obstacles"
+_LINKS = "Any link to what the planner knows"
+
 _MEANINGS = {
     "task": Meaning("Task", ""),
     "method": Meaning("Method", ""),
@@ -24,22 +28,22 @@ _MEANINGS = {
     "reason": Meaning("Why it was stopped", ""),
     "plan_status": Meaning("Plan", ""),
     "notices": Meaning("What is odd in the problem", ""),
-    "clearance_asked_m": Meaning("Safe distance asked for, camera centre to obstacle", "m"),
-    "clearance_planned_m": Meaning("Smallest distance planned, camera centre to obstacle", "m"),
-    "clearance_executed_m": Meaning("Smallest distance executed, camera centre to obstacle", "m"),
-    "arm_clearance_executed_m": Meaning("Smallest gap executed, any link to the obstacle's body", "m"),
-    "arm_clearance_proof": Meaning("Clearance of the whole arm on the planned way", ""),
-    "link_clearance_asked_m": Meaning("Clearance asked of every link", "m"),
+    "clearance_asked_m": Meaning(f"{_CENTRE}, {ASKED}", "m"),
+    "clearance_planned_m": Meaning(f"{_CENTRE}, {CERTIFIED}", "m"),
+    "clearance_executed_m": Meaning(f"{_CENTRE}, {EXECUTED}", "m"),
+    "arm_clearance_executed_m": Meaning(f"Any link to any obstacle's body, {EXECUTED}", "m"),
+    "arm_clearance_proof": Meaning(f"{_LINKS}, proof on the planned path", ""),
+    "link_clearance_asked_m": Meaning(f"{_LINKS}, {ASKED}", "m"),
     "link_margin_estimate_m": Meaning("… what the uncertain estimate takes of a link's gap", "m"),
     "link_margin_mount_m": Meaning("… what the uncertain camera mount takes of a link's gap", "m"),
     "link_margin_added_m": Meaning("… clearance planned with for both", "m"),
     "link_margin_tracking_m": Meaning("… kept for what a link strays from the plan, most", "m"),
     "camera_margin_tracking_m": Meaning("Kept for what the camera strays from the plan", "m"),
     "visibility_margin_tracking_px": Meaning("Kept for what points stray in the image", "px"),
-    "link_clearance_planned_m": Meaning("Smallest gap planned, any link to what the planner knows", "m"),
-    "link_clearance_executed_m": Meaning("Smallest gap executed, any link to what the planner knows", "m"),
-    "visibility_planned_px": Meaning("Points to the image's limits, planned", "px"),
-    "visibility_executed_px": Meaning("Points to the image's limits, executed", "px"),
+    "link_clearance_planned_m": Meaning(f"{_LINKS}, planned path, sampled", "m"),
+    "link_clearance_executed_m": Meaning(f"{_LINKS}, {EXECUTED}", "m"),
+    "visibility_planned_px": Meaning(f"Points to the image's limits, {CERTIFIED}", "px"),
+    "visibility_executed_px": Meaning(f"Points to the image's limits, {EXECUTED}", "px"),
     "final_error_px": Meaning("At the goal: image error, rms", "px"),
     "final_translation_error_m": Meaning("At the goal: position error (truth)", "m"),
     "final_rotation_error_rad": Meaning("At the goal: rotation error (truth)", "rad"),

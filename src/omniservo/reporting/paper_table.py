@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from omniservo.reporting.curves import planned_curve
 from omniservo.reporting.margins import certified_clearance, certified_visibility
+from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 from omniservo.reporting.spelling import NOTHING, significant, spell
 from omniservo.simulation.run_result import RunResult
 
@@ -46,8 +47,8 @@ class ComparisonRow:
 def comparison_table(result: RunResult) -> tuple[ComparisonRow, ...]:
     """Return the paper's numbers beside the run's; no rows where the task is not one of the paper's.
 
-    "planned" is the smallest distance on the planned path, found on 401 samples; "certified" is the bound
-    proven for every w; "executed" comes from the simulator's truth. The paper gives one number.
+    The words are those of `promise_words`; "sampled" is on 401 samples of the planned path. The paper gives
+    one number.
     """
     paper = PAPER.get(result.task.name)
     if paper is None:
@@ -58,18 +59,20 @@ def comparison_table(result: RunResult) -> tuple[ComparisonRow, ...]:
         asked += f" + {1e3 * planning.tracking_margin:g} for tracking"
     degrees = planning.degrees
     return (
-        ComparisonRow("safe distance asked for", f"{paper.safe_distance:g}", asked, "mm"),
+        ComparisonRow(f"safe distance, {ASKED}", f"{paper.safe_distance:g}", asked, "mm"),
         ComparisonRow(
-            "smallest distance to the obstacle points, planned",
+            "smallest distance to the obstacle points, planned path (sampled)",
             f"{paper.smallest_distance:.3f}",
             _bare(_smallest_planned(result), 1e3),
             "mm",
         ),
-        ComparisonRow("… certified for every w", NOTHING, _bare(certified_clearance(result), 1e3), "mm"),
-        ComparisonRow("… executed", NOTHING, _bare(metrics.get("clearance_executed_m"), 1e3), "mm"),
-        ComparisonRow("arm to the obstacle's body, executed", NOTHING, _gap(result), "mm"),
-        ComparisonRow("points in view, certified", "kept", _bare(certified_visibility(result)), "px"),
-        ComparisonRow("points in view, executed", "kept", _bare(metrics.get("visibility_executed_px")), "px"),
+        ComparisonRow(f"… {CERTIFIED}", NOTHING, _bare(certified_clearance(result), 1e3), "mm"),
+        ComparisonRow(f"… {EXECUTED}", NOTHING, _bare(metrics.get("clearance_executed_m"), 1e3), "mm"),
+        ComparisonRow(f"arm to the obstacle's body, {EXECUTED}", NOTHING, _gap(result), "mm"),
+        ComparisonRow(
+            f"points to the image's limits, {CERTIFIED}", "kept", _bare(certified_visibility(result)), "px"
+        ),
+        ComparisonRow(f"… {EXECUTED}", "kept", _bare(metrics.get("visibility_executed_px")), "px"),
         ComparisonRow("at the goal", "converges", _at_goal(result), ""),
         ComparisonRow(
             "motion and structure, computing time",

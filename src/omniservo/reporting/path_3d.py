@@ -6,39 +6,52 @@ from typing import Any
 
 import numpy as np
 from matplotlib.patches import Polygon
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 from scipy.spatial import ConvexHull
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.space import Space, box_edges, box_faces, space_of
+from omniservo.reporting.space import Space, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import Task
 from omniservo.tasks.obstacles import CloudSection, SphereSection
 
+_FLAT = 4.3
+"""width of a flat panel [inch]"""
+
 
 def path_3d(result: RunResult) -> Drawing:
     """Draw planned and executed path, camera symbols, estimated points, obstacles and their safe distance."""
     upright = UprightAxes.for_start(result.task.start.world_T_camera.transform)
     space = space_of(result, upright)
-    figure = new_figure(11.0, 5.6)
+    ahead, aside, up = (space.view[1] - space.view[0]).tolist()
+    tall = _FLAT * (aside + up) / ahead
+    figure = new_figure(11.0, min(max(tall + 2.0, 5.2), 9.0))
     panels = figure.subplot_mosaic(
         [["askew", "side"], ["askew", "above"]],
         per_subplot_kw={"askew": {"projection": "3d"}},
-        width_ratios=(1.15, 1.0),
+        width_ratios=(1.0, 1.0),
+        height_ratios=(up, aside),
     )
     _askew(panels["askew"], space, upright)
-    for name, columns, title in (("side", (0, 2), "From the side"), ("above", (0, 1), "From above")):
+    panels["above"].sharex(panels["side"])
+    for name, columns, title in (("above", (0, 1), "From above"), ("side", (0, 2), "From the side")):
         _flat(panels[name], space, columns)
         panels[name].set_title(title)
         upright.name(panels[name], *columns)
+    panels["side"].set_xlabel("")
+    panels["side"].tick_params(labelbottom=False)
     legend_below(figure, panels["side"], 4 if any(r.has_own_clearance for r in space.keep_out) else 6)
     return Drawing(
         "path-3d",
         "Path of the camera in space",
         "In the initial camera frame; up is up, and a millimetre is equally long everywhere. "
-        f"{_obstacles_in_words(result.task)}Small pyramids: the camera, looking through its base.",
+        f"{_obstacles_in_words(result.task)}Small pyramids: the camera, looking through its base. What is "
+        "far from path and target is cut off.",
         figure,
+        is_picture=True,
     )
 
 
@@ -72,23 +85,22 @@ def _askew(axes: Any, space: Space, upright: UprightAxes) -> None:
     if space.planned is not None:
         axes.plot(*space.planned.T, color=PLANNED, lw=1.4, zorder=6)
     axes.scatter(*space.points.T, s=18, c="black", depthshade=False)
-    low, high = _with_margin(space.extent)
+    low, high = space.view
     for which, a, b in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{which}lim")(a, b)
-    axes.set_box_aspect(high - low, zoom=1.12)
+    axes.set_box_aspect(high - low, zoom=1.0)
     axes.locator_params(nbins=5)
     axes.tick_params(pad=1)
     upright.name(axes, 0, 1, 2)
-    axes.zaxis.labelpad = -2
+    axes.zaxis.labelpad = 2
 
 
 def _solid(axes: Any, space: Space) -> None:
     """Draw the obstacles' bodies and what the path keeps out of."""
-    for corners in space.bodies:
-        for face in box_faces(corners):
-            axes.plot_surface(*np.moveaxis(face, -1, 0), color=OBSTACLE, alpha=0.22, linewidth=0, shade=False)
-        for edge in box_edges(corners):
-            axes.plot(*edge.T, color=OBSTACLE, lw=0.9)
+    for faces in space.bodies:
+        axes.add_collection3d(
+            Poly3DCollection(list(faces), facecolor=f"{OBSTACLE}38", edgecolor=OBSTACLE, linewidth=0.9)
+        )
     axes.scatter(*space.clouds.T, s=1.0, c=OBSTACLE, depthshade=False)
     for region in space.keep_out:
         hull = ConvexHull(region.outline)
@@ -96,7 +108,7 @@ def _solid(axes: Any, space: Space) -> None:
         axes.plot_trisurf(
             *region.outline.T, triangles=hull.simplices, color=colour, alpha=0.12, linewidth=0, shade=False
         )
-        if not region.has_own_clearance:
+        if not region.has_own_clearance and _inside(region.mark, space.view):
             axes.scatter(*region.mark, s=26, marker="x", c=OBSTACLE, depthshade=False)
 
 
@@ -111,19 +123,18 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
     if space.planned is not None:
         axes.plot(*space.planned[:, flat].T, color=PLANNED, lw=1.4, label="planned")
     axes.plot(*space.points[:, flat].T, "o", ms=4.5, color="black", label="estimated points")
-    low, high = _with_margin(space.extent)
+    low, high = space.view
     axes.set_xlim(low[columns[0]], high[columns[0]])
     axes.set_ylim(low[columns[1]], high[columns[1]])
     axes.set_aspect("equal", adjustable="box")
-    across, up = (high - low)[flat]
-    axes.locator_params(axis="x", nbins=4 if 2.0 * across > up else 2)  # numbers stand apart on a narrow one
-    axes.locator_params(axis="y", nbins=4)
+    axes.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
 def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
     """Draw the shadows of bodies, and of what the path keeps out of, on the page."""
-    for number, corners in enumerate(space.bodies):
-        seen = corners[:, flat]
+    for number, faces in enumerate(space.bodies):
+        seen = np.vstack(faces)[:, flat]
         outline = seen[ConvexHull(seen).vertices]
         label = "obstacle's body" if number == 0 else None
         axes.add_patch(Polygon(outline, facecolor=f"{OBSTACLE}40", edgecolor=OBSTACLE, lw=0.9, label=label))
@@ -142,6 +153,5 @@ def _outlines(axes: Any, space: Space, flat: list[int]) -> None:
         axes.plot(*region.mark[flat], "x", ms=6, color=OBSTACLE)
 
 
-def _with_margin(extent: FloatArray) -> FloatArray:
-    margin = 0.03 * float(np.ptp(extent, axis=0).max())
-    return np.asarray(extent + margin * np.array([[-1.0], [1.0]]), dtype=np.float64)
+def _inside(place: FloatArray, view: FloatArray) -> bool:
+    return bool(((place >= view[0]) & (place <= view[1])).all())

@@ -107,8 +107,9 @@ def replanning_section(result: RunResult) -> Markup | None:
 def _ways(axes: Any, result: RunResult) -> None:
     upright = UprightAxes.for_start(result.task.start.world_T_camera.transform)
     space = space_of(result, upright)
-    for number, corners in enumerate(space.bodies):
-        outline = corners[:, :2][ConvexHull(corners[:, :2]).vertices]
+    for number, faces in enumerate(space.bodies):
+        corners = np.vstack(faces)[:, :2]
+        outline = corners[ConvexHull(corners).vertices]
         last = number == len(space.bodies) - 1
         axes.fill(
             *outline.T, facecolor=f"{OBSTACLE}55" if last else "none", edgecolor=OBSTACLE, lw=1.0,

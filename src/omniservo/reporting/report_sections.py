@@ -6,12 +6,12 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from omniservo.reporting.html import Cell, Markup, inlined, joined, judged, table, tag, tiles
+from omniservo.reporting.html import Cell, Demand, Markup, demands, inlined, joined, judged, table, tag, tiles
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
-from omniservo.reporting.spelling import NOTHING, spell
-from omniservo.reporting.verdict import plan_sentence, verdict_of
+from omniservo.reporting.spelling import NOTHING, spell, spell_bound
+from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import shipped_tasks
 
@@ -22,6 +22,10 @@ METHODS = {
 }
 
 _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-python-headless", "matplotlib")
+
+
+_SEEN = 1e-4
+"""A difference that is a smaller part is not seen in what is written."""
 
 
 def verdict(result: RunResult, *, named: bool) -> Markup:
@@ -35,34 +39,34 @@ def verdict(result: RunResult, *, named: bool) -> Markup:
         tag("strong", found.word),
         tag("p", found.sentence),
         tag("p", plan_sentence(result), class_="quiet"),
+        *([tag("p", why, class_="quiet")] if (why := planner_sentence(result)) else []),
         *(tag("p", f"Notice: {notice}.") for notice in notices),
     )
 
 
 def key_numbers(result: RunResult) -> Markup:
-    """Return the few numbers that matter most, each with what it is measured against."""
+    """Return the few numbers that matter most, each beside the word that says whose it is."""
     metrics = result.metrics
-    values = [
-        _nearest(result),
-        (
-            "Points in view by",
-            spell_metric("visibility_executed_px", metrics.get("visibility_executed_px")),
-            f"certified {spell(certified_visibility(result), 'px')}, "
-            f"asked {spell(result.task.planning.visibility_margin, 'px')}",
-        ),
-        (
-            "Off the goal",
-            spell_metric("final_translation_error_m", metrics.get("final_translation_error_m")),
-            f"{spell_metric('final_rotation_error_rad', metrics.get('final_rotation_error_rad'))}, "
-            f"{spell_metric('final_error_px', metrics.get('final_error_px'))} rms",
-        ),
-        (
-            "Planned in",
-            spell(result.seconds.get("planning"), "s"),
-            f"motion and structure {spell(result.seconds.get('estimation'), 's')}{_code(result)}",
-        ),
-    ]
-    return tiles(values)
+    return joined(
+        [
+            demands([*_distances(result), _in_view(result)]),
+            tiles(
+                [
+                    (
+                        "Off the goal (measured)",
+                        spell_metric("final_translation_error_m", metrics.get("final_translation_error_m")),
+                        f"{spell_metric('final_rotation_error_rad', metrics.get('final_rotation_error_rad'))}"
+                        f", {spell_metric('final_error_px', metrics.get('final_error_px'))} rms in the image",
+                    ),
+                    (
+                        "Planned in",
+                        spell(result.seconds.get("planning"), "s"),
+                        f"motion and structure {spell(result.seconds.get('estimation'), 's')}{_code(result)}",
+                    ),
+                ]
+            ),
+        ]
+    )
 
 
 STAGES = ("perception", "estimation", "planning")
@@ -75,21 +79,72 @@ def _code(result: RunResult) -> str:
     return f"; {spell(spent, 's')} of both was loading or compiling code" if spent else ""
 
 
-def _nearest(result: RunResult) -> tuple[str, str, str]:
-    """Return the tile of the smallest distance: of any link where the task asks links to keep one."""
-    whole, planning = result.whole_arm, result.task.planning
+def _distances(result: RunResult) -> list[Demand]:
+    """Return the tiles of distances: the one that is asked for, and that of any link to any real body."""
+    whole, planning, metrics = result.whole_arm, result.task.planning, result.metrics
+    found = []
     if whole is not None and whole.asked is not None:
-        name, executed = "Nearest link to anything", "link_clearance_executed_m"
-        certified = whole.proof.clearance if whole.proof.status == "clear" else None
-        asked = whole.asked
-    else:
-        name, executed = "Camera to the obstacle", "clearance_executed_m"
-        certified, asked = certified_clearance(result), planning.clearance
-    return (
-        name,
-        spell_metric(executed, result.metrics.get(executed)),
-        f"certified {spell(certified, 'm')}, asked {spell(asked, 'm')}",
+        proven = whole.proof.clearance if whole.proof.status == "clear" else None
+        found.append(
+            Demand(
+                "Any link to what the planner knows",
+                spell_metric("link_clearance_executed_m", metrics.get("link_clearance_executed_m")),
+                spell_bound(proven, "m"),
+                spell(whole.asked, "m"),
+                "The proof stops at what the path had to keep; sampled, the planned path keeps "
+                f"{spell_metric('link_clearance_planned_m', metrics.get('link_clearance_planned_m'))}.",
+            )
+        )
+    elif planning.common_obstacles:
+        proven = certified_clearance(result)
+        found.append(
+            Demand(
+                "Camera's centre to the obstacles",
+                spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
+                spell_bound(proven, "m"),
+                spell(planning.clearance, "m"),
+                _strayed(result, "clearance_executed_m", proven) + _tracking(result),
+            )
+        )
+    gap = metrics.get("arm_clearance_executed_m")
+    if isinstance(gap, int | float):
+        found.append(
+            Demand(
+                "Any link to any obstacle's body",
+                spell(float(gap), "m"),
+                note="Against the real bodies, as the simulator knows them; the planner knows what the task "
+                "states.",
+            )
+        )
+    return found
+
+
+def _in_view(result: RunResult) -> Demand:
+    proven = certified_visibility(result)
+    return Demand(
+        "Points to the image's limits",
+        spell_metric("visibility_executed_px", result.metrics.get("visibility_executed_px")),
+        spell_bound(proven, "px"),
+        spell(result.task.planning.visibility_margin, "px"),
+        _strayed(result, "visibility_executed_px", proven),
     )
+
+
+def _strayed(result: RunResult, executed: str, proven: float | None) -> str:
+    """Return why less was executed than was certified; empty where it was not."""
+    measured, strayed = result.metrics.get(executed), result.metrics.get("path_deviation_m")
+    if proven is None or not isinstance(measured, int | float) or measured > proven - _SEEN * abs(proven):
+        return ""
+    by = f" by up to {spell(float(strayed), 'm')}" if isinstance(strayed, int | float) else ""
+    return f"Less than certified: the proof is of the path, from which the arm strayed{by}. "
+
+
+def _tracking(result: RunResult) -> str:
+    """Return why more is certified than is asked; empty where nothing is kept for tracking."""
+    kept = result.task.planning.tracking_margin
+    if kept <= 0.0 or result.plan is None:
+        return ""
+    return f"The path keeps {spell(kept, 'm')} more than asked, for straying."
 
 
 def side_by_side(results: Sequence[RunResult]) -> Markup:
@@ -222,8 +277,8 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
 def animation(data: bytes, result: RunResult) -> Markup:
     """Return the animation as a figure."""
     words = (
-        "Left: the camera in the hand, with the ways of the points and blue rings where the goal image has "
-        "them. Right: the arm from outside."
+        "Left: the camera in the hand, with the ways of the points (orange) and rings where the goal image "
+        "has them (blue). Right: the arm from outside. In the run's own time."
     )
     return tag(
         "figure", inlined(data, "gif", f"animation of the {result.method} run"), tag("figcaption", words)

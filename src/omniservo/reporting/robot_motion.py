@@ -13,6 +13,9 @@ from omniservo.reporting.curves import executed_curve
 from omniservo.reporting.style import THREE, Drawing, legend_below, new_figure
 from omniservo.simulation.run_result import RunResult
 
+_LEAST_SPAN = 0.2
+"""of the rotation's axis [deg]: less is noise"""
+
 
 def translation(result: RunResult) -> Drawing | None:
     """Draw the flange's position over time, in the paper's robot axes; None for a run without a step."""
@@ -27,15 +30,15 @@ def translation(result: RunResult) -> Drawing | None:
         executed.time,
         1000.0 * robot_position(result, executed.poses),
         None if planned is None else 1000.0 * robot_position(result, planned),
-        ("q1", "q2", "q3"),
+        ("x", "y", "z"),
     )
     axes.set_ylabel("position of the flange [mm]")
     legend_below(figure, axes, 4)
     return Drawing(
         "translation",
         "Translation of the robot",
-        "The paper's robot coordinates: q1, q2, q3 are the flange's position from the world's origin, along "
-        "the x, y and z axes of the initial camera. Dashed: the plan.",
+        "The flange's position from the world's origin, along the axes of the initial camera; the paper "
+        "calls these q1, q2, q3. Dashed: the plan.",
         figure,
     )
 
@@ -53,16 +56,16 @@ def rotation(result: RunResult) -> Drawing | None:
         executed.time,
         np.rad2deg(executed.rotations),
         None if planned is None else np.rad2deg(planned.rotation.as_rotvec()),
-        ("q4", "q5", "q6"),
+        ("about x", "about y", "about z"),
     )
-    _at_least(axes, 2.0)
+    _at_least(axes, _LEAST_SPAN)
     axes.set_ylabel("rotation vector [deg]")
     legend_below(figure, axes, 4)
     return Drawing(
         "rotation",
         "Rotation of the robot",
-        "The rotation vector (axis times angle) of the hand since the start; q4, q5, q6 are its parts along "
-        "the initial camera's x, y and z axes. Dashed: the plan.",
+        "The rotation vector (axis times angle) of the hand since the start, about the axes of the initial "
+        f"camera; the paper calls these q4, q5, q6. Dashed: the plan. {_most(executed.rotations)}",
         figure,
     )
 
@@ -100,6 +103,13 @@ def _three(
                 label="planned" if i == 0 else None,
             )
     axes.set_xlabel("time [s]")
+
+
+def _most(rotations: FloatArray) -> str:
+    """Say how far the hand turned (k, 3) [rad]: on a small scale noise looks like motion."""
+    most = np.rad2deg(np.linalg.norm(rotations, axis=1)).max()
+    hardly = "hardly turned, by" if most < 1.0 else "turned by"
+    return f"It {hardly} at most {most:.2g}°."
 
 
 def _at_least(axes: Axes, span: float) -> None:

@@ -83,10 +83,11 @@ def joint_velocities(result: RunResult) -> Drawing | None:
         return None
     time = result.log.column("time")
     velocities = np.rad2deg(result.log.column("joint_velocities"))
-    limits = np.rad2deg(scene_of_task(result.task).arm.joint_speed)
+    arm = scene_of_task(result.task).arm
+    limits = np.rad2deg(arm.joint_speed)
     figure = new_figure(5.8, 3.8)
     axes = figure.subplots()
-    names = [f"joint {i + 1} (at most {limit:.0f})" for i, limit in enumerate(limits)]
+    names = [f"{name} (at most {limit:.0f})" for name, limit in zip(arm.joint_names, limits, strict=True)]
     _components(axes, time, velocities, SEVEN[: len(names)], names)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("joint velocity [deg/s]")

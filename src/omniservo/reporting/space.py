@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
@@ -15,17 +17,14 @@ from omniservo.simulation.run_result import RunResult
 from omniservo.tasks.obstacles import BoxSection, CapsuleSection, CloudSection, SphereSection
 
 _SYMBOLS = 6
+_ROOM = 0.2
+"""around path and target, of the longest side of both"""
 _LEAST_SYMBOL = 1e-3
 _LEAST_REACH = 0.01
 """a point without any distance around it is drawn so large [mm]"""
 _SHOWN_OF_CLOUDS = 2000
 """Points of clouds that are drawn at most: those near the way, thinned out."""
 _BITS = list(product((0, 1), repeat=3))
-_EDGES = [
-    (i, j)
-    for i, j in combinations(range(8), 2)
-    if sum(a != b for a, b in zip(_BITS[i], _BITS[j], strict=True)) == 1
-]
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,16 @@ class KeepOut:
 class Space:
     """Everything in plotted coordinates [mm]."""
 
+    view: FloatArray
+    """(2, 3) lowest and highest coordinates: of path and target, with room around"""
     planned: FloatArray | None
     """(k, 3)"""
     executed: FloatArray
     """(k, 3), possibly none"""
     points: FloatArray
     """(n, 3) estimated points"""
-    bodies: tuple[FloatArray, ...]
-    """(8, 3) corners of each real block, counted up in (±, ±, ±)"""
+    bodies: tuple[tuple[FloatArray, ...], ...]
+    """what is in view of each real block's faces (k, 3), convex polygons"""
     keep_out: tuple[KeepOut, ...]
     """half-spaces and clouds are not among them"""
     clouds: FloatArray
@@ -59,58 +60,105 @@ class Space:
     symbols: tuple[FloatArray, ...]
     """lines (j, 3) of the camera's symbol at moments evenly spaced along the way"""
 
-    @property
-    def extent(self) -> FloatArray:
-        """(2, 3) lowest and highest coordinates of everything shown."""
-        parts = [self.points, self.executed, *self.bodies, *self.symbols]
-        parts += [] if self.planned is None else [self.planned]
-        parts += [self.clouds, *(region.outline for region in self.keep_out)]
-        every = np.vstack(parts)
-        return np.stack([every.min(axis=0), every.max(axis=0)])
-
 
 def space_of(result: RunResult, upright: UprightAxes) -> Space:
-    """Return what a run's figures of space show."""
+    """Return what a run's figures of space show: what is near path and target, the rest cut off."""
     planned, executed = planned_curve(result), executed_curve(result)
     points = upright.apply(result.points)
     shown = executed if len(executed) else planned
     planning = result.task.planning
     size = 0.06 * float(np.ptp(np.vstack([points, np.zeros((1, 3))]), axis=0).max()) / 1000.0
     known = dict.fromkeys((*planning.obstacles, *result.task.known_obstacles(np.inf)))
-    space = Space(
-        planned=None if planned is None else upright.apply(planned.positions),
-        executed=upright.apply(executed.positions),
-        points=points,
-        bodies=tuple(upright.apply(corners) for corners in result.truth.obstacle_corners),
-        keep_out=tuple(
-            _keep_out(o, planning.clearance, upright)
-            for o in known
-            if isinstance(o, SphereSection | BoxSection | CapsuleSection)
-        ),
-        clouds=np.zeros((0, 3)),
-        symbols=() if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size)),
-    )
+    symbols = () if shown is None else tuple(upright.apply(line) for line in _symbols(shown, size))
+    ways = [upright.apply(curve.positions) for curve in (planned, executed) if curve is not None]
+    view = _around(np.vstack([points, *ways, *symbols]))
     clouds = [upright.apply(o.obstacle.points) for o in known if isinstance(o, CloudSection)]
-    return replace(space, clouds=_thinned(np.concatenate(clouds), space.extent)) if clouds else space
+    regions = [
+        _keep_out(o, planning.clearance, upright)
+        for o in known
+        if isinstance(o, SphereSection | BoxSection | CapsuleSection)
+    ]
+    return Space(
+        view=view,
+        planned=None if planned is None else ways[0],
+        executed=ways[-1],
+        points=points,
+        bodies=tuple(
+            faces
+            for corners in result.truth.obstacle_corners
+            if (faces := cut_faces(box_faces(upright.apply(corners)), view))
+        ),
+        keep_out=tuple(
+            replace(region, outline=cut) for region in regions if len(cut := cut_hull(region.outline, view))
+        ),
+        clouds=_thinned(np.concatenate([np.zeros((0, 3)), *clouds]), view),
+        symbols=symbols,
+    )
 
 
-def _thinned(points: FloatArray, extent: FloatArray) -> FloatArray:
-    """Return some of the points (k, 3) that are no farther from what else is shown than that is large."""
-    (low, high), room = extent, float(np.ptp(extent, axis=0).max())
-    near = points[((points >= low - 0.5 * room) & (points <= high + 0.5 * room)).all(axis=1)]
+def _around(core: FloatArray) -> FloatArray:
+    """Return the box (2, 3) around points (k, 3), with room for what stands near them."""
+    low, high = core.min(axis=0), core.max(axis=0)
+    room = _ROOM * float((high - low).max())
+    return np.stack([low - room, high + room])
+
+
+def _thinned(points: FloatArray, view: FloatArray) -> FloatArray:
+    """Return some of the points (k, 3) in the view."""
+    near = points[((points >= view[0]) & (points <= view[1])).all(axis=1)]
     shown: FloatArray = near[:: 1 + len(near) // _SHOWN_OF_CLOUDS]
     return shown
 
 
-def box_edges(corners: FloatArray) -> list[FloatArray]:
-    """Return the 12 edges (2, 3) of a box from its corners (8, 3), counted up in (±, ±, ±)."""
-    return [corners[[i, j]] for i, j in _EDGES]
-
-
 def box_faces(corners: FloatArray) -> list[FloatArray]:
-    """Return the 6 faces of a box, each as a grid (2, 2, 3) of its corners, as in `box_edges`."""
+    """Return the 6 faces (4, 3) of a box from its corners (8, 3), counted up in (±, ±, ±)."""
     cube = corners.reshape(2, 2, 2, 3)
-    return [np.take(cube, side, axis=axis) for axis in range(3) for side in (0, 1)]
+    grids = [np.take(cube, side, axis=axis).reshape(4, 3) for axis in range(3) for side in (0, 1)]
+    return [grid[[0, 1, 3, 2]] for grid in grids]
+
+
+def cut_faces(faces: Sequence[FloatArray], view: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the parts of convex polygons (k, 3) in a box (2, 3); polygons outside it are left out."""
+    kept = []
+    for face in faces:
+        for axis, side in product(range(3), (0, 1)):
+            face = _cut(face, _beyond(face, view, axis, side))
+        if len(face) > 2:
+            kept.append(face)
+    return tuple(kept)
+
+
+def cut_hull(points: FloatArray, view: FloatArray) -> FloatArray:
+    """Return points (m, 3) whose convex hull is that of points (k, 3) cut to a box (2, 3); maybe none."""
+    for axis, side in product(range(3), (0, 1)):
+        beyond = _beyond(points, view, axis, side)
+        if (beyond >= 0.0).all():
+            return np.zeros((0, 3))
+        if (beyond > 0.0).any():
+            hull = ConvexHull(points).simplices
+            edges = np.unique(np.sort(np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [0, 2]]])), axis=0)
+            crossing = edges[beyond[edges].min(axis=1) * beyond[edges].max(axis=1) < 0.0]
+            shares = (beyond[crossing[:, 0]] / (beyond[crossing[:, 0]] - beyond[crossing[:, 1]]))[:, None]
+            ends = points[crossing]
+            points = np.vstack([points[beyond <= 0.0], ends[:, 0] + shares * (ends[:, 1] - ends[:, 0])])
+    return points
+
+
+def _beyond(points: FloatArray, view: FloatArray, axis: int, side: int) -> FloatArray:
+    """Return how far points (k, 3) lie beyond one side of the box (k,)."""
+    return np.asarray((points[:, axis] - view[side, axis]) * (2 * side - 1))
+
+
+def _cut(polygon: FloatArray, beyond: FloatArray) -> FloatArray:
+    """Return the part of a convex polygon (k, 3) where ``beyond`` (k,), linear on it, is not positive."""
+    corners: list[FloatArray] = []
+    for i in range(len(polygon)):
+        before, here = beyond[i - 1], beyond[i]
+        if min(before, here) < 0.0 < max(before, here):
+            corners.append(polygon[i - 1] + before / (before - here) * (polygon[i] - polygon[i - 1]))
+        if here <= 0.0:
+            corners.append(polygon[i])
+    return np.array(corners).reshape(-1, 3)
 
 
 def _keep_out(

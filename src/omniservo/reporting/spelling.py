@@ -28,11 +28,26 @@ def spell(value: float | None, unit: str) -> str:
     return f"{number}{name}" if name in ("°", "%") else f"{number} {name}".rstrip()
 
 
+def spell_bound(value: float | None, unit: str) -> str:
+    """Return a proven lower bound of a length or of pixels, rounded down: what is written is proven, too."""
+    if value is None or math.isnan(value):
+        return NOTHING
+    factor, name = _UNITS.get(unit, (1.0, unit))
+    scaled = value * factor
+    step = 10.0 ** -_decimals(scaled)
+    return f"≥ {significant(step * math.floor(scaled / step * (1.0 + 1e-12)))} {name}"
+
+
 def significant(value: float) -> str:
     """Return a number with the digits that matter to a person: 0.0410, 5.28, 61.27, 874."""
     if value == 0.0 or not math.isfinite(value):
         return "0" if value == 0.0 else str(value)
-    size = math.floor(math.log10(abs(value)))
-    if size < -6:
+    if abs(value) < 1e-6:
         return f"{value:.1e}".replace("-", "−")
-    return f"{value:.{0 if size >= 2 else 2 if size >= 0 else 2 - size}f}".replace("-", "−")
+    return f"{value:.{_decimals(value)}f}".replace("-", "−")
+
+
+def _decimals(value: float) -> int:
+    """Return how many decimals matter to a person."""
+    size = math.floor(math.log10(max(abs(value), 1e-6)))
+    return 0 if size >= 2 else 2 if size >= 0 else 2 - size

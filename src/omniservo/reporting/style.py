@@ -69,6 +69,8 @@ class Drawing:
     caption: str
     """plain text"""
     figure: Figure
+    is_picture: bool = False
+    """mostly pixels or shaded surfaces: of these a page holds pixels, of all others lines"""
 
 
 def styled() -> AbstractContextManager[None]:

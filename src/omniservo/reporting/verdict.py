@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from omniservo.planning import RiskPlan
 from omniservo.reporting.metric_meanings import spell_contacts
+from omniservo.reporting.paper_table import PAPER
 from omniservo.reporting.spelling import spell
 from omniservo.simulation.run_result import RunResult
+from omniservo.tasks.obstacles import SphereSection
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,31 @@ def verdict_of(result: RunResult) -> Verdict:
         if isinstance(value := result.metrics.get(name), int | float)
     ]
     off = f", {' and '.join(errors)} off" if errors else ""
-    return Verdict(True, "Converged", f"The camera stands at the goal{off}; nothing was touched.")
+    return Verdict(True, "Converged", f"The camera stands at the goal{off}; {_nearest(result)}.")
+
+
+def _nearest(result: RunResult) -> str:
+    gap = result.metrics.get("arm_clearance_executed_m")
+    if not isinstance(gap, int | float):
+        return "nothing was touched"
+    return f"nothing was touched: the smallest distance of any link to any obstacle was {spell(gap, 'm')}"
+
+
+def planner_sentence(result: RunResult) -> str:
+    """Return why the path keeps away from points in free air; empty where the planner was given bodies."""
+    given = result.task.planning.obstacles
+    whole, gap = result.whole_arm, result.metrics.get("arm_clearance_executed_m")
+    if not given or not result.task.obstacles or (whole is not None and whole.asked is not None):
+        return ""
+    if result.plan is None or not all(isinstance(section, SphereSection) for section in given):
+        return ""
+    who = "the paper" if result.task.name in PAPER else "the task"
+    near = f", which the arm passed at {spell(float(gap), 'm')}" if isinstance(gap, int | float) else ""
+    return (
+        f"The path keeps away from {len(given)} points in free air because {who} states its obstacle as "
+        f"these points. The brick-red body{near}, was not given to the planner: that distance is measured, "
+        "not promised."
+    )
 
 
 def plan_sentence(result: RunResult) -> str:

@@ -9,8 +9,12 @@ from matplotlib.patches import Rectangle
 
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.reporting.around_points import show_around
+from omniservo.reporting.number_places import HEIGHT, number_places
 from omniservo.reporting.style import GOAL, START, Drawing, new_figure
 from omniservo.simulation.run_result import RunResult
+
+_PANEL = 245.0
+"""width of one of three pictures side by side [pt]"""
 
 
 def views(result: RunResult) -> Drawing:
@@ -31,9 +35,11 @@ def views(result: RunResult) -> Drawing:
     return Drawing(
         "views",
         "What the camera in the hand saw",
-        "Below each image its points, enlarged; equal numbers are the same point. They were found in each "
-        "picture and matched between the first two. The final image should look like the goal image.",
+        "Below each image its points, enlarged; equal numbers are the same point, a number without room is "
+        "left out. They were found in each picture and matched between the first two. The final image should "
+        "look like the goal image.",
         figure,
+        is_picture=True,
     )
 
 
@@ -56,6 +62,7 @@ def outside(result: RunResult) -> Drawing:
         f"The arm with the camera in its hand{', ' * bool(things)}{things}, at the start and at the end of "
         "the run.",
         figure,
+        is_picture=True,
     )
 
 
@@ -78,16 +85,18 @@ def _frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
 
 
 def _numbered(axes: Axes, points: FloatArray, colour: str) -> None:
-    """Mark every point with a ring and its number, on any ground legible."""
+    """Mark every point with a ring and, where there is room, its number, on any ground legible."""
     halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-    for number, (u, v) in enumerate(points):
-        if not np.isfinite((u, v)).all():
-            continue
-        axes.plot(u, v, "o", ms=8, mfc="none", mec=colour, mew=1.2)
-        axes.annotate(
-            str(number), (u, v), xytext=(5, 4), textcoords="offset points", fontsize=8, fontweight="bold",
-            color=colour, path_effects=halo,
-        )  # fmt: skip
+    across = abs(axes.get_xlim()[1] - axes.get_xlim()[0])
+    scale = np.array([1.0, -1.0]) * _PANEL / across  # upwards, in points of the page
+    axes.plot(*points.T, "o", ms=7, mfc="none", mec=colour, mew=1.2, ls="none")
+    for number, place in enumerate(number_places(points * scale)):
+        if place is not None:
+            u, v = place / scale
+            axes.text(
+                u, v, str(number), ha="center", va="center", fontsize=HEIGHT, fontweight="bold",
+                color=colour, path_effects=halo, clip_on=True,
+            )  # fmt: skip
 
 
 def _last_points(result: RunResult) -> FloatArray:

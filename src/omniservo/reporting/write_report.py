@@ -10,9 +10,9 @@ from omniservo.files import write_whole
 from omniservo.reporting import report_sections as section
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.estimate_table import estimate_table
-from omniservo.reporting.figure_files import image_bytes
-from omniservo.reporting.framed_figure import framed
-from omniservo.reporting.html import Markup, banner, inlined, joined, page, part, tag
+from omniservo.reporting.files_beside import files_beside
+from omniservo.reporting.framed_figure import framed, in_page
+from omniservo.reporting.html import Markup, banner, joined, page, part, tag
 from omniservo.reporting.joint_section import joint_section
 from omniservo.reporting.margin_parts import margin_parts
 from omniservo.reporting.replanning import replanning_section
@@ -38,12 +38,15 @@ def write_report(folder: Path, results: Sequence[RunResult]) -> None:
     """
     if not results:
         raise InputError("results: none given; at least one is needed")
-    write_whole(folder / "report.html", report_html(results), force=True)
+    page = report_html(results, folder if folder.is_dir() else None)
+    write_whole(folder / "report.html", page, force=True)
 
 
-def report_html(results: Sequence[RunResult]) -> str:
-    """Return the report's text."""
+def report_html(results: Sequence[RunResult], folder: Path | None = None) -> str:
+    """Return the report's text; it lists the files of ``folder``, in which it will stand."""
     task = results[0].task
+    drawn = [list(drawings(r)) for r in results]
+    beside = None if folder is None else files_beside(folder, {d.name: d.title for d in drawn[0]})
     several = len(results) > 1
     body = [
         banner(task.name, task.summary),
@@ -52,11 +55,15 @@ def report_html(results: Sequence[RunResult]) -> str:
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
         *([_animations(results)] if all(r.is_filmed for r in results) else []),
         *_paper(results),
-        part("Figures", *_figures(results)),
+        part("Figures", *_figures(results, drawn)),
         *(block for r in results for block in _replanning(r, several)),
         *(block for r in results for block in _joints(r, several)),
         *(_details(r, several) for r in results),
-        part("How to reproduce this", section.reproduce(results)),
+        part(
+            "How to reproduce this",
+            section.reproduce(results),
+            *([tag("details", tag("summary", "Files beside this page"), beside)] if beside else []),
+        ),
     ]
     return page(task.name, body)
 
@@ -76,9 +83,8 @@ def _paper(results: Sequence[RunResult]) -> list[Markup]:
     return [] if rows is None else [part("The paper's numbers and ours", rows)]
 
 
-def _figures(results: Sequence[RunResult]) -> list[Markup]:
+def _figures(results: Sequence[RunResult], per_run: Sequence[Sequence[Drawing]]) -> list[Markup]:
     """Return every figure: of one run in reading order, of several beside each other figure by figure."""
-    per_run = [list(drawings(r)) for r in results]
     if len(results) == 1:
         return [
             tag("div", *(framed(d, "wide" if _is_wide(d) else "half") for d in per_run[0]), class_="figures")
@@ -100,16 +106,13 @@ def _beside_each_other(same: Sequence[tuple[RunResult, Drawing]], columns: int) 
     for result, drawing in same:
         words = [] if agreed else [tag("p", drawing.caption, class_="caption")]
         named = tag("figcaption", tag("strong", _method(result)))
-        figures.append(tag("figure", named, _image(drawing, _method(result)), *words))
+        alternative = f"{drawing.title} {_method(result)}".strip()
+        figures.append(tag("figure", named, in_page(drawing, alternative), *words))
     return [
         tag("h3", first.title),
         *([tag("p", first.caption, class_="caption")] if agreed else []),
         tag("div", *figures, class_="columns" if alone else f"columns of{columns}"),
     ]
-
-
-def _image(drawing: Drawing, method: str) -> Markup:
-    return inlined(image_bytes(drawing, "png"), "png", f"{drawing.title} {method}".strip())
 
 
 def _is_wide(drawing: Drawing) -> bool:
