@@ -75,7 +75,7 @@ def _matches(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
     rest = "" if used.all() else f", the other {len(initial) - len(members)} are crossed out"
     fewer = f" Lines for {len(drawn)} of them." if len(drawn) < len(members) else ""
     caption = f"{len(initial)} points were matched; {len(members)} agree with one motion{rest}.{fewer}"
-    return Drawing("matches", "The same points in both images", caption, figure)
+    return Drawing("matches", "The same points in both images", caption, figure, is_picture=True)
 
 
 def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting import promise_words as words
 from omniservo.reporting.style import FORBIDDEN, QUIET, SEVEN, Drawing, legend_below, new_figure
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog
@@ -56,7 +57,7 @@ def joint_speeds(result: RunResult) -> Drawing | None:
         axes.plot(times, planned[:, i], color=SEVEN[i], lw=1.5, label=name)
     top = max(float(planned.max()), _executed(axes, result.log, motion), 1.0)
     axes.set(xlabel="time [s]", ylabel="joint speed, of its limit [%]", ylim=(0.0, 1.12 * top))
-    axes.plot([], [], "o", color=QUIET, ms=2.5, label="executed")
+    axes.plot([], [], "o", color=QUIET, ms=2.5, label=words.EXECUTED)
     legend_below(figure, axes, 4)
     return Drawing(
         "joint-speeds",

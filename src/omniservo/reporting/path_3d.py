@@ -11,6 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 from scipy.spatial import ConvexHull
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting import promise_words as words
 from omniservo.reporting.space import Space, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
@@ -119,7 +120,7 @@ def _flat(axes: Any, space: Space, columns: tuple[int, int]) -> None:
     for number, line in enumerate(space.symbols):
         label = "camera" if number == 0 else None
         axes.plot(*line[:, flat].T, color=EXECUTED, lw=0.8, alpha=0.7, label=label)
-    axes.plot(*space.executed[:, flat].T, color=EXECUTED, lw=3.2, label="executed")
+    axes.plot(*space.executed[:, flat].T, color=EXECUTED, lw=3.2, label=words.EXECUTED)
     if space.planned is not None:
         axes.plot(*space.planned[:, flat].T, color=PLANNED, lw=1.4, label="planned")
     axes.plot(*space.points[:, flat].T, "o", ms=4.5, color="black", label="estimated points")

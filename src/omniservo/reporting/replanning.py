@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting import promise_words as words
 from omniservo.reporting.html import Cell, Markup, joined, table, tag
 from omniservo.reporting.space import space_of
 from omniservo.reporting.spelling import NOTHING, spell
@@ -95,13 +96,13 @@ def replanning_section(result: RunResult) -> Markup | None:
         )
     head = ["image at", "what changed", "outcome", "planned in", "taken up at", "w", "jump of camera, joints"]
     period = spell(1.0 / result.task.sensor.rate, "s")
-    words = (
+    lead = (
         "After every image the rest of the way is proven again for what is known then, camera and whole arm. "
         "Where that fails another way is planned from where the reference will be in a moment, and until "
         "then the old way is proven, too. Where no way on is proven the arm is braked. The camera takes an "
         f"image every {period}. The jump is that of the reference; the commands are drawn above."
     )
-    return joined([tag("p", words), table(head, rows)])
+    return joined([tag("p", lead), table(head, rows)])
 
 
 def _ways(axes: Any, result: RunResult) -> None:
@@ -119,7 +120,7 @@ def _ways(axes: Any, result: RunResult) -> None:
     axes.plot(*first[:, :2].T, color=QUIET, lw=1.6, ls="--", label="first plan")
     if space.planned is not None:
         axes.plot(*space.planned[:, :2].T, color=PLANNED, lw=2.4, label="planned in the end")
-    axes.plot(*space.executed[:, :2].T, color=EXECUTED, lw=1.1, label="executed")
+    axes.plot(*space.executed[:, :2].T, color=EXECUTED, lw=1.1, label=words.EXECUTED)
     for event in result.replannings:
         if event.leg is not None:
             place = upright.apply(event.leg.path.positions(np.zeros(1)))[0]
