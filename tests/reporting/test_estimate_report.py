@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from omniservo.perception import MatchedPoints
-from omniservo.reporting.estimate_report import estimate_html
-from omniservo.reporting.residual_agreement import agreement_in_words, residual_agreement
+from omniservo.reporting.estimate_report import estimate_html, what_is_left
+from omniservo.reporting.residual_agreement import residual_agreement
 from omniservo.reporting.spelling import spell
 
 
@@ -53,12 +53,12 @@ def scattered(run, residuals):
 
 def test_a_pattern_in_the_residuals_is_told_and_noise_is_called_noise(run):
     noise = np.random.default_rng(2).normal(0.0, 0.1, size=(80, 4))
-    assert "looks like noise" in agreement_in_words(*scattered(run, noise))
+    assert "looks like noise" in what_is_left(*scattered(run, noise))
     seen, found = scattered(run, noise)
     bent = noise.copy()
     bent[:, :2] += 0.4 * np.sin(seen.matched.initial / 60.0)
-    assert "agrees in neighbouring points" in agreement_in_words(seen, replace(found, residuals_px=bent))
+    assert "agrees in neighbouring points" in what_is_left(seen, replace(found, residuals_px=bent))
 
 
 def test_few_points_say_nothing_of_a_pattern(run):
-    assert agreement_in_words(run.seen, run.estimate) == ""
+    assert what_is_left(run.seen, run.estimate) == ""

@@ -15,6 +15,7 @@ from omniservo.reporting.calibration_figures import calibration_drawings, view_r
 from omniservo.reporting.camera_field import draw_field
 from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, judged, page, part, table, tag, tiles
+from omniservo.reporting.residual_agreement import agreement_in_words
 from omniservo.reporting.spelling import NOTHING, significant
 
 
@@ -38,6 +39,7 @@ def calibration_html(result: ImageCalibration) -> str:
             found.status == "ok",
             tag("strong", "Calibrated" if found.status == "ok" else "No camera"),
             *(tag("p", line) for line in found.report().splitlines()[:1]),
+            *([tag("p", _what_is_left(result))] if result.camera is not None else []),
         ),
     ]
     if result.camera is not None:
@@ -84,6 +86,11 @@ def _parameters(result: ImageCalibration) -> Markup:
     return table(
         ["parameter", "value", "standard deviation", "known to 1% (centre, distortion: of the image)"], rows
     )
+
+
+def _what_is_left(result: ImageCalibration) -> str:
+    cause = "the lens model lacks something, or the board is not flat; where, is drawn below"
+    return agreement_in_words(view_residuals(result).values(), cause)
 
 
 def _words(result: ImageCalibration) -> list[Markup]:

@@ -61,8 +61,16 @@ def _sentences(seen: Seen, estimate: TwoViewEstimate) -> list[str]:
     moved = f"moved {spell(far, 'm')} and" if estimate.is_metric else "moved, by a length not known, and"
     used = int(estimate.inliers.sum())
     found = f"The camera {moved} turned {turn}; {used} of {len(seen.matched)} matched points agree with that."
-    told = agreement_in_words(seen, estimate)
+    told = what_is_left(seen, estimate)
     return [sentence for sentence in (found, estimate.message, told) if sentence]
+
+
+def what_is_left(seen: Seen, estimate: TwoViewEstimate) -> str:
+    """Return whether the residuals of either image are noise, or a pattern."""
+    used = estimate.inliers
+    left = estimate.residuals_px[used]
+    parts = ((seen.matched.initial[used], left[:, :2]), (seen.matched.goal[used], left[:, 2:]))
+    return agreement_in_words(parts, "look at the camera's calibration, or at the blur of what moved")
 
 
 def _numbers(estimate: TwoViewEstimate) -> list[tuple[str, str, str]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.spelling import significant
-from omniservo.simulation.run_result import Seen
 
 _NEIGHBOURS = 4
 _LEAST_POINTS = 20
@@ -31,20 +31,19 @@ def residual_agreement(pixels: FloatArray, residuals: FloatArray) -> tuple[float
     return (alike / power if power > 0.0 else 0.0), (2.0 / (_NEIGHBOURS * len(pixels))) ** 0.5
 
 
-def agreement_in_words(seen: Seen, estimate: TwoViewEstimate) -> str:
-    """Return one sentence: whether what is left is noise, or a pattern; empty where too few points tell."""
-    used = np.flatnonzero(estimate.inliers & np.isfinite(estimate.residuals_px).all(axis=1))
-    if len(used) < _LEAST_POINTS:
+def agreement_in_words(parts: Iterable[tuple[FloatArray, FloatArray]], cause: str) -> str:
+    """Return one sentence: whether what is left is noise, or a pattern; empty where too few points tell.
+
+    Args:
+        parts: pixels and residuals (n, 2) of each image, or of all; the one that agrees most counts.
+        cause: what a pattern may come from, as the end of the sentence.
+    """
+    known = [(pixels, left, np.isfinite(left).all(axis=1)) for pixels, left in parts]
+    found = [residual_agreement(pixels[k], left[k]) for pixels, left, k in known if k.sum() >= _LEAST_POINTS]
+    if not found:
         return ""
-    found = [
-        residual_agreement(pixels[used], estimate.residuals_px[used, columns])
-        for pixels, columns in ((seen.matched.initial, slice(0, 2)), (seen.matched.goal, slice(2, 4)))
-    ]
     most, chance = max(found)
     numbers = f"correlation {significant(most)}, of noise 0 ± {significant(chance)}"
     if most > _AGREE and most > _SURE * chance:
-        return (
-            f"What is left agrees in neighbouring points ({numbers}): look at the camera's calibration, or "
-            "at the blur of what moved."
-        )
+        return f"What is left agrees in neighbouring points ({numbers}): {cause}."
     return f"What is left looks like noise ({numbers} in neighbouring points)."
