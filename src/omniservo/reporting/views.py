@@ -55,7 +55,8 @@ def outside(result: RunResult) -> Drawing:
         "what stands around (wood)": task.surroundings,
         "the target's boards": task.target.boards,
     }
-    things = ", ".join(name for name, bodies in named.items() if bodies)
+    shown = [name for name, bodies in named.items() if bodies]
+    things = " and ".join([", ".join(shown[:-1]), *shown[-1:]] if len(shown) > 1 else shown)
     return Drawing(
         "outside",
         "Robot and obstacle from outside",
