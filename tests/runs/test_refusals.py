@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from changed_task import shipped, written
+from PIL import Image
 
 from omniservo.cli.main import main
 from omniservo.errors import AnswerIsNo, InputError
@@ -177,3 +178,14 @@ def test_a_camera_file_that_is_none_is_refused(capsys, tmp_path):
         main(["run", "paper-example-1", "--camera", str(path), "--out", str(tmp_path / "results"), "--quiet"])
     assert end.value.code == 2
     assert "camera.yaml" in capsys.readouterr().err
+
+
+def test_a_task_that_is_refused_at_planning_is_drawn_beside_its_folder(capsys, tmp_path, document):
+    document["planning"]["obstacles"].append({"center": [0, 0, 0], "radius": 10})
+    code, message = refusal(capsys, tmp_path, document)
+    assert code == 1
+    drawn = tmp_path / "results-refused.png"
+    assert message.endswith(f"; drawn: {drawn}\n")
+    picture = np.asarray(Image.open(drawn).convert("RGB")).astype(int)
+    red = (picture[..., 0] > 150) & (picture[..., 1] < 60) & (picture[..., 2] < 80)
+    assert red.sum() > 50  # what keeps too little is marked

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,9 +18,12 @@ from omniservo.cli.output import (
     answer_is_no,
 )
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
-from omniservo.errors import AlreadyExists
-from omniservo.files import exists, require_file, unused, whole_folder
+from omniservo.errors import AlreadyExists, AnswerIsNo
+from omniservo.files import exists, require_file, unused, whole_folder, write_whole
 from omniservo.shipped_tasks import task_file
+
+if TYPE_CHECKING:
+    from omniservo.runs import NoPath
 
 _ROOM = 20 * 2**20
 """[bytes] that the results of one method may take"""
@@ -60,18 +63,35 @@ def run(
     output = Output(as_json, quiet)
     with output.working("starting") as progress:
         progress("loading", 0.0)
-        from omniservo.runs import run_into
+        from omniservo.runs import NoPath, run_into
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
         replacement, known = open_camera(camera, camera_name, max_angle, largest_px), packages_of(package)
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
-        with whole_folder(folder, force=force, room=_ROOM * (3 if method == "compare" else 1)) as work:
-            found = run_into(
-                work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
-            )
+        try:
+            with whole_folder(folder, force=force, room=_ROOM * (3 if method == "compare" else 1)) as work:
+                found = run_into(
+                    work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
+                )
+        except NoPath as refused:
+            progress("drawing why", 0.9)
+            raise AnswerIsNo(f"{refused}{_drawn(refused, out)}") from None
     _say(output, folder, found)
+
+
+def _drawn(refused: NoPath, out: Path | None) -> str:
+    """Draw why there is no path, beside the folder that was named and is not written; say where."""
+    if out is None:
+        return ""
+    from omniservo.reporting.figure_files import image_bytes
+    from omniservo.reporting.refused_run import draw_refused_run
+
+    picture = out.with_name(f"{out.name}-refused.png")
+    drawing = draw_refused_run(refused.plan, refused.scene, refused.setting, refused.posture)
+    write_whole(picture, image_bytes(drawing, "png"), force=True)
+    return f"; drawn: {picture}"
 
 
 def _folder(name: str, method: str, force: bool) -> Path:

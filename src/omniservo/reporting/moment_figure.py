@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import re
-from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon, Rectangle
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import (
-    Box,
-    Capsule,
     Cloud,
     ConstraintMargin,
     HalfSpace,
-    Mesh,
     Plan,
-    Sphere,
     worst_moment,
 )
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.reporting.obstacle_corners import obstacle_corners
 from omniservo.reporting.spelling import spell
 from omniservo.reporting.style import (
     ASKED,
@@ -184,23 +180,11 @@ def _draw_body(axes: Axes, obstacle: Obstacle, flat: list[int], w: float, colour
         some = obstacle.points[:: 1 + len(obstacle.points) // _SHOWN_OF_CLOUD] + moved
         axes.plot(*(1e3 * some[:, flat]).T, ".", ms=1.5, color=colour)
     elif not isinstance(obstacle, HalfSpace):
-        corners, radius = _corners(obstacle)
+        corners, radius = obstacle_corners(obstacle)
         around = (corners + moved)[:, None, flat] + max(radius, _LEAST) * _CIRCLE
         outline = 1e3 * around.reshape(-1, 2)
         hull = outline[ConvexHull(outline).vertices]
         axes.add_patch(Polygon(hull, closed=True, fc=colour, ec=colour, alpha=0.45))
-
-
-def _corners(obstacle: Sphere | Box | Capsule | Mesh) -> tuple[FloatArray, float]:
-    """Return points (k, 3) whose hull, wider by a radius, is the body [m]."""
-    if isinstance(obstacle, Sphere):
-        return obstacle.center[None], obstacle.radius
-    if isinstance(obstacle, Capsule):
-        return np.stack([obstacle.start, obstacle.end]), obstacle.radius
-    if isinstance(obstacle, Mesh):
-        return obstacle.vertices, 0.0
-    half = obstacle.half_extents * (np.array(list(product((-1.0, 1.0), repeat=3))))
-    return obstacle.center + Rotation.from_quat(obstacle.quaternion).apply(half), 0.0
 
 
 def _draw_camera(axes: Axes, pose: RigidTransform, flat: list[int], length: float) -> None:

@@ -22,6 +22,7 @@ from omniservo.planning import (
     widened_evenly,
 )
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
+from omniservo.runs.no_path import NoPath
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 
@@ -70,11 +71,12 @@ def plan_task(
     if pose is None:
         raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
     problem, risk = problem_of(task, pose, estimate.points[followed]), None
-    setting = arm_setting_of(task, scene)
+    setting, found = arm_setting_of(task, scene), None
     if method == "paper":
         plan = plan_path(problem, method="paper", seed=seed)
     elif task.planning.risk is None:
-        plan = plan_with_arm(problem, setting, seed=seed).plan
+        found = plan_with_arm(problem, setting, seed=seed)
+        plan = found.plan
     else:
         left = task.planning.risk * (1.0 if task.planning.tracking_tube is None else 1.0 - TRACKING_PART)
         mount = task.arm.mount_covariance
@@ -84,5 +86,5 @@ def plan_task(
         )  # fmt: skip
         plan = risk.plan
     if plan.path is None or (method == "certified" and plan.status != "certified"):
-        raise AnswerIsNo(f"no path: {plan.status}: {plan.reason}")
+        raise NoPath(plan, scene, setting, found)
     return plan, risk
