@@ -46,6 +46,10 @@ DisplacementOption = Annotated[
 _NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal"
 
 
+_FAR = 20.0
+"""A camera that moved farther than this [m] was probably told of in mm."""
+
+
 def estimate(
     task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
     camera: CameraOption = None,
@@ -105,6 +109,10 @@ def estimate(
     if out is not None:
         found.estimate.save(out, force=force)
         output.written(out)
+    if displacement is not None and displacement > _FAR:
+        output.line(
+            f"notice: a displacement of {displacement:g} m; {displacement:g} mm are {displacement / 1000:g}"
+        )
     _say(output, found.estimate)
 
 

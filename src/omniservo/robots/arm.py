@@ -316,7 +316,13 @@ class Arm:
         pose = base_T_flange.as_matrix()
         found = geometry.solutions(pose[:3, :3], pose[:3, 3], free)
         if not len(found):
-            raise InputError(f"{_place(base_T_flange)}: out of the arm's reach")
+            distance = float(np.linalg.norm(base_T_flange.translation))
+            far = f", which is {self.reach:.3g} m" + (
+                "; are all lengths in the unit that is stated, as units: {length: mm}?"
+                if distance > _ANOTHER_UNIT * self.reach
+                else ""
+            )
+            raise InputError(f"{_place(base_T_flange)}: out of the arm's reach{far}")
         return found
 
     def _legal_branches(
@@ -385,6 +391,10 @@ class Arm:
         kinds = [name.removeprefix("mjGEOM_").lower() for name in names]
         extents = 2.0 * model.geom_aabb[touched, 3:]
         return [Shape(kind, tuple(size.tolist())) for kind, size in zip(kinds, extents, strict=True)]
+
+
+_ANOTHER_UNIT = 5.0
+"""A pose that many times farther off than the arm reaches is probably stated in another unit."""
 
 
 def _place(base_T_flange: RigidTransform) -> str:

@@ -52,9 +52,11 @@ def start_at_joints(fields: dict[str, Any], context: dict[str, float], source: s
     if margins.min() < 0.0:
         worst = int(margins.argmin())
         low, high = np.rad2deg(arm.joint_range[worst])
+        degrees = arm.limit_margins(np.deg2rad(joints)).min() >= 0.0
+        hint = "; if they are in degrees, state units: {angle: deg}" if degrees else ""
         raise InputError(
             f"{source}: start.joints: {arm.joint_names[worst]} at {np.rad2deg(joints[worst]):.1f} deg; "
-            f"legal: {low:.1f} … {high:.1f} deg"
+            f"legal: {low:.1f} … {high:.1f} deg{hint}"
         )
     world_T_base = RigidTransform.from_translation(np.asarray(mount.foot))
     world_T_camera = world_T_base * arm.base_T_flange(joints) * mount.flange_T_camera.transform

@@ -22,6 +22,10 @@ FORMS = {
 """how each kind of board is written"""
 
 
+_LARGEST = 5.0
+"""square, marker or tag [m]"""
+
+
 def board_from_text(text: str) -> Board:
     """Return the board that a text describes; see `FORMS`. A path that ends in .yaml is Kalibr's target file.
 
@@ -59,26 +63,36 @@ def _number(name: str, part: str) -> float:
         raise InputError(f"{name}: {spelled(part)} given; a number is needed") from None
 
 
+def _length(name: str, part: str) -> float:
+    """Return a length [m]; nobody holds a board of larger squares before a camera."""
+    number = _number(name, part)
+    if number > _LARGEST:
+        raise InputError(
+            f"{name}: {number:g} m given; legal: at most {_LARGEST:g} m; {number:g} mm are {number / 1000:g}"
+        )
+    return number
+
+
 def _checkerboard(columns: int, rows: int, parts: Sequence[str]) -> Board:
-    return Checkerboard(columns, rows, _number("square", parts[0]))
+    return Checkerboard(columns, rows, _length("square", parts[0]))
 
 
 def _charuco(columns: int, rows: int, parts: Sequence[str]) -> Board:
     return CharucoBoard(
-        columns, rows, _number("square", parts[0]), _number("marker", parts[1]), opencv_name(parts[2])
+        columns, rows, _length("square", parts[0]), _length("marker", parts[1]), opencv_name(parts[2])
     )
 
 
 def _aprilgrid(columns: int, rows: int, parts: Sequence[str]) -> Board:
-    return AprilGrid(columns, rows, _number("tag size", parts[0]), _number("spacing ratio", parts[1]))
+    return AprilGrid(columns, rows, _length("tag size", parts[0]), _number("spacing ratio", parts[1]))
 
 
 def _circles(columns: int, rows: int, parts: Sequence[str]) -> Board:
-    return CircleGrid(columns, rows, _number("spacing", parts[0]), _number("diameter", parts[1]))
+    return CircleGrid(columns, rows, _length("spacing", parts[0]), _length("diameter", parts[1]))
 
 
 def _acircles(columns: int, rows: int, parts: Sequence[str]) -> Board:
-    spacing, diameter = _number("spacing", parts[0]), _number("diameter", parts[1])
+    spacing, diameter = _length("spacing", parts[0]), _length("diameter", parts[1])
     return CircleGrid(columns, rows, spacing, diameter, "asymmetric")
 
 
