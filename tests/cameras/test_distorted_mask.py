@@ -63,3 +63,19 @@ def test_a_mask_over_everything_leaves_nothing():
     straight = m @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
     lines = limits.mask[0]
     assert (straight @ lines[:, :2].T < lines[:, 2]).all()
+
+
+def test_the_limits_of_a_distorted_camera_hold_its_masks_grown_by_the_margin():
+    corners = [[100.0, 100.0], [140.0, 100.0], [140.0, 150.0], [100.0, 150.0]]
+    camera = UnifiedCamera(
+        300.0, 300.0, 320.0, 240.0, 1.0, 640, 480, distortion=(-0.05, 0.01, 1e-3, 0.0), mask=[corners]
+    )
+    for margin in (0.0, 12.0):
+        limits = camera.image_limits(margin)
+        (held,) = limits.mask
+        assert np.array_equal(held, mask_on_plane(camera, camera.mask[0], margin, limits.polygon))
+        # what is nearer to the mask than the margin lies within all lines of its cover
+        rays, valid = camera.unproject([[120.0, 149.9 + margin], [120.0, 125.0]])
+        straight = rays[:, :2] / (rays[:, 2:] + camera.xi) @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
+        assert valid.all()
+        assert (straight @ held[:, :2].T < held[:, 2]).all()
