@@ -80,7 +80,7 @@ def test_what_is_no_regular_file_is_one_line_and_never_waited_for(capsys, tmp_pa
         assert (code, err) == (2, f"omniservo: {path}: a directory, device or pipe; a file is needed\n")
     assert call(capsys, "verify", tmp_path / "none")[::2] == (
         2,
-        f"omniservo: {tmp_path / 'none'}: No such file or directory\n",
+        f"omniservo: {tmp_path / 'none'}: no such file\n",
     )
     large = tmp_path / "large"
     with large.open("wb") as file:

@@ -169,6 +169,8 @@ def _document(path: Path) -> Any:
         if len(text) > MOST_BYTES:
             raise PlanFileError(f"{path}: at most {MOST_BYTES} bytes are read")
         return json.loads(text.decode("utf-8-sig"), object_pairs_hook=_once)
+    except FileNotFoundError:
+        raise PlanFileError(f"{path}: no such file") from None
     except OSError as error:
         raise PlanFileError(f"{path}: {error.strerror or error}") from None
     except RecursionError:
