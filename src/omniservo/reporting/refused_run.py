@@ -57,7 +57,7 @@ def draw_refused_run(plan: Plan, scene: Scene, setting: ArmSetting, posture: Flo
 
 
 def _outlines(plan: Plan, scene: Scene, setting: ArmSetting, view: OutsideView) -> list[FloatArray]:
-    """Return outlines (k, 2) of the planner's obstacles in the picture [px]; not of half-spaces and clouds."""
+    """Return outlines (k, 2) [px] of the planner's obstacles in the picture; half-spaces have none."""
     world_T_initial = scene.world_T_base * setting.base_T_initial
     outlines = []
     for obstacle in plan.problem.obstacles:
