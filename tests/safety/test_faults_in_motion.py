@@ -380,6 +380,14 @@ def test_sound_pictures_and_a_few_wrong_matches_are_none(run, broken):  # noqa: 
     assert stop.reason == "time_limit"
 
 
+def test_points_nearer_than_they_were_taken_for_move_farther_but_not_aside(run):  # noqa: F811
+    aside = np.array([[0.9, -0.45], [0.45, 0.9]])
+    for change, reason in ((1.3 * np.eye(2), "time_limit"), (aside, "inconsistent_image")):
+        broken = pictured(lambda p, before, change=change: before + (p - before) @ change.T)
+        stop, _ = run(lambda k: np.array([0.1, 0, 0, 0, 0, 0]), prepare=broken, time_limit=1.6)
+        assert stop.reason == reason
+
+
 def test_time_stamps_off_by_a_fifth_of_a_second_are_not_inconsistent(run, written):  # noqa: F811
     written.read = Late(written, 0.2)
     stop, _ = run(lambda k: MOVING, time_limit=1.2)
