@@ -390,7 +390,7 @@ def test_points_nearer_than_they_were_taken_for_move_farther_but_not_aside(run):
 
 def test_time_stamps_off_by_a_fifth_of_a_second_are_not_inconsistent(run, written):  # noqa: F811
     written.read = Late(written, 0.2)
-    stop, _ = run(lambda k: MOVING, time_limit=1.2)
+    stop, _ = run(lambda k: np.array([0.2, 0, 0, 0, 0, 0]), time_limit=0.7)
     assert stop.reason == "time_limit"
 
 
