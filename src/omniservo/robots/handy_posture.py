@@ -62,5 +62,10 @@ def handy_posture(arm: Arm) -> FloatArray:
 
 
 def _is_free(bodies: ArmBodies) -> bool:
-    near = bodies.near(_APART)
-    return not any(one.gap < SELF_CLEARANCE or MOUNTED in bodies.names(one.pair) for one in near)
+    """Tell whether the links keep off each other, and the camera farther off all but the wrist it sits on."""
+    wrist = bodies.arm.dof - 1
+    return not any(
+        one.gap < SELF_CLEARANCE
+        or (MOUNTED in bodies.names(one.pair) and bodies.shapes.carried[bodies.pairs[one.pair, 0]] != wrist)
+        for one in bodies.near(_APART)
+    )
