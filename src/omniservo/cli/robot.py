@@ -58,7 +58,7 @@ def show(
     output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
     mount = handy_mount(arm)
     output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the hand")
-    table = handy_table(arm, posture)
+    table = handy_table(arm, mount, posture)
     if table is not None:
         output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")
     for notice in arm.notices:

@@ -10,7 +10,6 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm import Arm
 from omniservo.robots.arm_bodies import ArmBodies
 from omniservo.robots.camera_housing import CAMERA_HOUSING
-from omniservo.robots.handy_mount import handy_mount
 from omniservo.robots.solid import Solid
 
 _AHEAD = 0.285
@@ -29,23 +28,24 @@ _FREE = 0.03
 """[m] between the table and the arm, so that it can move"""
 
 
-def handy_table(arm: Arm, q: FloatArray) -> Solid | None:
+def handy_table(arm: Arm, flange_T_camera: RigidTransform, q: FloatArray) -> Solid | None:
     """Return a block on the floor, its top under the target before the camera; None: there is no room for it.
 
     Args:
-        arm: stands on a floor at z = 0 of its base frame and carries a camera with `handy_mount`.
+        arm: stands on a floor at z = 0 of its base frame.
+        flange_T_camera: where its camera sits.
         q: (n,) its joints [rad].
 
     Returns:
         A box in the base frame, along its axes.
     """
-    base_T_camera = arm.base_T_flange(q) * handy_mount(arm)
+    base_T_camera = arm.base_T_flange(q) * flange_T_camera
     x, y, height = base_T_camera.apply([0.0, 0.0, _AHEAD])
     down = -float(base_T_camera.rotation.apply([0.0, 0.0, 1.0])[2])
     top = height - _ASIDE * math.sqrt(max(0.0, 1.0 - down * down))
     if down < _DOWN or top < _LOWEST:
         return None
-    camera = tuple(solid.moved(handy_mount(arm)) for solid in CAMERA_HOUSING)
+    camera = tuple(solid.moved(flange_T_camera) for solid in CAMERA_HOUSING)
     for half in _HALF_WIDTHS:
         middle = RigidTransform.from_translation([x, y, 0.5 * top])
         table = Solid.box("table", middle, [half, half, 0.5 * top])
