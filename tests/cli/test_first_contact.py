@@ -117,6 +117,17 @@ def test_a_plan_tells_its_time_from_that_of_loading_code(tmp_path):
     assert not [line for line in constraints if " 1 at w" in line]
 
 
+def test_a_plan_is_written_also_where_nobody_reads_what_is_said(tmp_path):
+    written(tmp_path / "problem.json", problem())
+    ours, theirs = os.pipe()
+    os.close(ours)
+    subprocess.run(
+        [*COMMAND, "plan", "problem.json", "--out", "p.json"], cwd=tmp_path, stdout=theirs, check=False
+    )
+    os.close(theirs)
+    assert (tmp_path / "p.json").is_file()
+
+
 def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(

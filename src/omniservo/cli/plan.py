@@ -97,12 +97,12 @@ def plan(
         loaded = PlanningProblem.load(problem)
         with CompilerWatch() as watch:
             result = plan_path(loaded, method=method, quality=quality, time_budget=time_budget, seed=seed)
+    results.write(result, output)  # before any words: who reads them may have gone
     _say_notices(loaded.notices, output)
     output.line(f"{result.status} in {_time(result.seconds, watch.seconds)} (method {method})")
     if result.certificate is not None:
         for c in result.certificate.constraints:
             output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)} at w = {c.w:.4f}")
-    results.write(result, output)
     output.result({**result.to_dict(), "notices": loaded.notices})
     if result.status != "certified":
         raise answer_is_no(f"{result.status}: {result.reason}")
@@ -183,6 +183,7 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
         problem, known = asked.load()
         with CompilerWatch() as watch:
             found = plan_with_risk(problem, known, risk=asked.risk, seed=asked.seed)
+    results.write(found.plan, output)
     _say_notices(problem.notices, output)
     used = f"goal and {int(known.inliers.sum())} points of {asked.estimate}"
     output.line(used if asked.problem is None else f"{used} instead of the problem's own")
@@ -203,7 +204,6 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
         )
     if found.ok:
         output.line(found.advice)
-    results.write(found.plan, output)
     output.result({**found.plan.to_dict(), "risk": found.to_dict(), "notices": problem.notices})
     if not found.ok:
         raise answer_is_no(f"{found.plan.status}: {found.plan.reason}")
