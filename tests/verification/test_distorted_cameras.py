@@ -266,7 +266,10 @@ def test_missing_polygon_is_refuted_and_never_certified():
 def test_dead_zone_under_distortion_is_judged_in_true_pixels():
     camera = lens(DISTORTIONS[0], dead_zone={"center": [330.0, 390.0], "radius": 20.0})
     document = distorted_plan(
-        camera, inner_polygon(camera, 0.7), points=[[0.02, -0.01, 0.4], [-0.03, 0.05, 0.5]]
+        camera,
+        inner_polygon(camera, 0.7),
+        points=[[0.02, -0.01, 0.4], [-0.03, 0.05, 0.5]],
+        visibility_margin=0.5,
     )
     assert verify_plan(document).status == "certified"
     line = next(x for x in document["certificate"]["constraints"] if x["name"] == "dead_zone")
