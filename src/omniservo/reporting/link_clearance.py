@@ -48,6 +48,6 @@ def link_clearance(result: RunResult) -> Drawing | None:
         "link-clearance",
         "Distance of every link",
         f"Each link, and the camera's housing, to {things}, up to {1e3 * FARTHEST:g} mm. Solid: the joints "
-        "as they were read; dashed: as planned there.",
+        f"as they were read; dashed: as planned there.{''.join(f' Notice: {n}.' for n in whole.notices)}",
         figure,
     )

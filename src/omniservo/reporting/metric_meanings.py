@@ -28,6 +28,7 @@ _MEANINGS = {
     "reason": Meaning("Why it was stopped", ""),
     "plan_status": Meaning("Plan", ""),
     "notices": Meaning("What is odd in the problem", ""),
+    "arm_notices": Meaning("What of the arm's file was left out, and which shapes are not kept apart", ""),
     "clearance_asked_m": Meaning(f"{_CENTRE}, {ASKED}", "m"),
     "clearance_planned_m": Meaning(f"{_CENTRE}, {CERTIFIED}", "m"),
     "clearance_executed_m": Meaning(f"{_CENTRE}, {EXECUTED}", "m"),

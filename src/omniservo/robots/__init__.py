@@ -2,7 +2,13 @@
 
 from omniservo.robots.arm import Arm
 from omniservo.robots.arm_bodies import ArmBodies
-from omniservo.robots.arm_clearance import SELF_CLEARANCE, ArmClearance, Closeness, arm_clearance
+from omniservo.robots.arm_clearance import (
+    SELF_CLEARANCE,
+    ArmClearance,
+    Closeness,
+    arm_clearance,
+    spelled_gap,
+)
 from omniservo.robots.arm_files import SHOWN_GROUP
 from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
@@ -50,5 +56,6 @@ __all__ = [
     "own_sight",
     "shipped_arms",
     "shipped_tube",
+    "spelled_gap",
     "strayed",
 ]

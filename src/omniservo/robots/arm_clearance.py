@@ -81,11 +81,16 @@ class ArmClearance:
         if self.status == "clear" or self.closest is None:
             return ""
         found = self.closest
-        left = f"{found.link} and {found.other} are {1e3 * found.gap:.2f} mm apart at w = {found.w:.4f}"
-        if found.gap <= 0.0:
-            left = f"{found.link} and {found.other} overlap by {-1e3 * found.gap:.2f} mm at w = {found.w:.4f}"
+        left = f"{spelled_gap(found.link, found.other, found.gap)} at w = {found.w:.4f}"
         left = f"{left}; {1e3 * found.asked:g} mm are asked for"
         return left if self.status == "too_close" else f"undecided: {left}"
+
+
+def spelled_gap(link: str, other: str, gap: float) -> str:
+    """Return the distance of two bodies [m], or by how much they overlap, in words."""
+    if gap > 0.0:
+        return f"{link} and {other} are {1e3 * gap:.2f} mm apart"
+    return f"{link} and {other} overlap by {-1e3 * gap:.2f} mm"
 
 
 def arm_clearance(

@@ -259,6 +259,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "seed": seed,
         **score(result.task, result.plan, result.way, result.log, result.truth),
         "notices": [] if result.plan is None else list(result.plan.problem.notices),
+        "arm_notices": [] if result.whole_arm is None else list(result.whole_arm.notices),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,
         **_risk_metrics(result),

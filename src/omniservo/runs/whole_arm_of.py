@@ -50,4 +50,12 @@ def whole_arm_of(
             parts.append(link_gaps(there, joints[(times >= begin) & (times < end)]))
         return {link: np.concatenate([part[link] for part in parts]) for link in parts[0]}
 
-    return WholeArm(proof, task.planning.arm_clearance, margin, setting.tube, gaps(planned), gaps(executed))
+    return WholeArm(
+        proof=proof,
+        asked=task.planning.arm_clearance,
+        margin=margin,
+        tube=setting.tube,
+        planned=gaps(planned),
+        executed=gaps(executed),
+        notices=(*scene.arm.notices, *bodies.notices),
+    )

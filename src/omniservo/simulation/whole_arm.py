@@ -25,6 +25,8 @@ class WholeArm:
     """smallest gap by link where the plan is at each row of the log (m,) [m]"""
     executed: dict[str, FloatArray]
     """the same of the joints as read (m,) [m]"""
+    notices: tuple[str, ...]
+    """which shapes are not kept off each other, and why"""
 
     def least(self, gaps: dict[str, FloatArray]) -> float | None:
         """Return the smallest of these gaps [m]; None where there is none."""

@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.with_arm.arm_setting import ArmSetting
-from omniservo.robots import ArmBodies
+from omniservo.robots import ArmBodies, spelled_gap
 
 
 def violation_at_start(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
@@ -105,13 +105,8 @@ class _Stand:
             short = float(asked[near.pair]) - near.gap
             if short > (0.0 if worst is None else worst[0]):
                 link, other = bodies.names(near.pair)
-                worst = (
-                    short,
-                    (
-                        f"{link} and {other} are {1e3 * near.gap:.2f} mm apart (negative: depth); "
-                        f"{1e3 * asked[near.pair]:g} mm are asked for"
-                    ),
-                )
+                left = spelled_gap(link, other, near.gap)
+                worst = short, f"{left}; {1e3 * asked[near.pair]:g} mm are asked for"
         return worst
 
     def _hidden(self, q: FloatArray) -> tuple[float, str] | None:
