@@ -242,3 +242,15 @@ def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     assert found.w == pytest.approx(0.437, abs=0.05)
     assert own_sight(arm, path, MOUNT, [point], surroundings=(post,), span=(0.5, 1.0)).status == "free"
     assert own_sight(arm, path, MOUNT, [point]).status == "free"
+
+
+@pytest.mark.parametrize(
+    ("away", "gap", "status"), [(1.0, 1e-7, "free"), (5e5, 1e-7, "hidden"), (5e5, 1e-5, "free")]
+)
+def test_what_is_allowed_for_rounding_grows_with_coordinates(arm, away, gap, status):
+    ahead = arm.base_T_flange(AHEAD) * MOUNT
+    point = ahead.apply([0.0, 0.0, 1.8 * away])
+    ball = Solid(
+        "ball", "sphere", [0.2], RigidTransform.from_translation(ahead.apply([0.2 + gap, 0.0, away]))
+    )
+    assert own_sight_in(arm, AHEAD, MOUNT, point[None], surroundings=(ball,)).status == status

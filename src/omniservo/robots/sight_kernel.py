@@ -12,6 +12,7 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.robots.chain import Chain
 from omniservo.robots.clearance_kernels import place_all
+from omniservo.robots.gap_kernels import rounding
 from omniservo.robots.gap_search import widen
 from omniservo.robots.shapes import Scene, Shapes
 
@@ -22,9 +23,6 @@ between the two [m]: negative where no slab keeps them apart."""
 SURFACE = 1e-3
 """[m] of every line of sight before its point that are not looked at: what is met there is the surface that
 the point lies on"""
-
-_ROUNDING = 1e-8
-"""[m] that floating point may have taken from a gap"""
 
 
 class Sights(NamedTuple):
@@ -87,8 +85,10 @@ def nearest_to_sights(
         for g in sights.hiders:
             carried = shapes.carried[g]
             size[0] = of_centre[carried] + sights.at_camera[g]
-            size[2] = (1.0 - share) * size[0] + share * (of_point[carried] + sights.at_points[g]) + _ROUNDING
-            size[0] += _ROUNDING
+            size[2] = (1.0 - share) * size[0] + share * (of_point[carried] + sights.at_points[g])
+            rounded = rounding(g, line, scene.places, shapes.radii)
+            size[0] += rounded
+            size[2] += rounded
             if _off_line(centre, end, scene.places[g]) - shapes.radii[g] > max(size[0], size[2]):
                 continue
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
