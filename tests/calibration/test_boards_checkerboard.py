@@ -140,7 +140,7 @@ def test_image_files_are_read_as_grey_values(tmp_path):
     assert deep.dtype == np.uint8
     assert deep.max() == 255
     (tmp_path / "text.png").write_text("no image")
-    for name, problem in (("text.png", "not an image that can be read"), ("none.png", "no such file")):
+    for name, problem in (("text.png", "not an image; legal"), ("none.png", "no such file")):
         with pytest.raises(InputError, match=f"{name}: {problem}"):
             read_grey_image(tmp_path / name)
 

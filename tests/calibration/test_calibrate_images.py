@@ -143,7 +143,7 @@ def test_too_few_views_are_an_answer_and_write_no_camera(pictures, tmp_path, cap
     ("change", "named"),
     [
         ({"image": "other size"}, "other images have 659×432"),
-        ({"image": "no image"}, "not an image that can be read"),
+        ({"image": "no image"}, "not an image; legal"),
         ({"image": "missing"}, "no such file"),
         ({"board": "checkerboard:8x5"}, "checkerboard"),
         ({"board": "carpet:8x5:0.03"}, "carpet"),

@@ -203,7 +203,7 @@ BAD = {
     "box far": (box(center=[0, 1e7, 0]), r"center: 1e\+07 given"),
     "box radius": (
         box(radius=1),
-        "radius: no such field; legal: type, center, quaternion",
+        "radius: no such field; legal: type, center, half_extents, quaternion",
     ),
     "box without size": (
         {"type": "box", "center": [0, 0, 1]},

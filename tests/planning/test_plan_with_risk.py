@@ -191,7 +191,7 @@ def test_margins_that_fail_together_are_paid_for_once():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"scale": None}, "not metric"),
+        ({"scale": None}, "is_metric: false given"),
         ({"risk": 0.0}, "risk"),
         ({"risk": 0.9}, "risk"),
     ],

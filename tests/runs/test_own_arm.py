@@ -89,7 +89,7 @@ BAD = {
             "planning:",
             "planning:\n  obstacles: [{type: sphere, center: [0, 0, -60], radius: 10}]",
         ),
-        (1, "no path: infeasible: the start pose is not free: camera and obstacle 0 are -"),
+        (1, "no path: infeasible: the start pose is not free: camera and obstacle 0 overlap by "),
     ),
     "limits narrower than the start": (
         ("my_arm.urdf", 'lower="-2.9"', 'lower="0.5"'),

@@ -65,5 +65,5 @@ def test_a_cloud_is_drawn_as_some_of_its_points_and_has_one_name_in_all_that_is_
 
 def test_a_task_whose_cloud_touches_the_arm_at_the_start_is_refused_by_the_clouds_name(tmp_path):
     path = cloud_task(tmp_path, seen(2000, shift=(60.0, 0.0, 0.0)))
-    with pytest.raises(AnswerIsNo, match="the start pose is not free: camera and obstacle 0 are"):
+    with pytest.raises(AnswerIsNo, match="the start pose is not free: camera and obstacle 0 overlap"):
         run_task(load_task(path), filmed=False)

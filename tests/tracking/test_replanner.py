@@ -228,7 +228,7 @@ def test_what_was_said_last_is_what_camera_and_arm_are_judged_among(arm):
     assert replanner.look(1.06) is None
     assert ball.distance(plan.path.positions(np.linspace(0.0, 1.0, 50))).min() > 0.03
     replanner.set_obstacles([AWAY, ball])
-    with pytest.raises(Blocked, match="forearm and obstacle 1 are"):
+    with pytest.raises(Blocked, match="forearm and obstacle 1 overlap"):
         replanner.look(1.09)
     assert len(tracker.legs) == 1
 

@@ -338,7 +338,7 @@ def test_what_is_no_plan_at_all_is_an_error(tmp_path, honest):
     for document in ({}, [], 3, None, {"format": "omniservo.problem/1"}):
         with pytest.raises(PlanFileError, match="not a plan"):
             verify_plan(document)
-    with pytest.raises(PlanFileError, match="No such file"):
+    with pytest.raises(PlanFileError, match="no such file"):
         verify_plan(tmp_path / "none.json")
     with pytest.raises(PlanFileError, match="directory"):
         verify_plan(tmp_path)

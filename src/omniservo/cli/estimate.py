@@ -81,10 +81,7 @@ def estimate(
     of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
     if task is None and None in (camera, initial, goal):
         raise InputError(_NEEDED)
-    if task is not None:
-        task_file(task)
-    for image in filter(None, (initial, goal)):
-        require_file(image)
+    _check_files(task, initial, goal)
     with output.working("loading") as progress:
         from omniservo.reporting import write_estimate_report
         from omniservo.runs import estimate_images, estimate_simulated
@@ -109,11 +106,24 @@ def estimate(
     if out is not None:
         found.estimate.save(out, force=force)
         output.written(out)
+    _say_far(output, displacement)
+    _say(output, found.estimate)
+
+
+def _check_files(task: str | None, *images: Path | None) -> None:
+    """Raise InputError where one of these is not there, before anything is loaded."""
+    if task is not None:
+        task_file(task)
+    for image in filter(None, images):
+        require_file(image)
+
+
+def _say_far(output: Output, displacement: float | None) -> None:
+    """Ask back where millimetres may have been meant."""
     if displacement is not None and displacement > _FAR:
         output.line(
             f"notice: a displacement of {displacement:g} m; {displacement:g} mm are {displacement / 1000:g}"
         )
-    _say(output, found.estimate)
 
 
 def _say(output: Output, result: TwoViewEstimate) -> None:

@@ -62,7 +62,7 @@ def run(
         require_file(goal)
     output = Output(as_json, quiet)
     with output.working("starting") as progress:
-        progress("loading", 0.0)
+        progress("loading")  # no line of its own: a wrong call is one line
         from omniservo.runs import NoPath, run_into
         from omniservo.tasks import TaughtGoal, load_task
 

@@ -89,12 +89,7 @@ class ArmBodies:
             raise InputError(f"surroundings: {max(names, key=names.count)!r} is given twice")
         self.arm = arm
         spec = arm.spec()
-        if any(solid.kind == "half_space" for solid in mounted):
-            raise InputError("mounted: a half-space given; legal: bodies that can be carried")
-        if mounted:
-            holder = spec.body(arm.tool_link).add_body(name=MOUNTED)
-            for solid in mounted:
-                solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
+        _mount(spec, arm, mounted)
         self._solids = tuple(surroundings)
         self._around = [f"around {i}" for i in range(len(things))]
         for name, (_, parts) in zip(self._around, things, strict=True):
@@ -371,6 +366,20 @@ class ArmBodies:
             slope,
         )
         return slope
+
+
+def _mount(spec: Any, arm: Arm, mounted: Sequence[Solid]) -> None:
+    """Add what the tool carries to an arm's specification, as one body.
+
+    Raises:
+        InputError: a half-space.
+    """
+    if any(solid.kind == "half_space" for solid in mounted):
+        raise InputError("mounted: a half-space given; legal: bodies that can be carried")
+    if mounted:
+        holder = spec.body(arm.tool_link).add_body(name=MOUNTED)
+        for solid in mounted:
+            solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
 
 
 def _can_become(one: Solid, other: Solid) -> bool:

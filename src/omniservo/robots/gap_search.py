@@ -116,18 +116,12 @@ def widen(
     """
     first, second = corners[firsts[i] : firsts[i + 1]], corners[firsts[j] : firsts[j + 1]]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
-    x, y, z = normal[0], normal[1], normal[2]
     if kinds[i] == HALF_SPACE:
         normal[0], normal[1], normal[2] = axes[i, 2], axes[i, 5], axes[i, 8]
         gap = height(i, j, kinds, sizes, corners, firsts, places, axes)
-        bx, by, bz = support(kinds[j], sizes[j], axes[j], second, -normal[0], -normal[1], -normal[2])
-        ends[3], ends[4], ends[5] = places[j, 0] + bx, places[j, 1] + by, places[j, 2] + bz
-        for k in range(3):
-            ends[k] = ends[3 + k] - gap * normal[k]
+        _onto_plane(kinds[j], sizes[j], axes[j], second, places[j], gap, normal, ends)
         return gap, gap
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        length = max(math.sqrt(dx * dx + dy * dy + dz * dz), _ON_TOP)
-        x, y, z = dx / length, dy / length, dz / length
+    x, y, z = _begun(normal, dx, dy, dz)
     widest, nearest, count = -math.inf, math.inf, 0
     for _ in range(_STEPS):
         ax, ay, az = support(kinds[i], sizes[i], axes[i], first, x, y, z)
@@ -149,11 +143,46 @@ def widen(
         if not _ON_TOP < length < nearest:
             return widest, nearest if length > _ON_TOP else math.inf
         nearest = length
-        ax, ay, az = _weighted(simplex, count, 3)
-        ends[0], ends[1], ends[2] = places[i, 0] + ax, places[i, 1] + ay, places[i, 2] + az
-        ends[3], ends[4], ends[5] = ends[0] + px, ends[1] + py, ends[2] + pz
+        _write_ends(places[i], _weighted(simplex, count, 3), (px, py, pz), ends)
         x, y, z = _square_to(simplex, count, px / length, py / length, pz / length, length)
     return widest, nearest
+
+
+@leaf
+def _write_ends(
+    place: FloatArray, own: tuple[float, float, float], way: tuple[float, float, float], ends: FloatArray
+) -> None:
+    """Write a shape's point, ``own`` from its place, and the other's, which is ``way`` from there."""
+    for k in range(3):
+        ends[k] = place[k] + own[k]
+        ends[3 + k] = ends[k] + way[k]
+
+
+@leaf
+def _begun(normal: FloatArray, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
+    """Return the direction that a search begins with; if none is known, from origin to origin."""
+    if normal[0] != 0.0 or normal[1] != 0.0 or normal[2] != 0.0:
+        return normal[0], normal[1], normal[2]
+    length = max(math.sqrt(dx * dx + dy * dy + dz * dz), _ON_TOP)
+    return dx / length, dy / length, dz / length
+
+
+@leaf
+def _onto_plane(
+    kind: int,
+    size: FloatArray,
+    axes: FloatArray,
+    corners: FloatArray,
+    place: FloatArray,
+    gap: float,
+    normal: FloatArray,
+    ends: FloatArray,
+) -> None:
+    """Write a half-space's point that is nearest to a shape, and the shape's, ``gap`` along the normal."""
+    bx, by, bz = support(kind, size, axes, corners, -normal[0], -normal[1], -normal[2])
+    ends[3], ends[4], ends[5] = place[0] + bx, place[1] + by, place[2] + bz
+    for k in range(3):
+        ends[k] = ends[3 + k] - gap * normal[k]
 
 
 @leaf
