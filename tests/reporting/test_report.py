@@ -15,7 +15,7 @@ from omniservo.reporting.margins import certified_clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
 from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
-from omniservo.reporting.spelling import significant, spell, spell_bound
+from omniservo.reporting.spelling import reads_less, significant, spell, spell_bound
 from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
 from omniservo.reporting.write_figures import drawings, write_figures
@@ -405,6 +405,14 @@ def test_quantities_are_given_in_units_people_read(value, unit, words):
 )
 def test_a_proven_bound_is_rounded_down(value, words):
     assert spell_bound(value, "m") == words
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "unit", "less"),
+    [(100.51, 100.53, "px", False), (99.4, 100.53, "px", True), (0.06498, 0.065, "m", True)],
+)
+def test_less_than_certified_is_said_of_what_is_written(value, bound, unit, less):
+    assert reads_less(value, bound, unit) == less
 
 
 def test_the_verdict_has_the_colour_of_what_happened(run, stopped_run):

@@ -10,7 +10,7 @@ from omniservo.reporting.html import Cell, Demand, Markup, demands, inlined, joi
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
-from omniservo.reporting.spelling import NOTHING, spell, spell_bound
+from omniservo.reporting.spelling import NOTHING, reads_less, spell, spell_bound
 from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import shipped_tasks
@@ -22,10 +22,6 @@ METHODS = {
 }
 
 _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-python-headless", "matplotlib")
-
-
-_SEEN = 1e-4
-"""A difference that is a smaller part is not seen in what is written."""
 
 
 def verdict(result: RunResult, *, named: bool) -> Markup:
@@ -103,7 +99,7 @@ def _distances(result: RunResult) -> list[Demand]:
                 spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
                 spell_bound(proven, "m"),
                 spell(planning.clearance, "m"),
-                _strayed(result, "clearance_executed_m", proven) + _tracking(result),
+                _strayed(result, "clearance_executed_m", proven, "m") + _tracking(result),
             )
         )
     gap = metrics.get("arm_clearance_executed_m")
@@ -126,14 +122,14 @@ def _in_view(result: RunResult) -> Demand:
         spell_metric("visibility_executed_px", result.metrics.get("visibility_executed_px")),
         spell_bound(proven, "px"),
         spell(result.task.planning.visibility_margin, "px"),
-        _strayed(result, "visibility_executed_px", proven),
+        _strayed(result, "visibility_executed_px", proven, "px"),
     )
 
 
-def _strayed(result: RunResult, executed: str, proven: float | None) -> str:
-    """Return why less was executed than was certified; empty where it was not."""
+def _strayed(result: RunResult, executed: str, proven: float | None, unit: str) -> str:
+    """Return why less was executed than was certified; empty where what is written is not less."""
     measured, strayed = result.metrics.get(executed), result.metrics.get("path_deviation_m")
-    if proven is None or not isinstance(measured, int | float) or measured > proven - _SEEN * abs(proven):
+    if proven is None or not isinstance(measured, int | float) or not reads_less(measured, proven, unit):
         return ""
     by = f" by up to {spell(float(strayed), 'm')}" if isinstance(strayed, int | float) else ""
     return f"Less than certified: the proof is of the path, from which the arm strayed{by}. "

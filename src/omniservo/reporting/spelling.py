@@ -33,9 +33,18 @@ def spell_bound(value: float | None, unit: str) -> str:
     if value is None or math.isnan(value):
         return NOTHING
     factor, name = _UNITS.get(unit, (1.0, unit))
-    scaled = value * factor
-    step = 10.0 ** -_decimals(scaled)
-    return f"≥ {significant(step * math.floor(scaled / step * (1.0 + 1e-12)))} {name}"
+    return f"≥ {significant(_rounded_down(value * factor))} {name}"
+
+
+def reads_less(value: float, bound: float, unit: str) -> bool:
+    """Return whether a value, as `spell` writes it, is less than a bound as `spell_bound` writes it."""
+    factor, _ = _UNITS.get(unit, (1.0, unit))
+    return round(value * factor, _decimals(value * factor)) < _rounded_down(bound * factor)
+
+
+def _rounded_down(value: float) -> float:
+    decimals = _decimals(value)
+    return round(math.floor(value * 10.0**decimals * (1.0 + 1e-12)) / 10.0**decimals, decimals)
 
 
 def significant(value: float) -> str:
