@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench bench-planning bench-estimation readme lock clean clean-cache wheel
+.PHONY: demo test check bench bench-planning bench-estimation readme lock clean wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -39,8 +39,9 @@ bench-estimation: $(STAMP)
 readme: $(STAMP)
 	$(BIN)/python -m benchmarks.readme
 
+# With compiled kernels, for this Python and machine: the first plan of whoever installs it compiles nothing.
 wheel: $(STAMP)
-	$(BIN)/python -m build --wheel --no-isolation
+	OMNISERVO_KERNELS=1 $(BIN)/python -m build --wheel --no-isolation
 
 $(STAMP): pyproject.toml requirements.lock
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -54,8 +55,5 @@ lock:
 	$(PYTHON) -m uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --no-emit-index-url --output-file requirements.lock
 	$(PYTHON) -m uv pip compile --group bench --constraint requirements.lock --universal --python-version 3.11 --no-emit-index-url --output-file requirements-bench.lock
 
-clean-cache:
-	find src benchmarks -name '*.nbi' -delete -o -name '*.nbc' -delete
-
-clean: clean-cache
+clean:
 	rm -rf $(VENV) dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -19,6 +19,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core.types.misc import unliteral
 
+from omniservo.geometry.kernel_cache import KernelCache
+
 BLOCK = 512
 """numbers: all arrays of such a loop stay in the nearest cache"""
 
@@ -29,7 +31,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile with Numba: strict IEEE arithmetic, cached on disk, without the interpreter lock.
+    """Compile with Numba: strict IEEE arithmetic, no interpreter lock, kept on disk by `KernelCache`.
 
     No fast-math and no fused multiply-add contraction, because certificates bound every rounding
     error. Division by zero follows IEEE (infinity or NaN) instead of raising, so kernels return flags.
@@ -56,8 +58,10 @@ def inlined(function: F) -> F:
 
 def _compiled(function: F, **options: Any) -> F:
     compiled: Any = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath=False, no_cfunc_wrapper=True, **options
+        nogil=True, error_model="numpy", fastmath=False, no_cfunc_wrapper=True, **options
     )(function)
+    if function.__module__.startswith("omniservo."):
+        compiled._cache = KernelCache(function)
     of_types = compiled.get_call_template
 
     def of_wider_types(arguments: Any, keywords: Any) -> Any:

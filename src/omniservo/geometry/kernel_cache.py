@@ -1,0 +1,208 @@
+"""Compiled kernels are kept on disk under one hash over all that they are compiled from.
+
+Numba's own cache stamps a function with the text of its one file. Where a callee stands in another file, an
+edit of the callee leaves the caller as it was: a certificate from old code. And Numba's index of a function
+is read, changed and written without a lock: of two processes that compile it for two types at once, one can
+file its code under the other's signature. Here neither can happen:
+
+- A folder is named by a hash over the text of every file with a kernel and of every file of this package
+  that one of these imports, over the versions of Numba, llvmlite and Python, over Numba's settings and over
+  the processor that the code is for. A change of any of them begins another folder; what is edited while a
+  process runs is not kept by it.
+- A file holds one function for one signature, which is compared when it is read. It is written under another
+  name first, and no file names another: processes at work at the same time do each other no harm.
+
+A wheel brings a folder of its own, for a generic processor, which is only read; the user's comes after it.
+Private parts of Numba, tried with 0.68.1: `Dispatcher._cache` and what it calls of a cache,
+`CompileResult._reduce` and `_rebuild`, `serialize.dumps`, `CodeLibrary.has_dynamic_globals`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+PACKAGE = Path(__file__).parents[1]
+
+SHIPPED = PACKAGE / "kernels"
+"""A wheel's own kernels; a checkout has none."""
+
+KEPT = 6
+"""Folders of the user's that are kept, those used last: each edit of a kernel begins one."""
+
+_V3 = "avx avx2 bmi bmi2 f16c fma lzcnt movbe popcnt sse4.2 ssse3 xsave"
+
+GENERIC = MappingProxyType(
+    {
+        "x86_64": ("x86-64-v3", _V3),
+        "amd64": ("x86-64-v3", _V3),
+    }
+)
+"""For a machine, the processor that a wheel's kernels are compiled for, and what a processor must have to run
+them; "generic", which all have, elsewhere"""
+
+_NAME, _FEATURES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
+_IMPORT = re.compile(rb"^ *from (omniservo[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_HAS_KERNELS = b"omniservo.geometry.kernel import"
+_DIGEST_BYTES = 32
+
+
+class KernelCache:
+    """Loads and saves what one function compiles to, as `numba.core.caching.FunctionCache` does.
+
+    Args:
+        function: to be compiled, of this package.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._name = f"{function.__module__.removeprefix('omniservo.')}.{function.__qualname__}"
+        _sources()  # now, as the text is that is being imported
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that is written to."""
+        return str(user_folder())
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Return the code for a signature, or None where it has to be compiled."""
+        from numba.core.compiler import CompileResult
+
+        target_context.refresh()
+        for folder in kernel_folders():
+            try:
+                data = (folder / self._file(signature)).read_bytes()
+            except OSError:
+                continue
+            _mark_as_used(folder)
+            digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
+            if hashlib.sha256(content).digest() != digest:
+                continue
+            kept, code = pickle.loads(content)  # noqa: S301 — what this user compiled, or installed with us
+            if kept == signature:
+                return CompileResult._rebuild(target_context, *code)
+        return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep what a signature compiled to; where that cannot be written it is compiled again next time."""
+        from numba.core.serialize import dumps
+
+        if compiled.library.has_dynamic_globals or _stamps(kernel_files()) != _sources()[1]:
+            return  # the latter: a file was edited while this process ran, and is not what was compiled
+        content = dumps((signature, compiled._reduce()))
+        folder = user_folder()
+        try:
+            _begin(folder)
+            handle, name = tempfile.mkstemp(dir=folder)
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(content).digest() + content)
+            os.replace(name, folder / self._file(signature))
+        except OSError:
+            return
+
+    def flush(self) -> None:
+        """Forget nothing: what is kept belongs to this very code."""
+
+    def _file(self, signature: Any) -> str:
+        return f"{self._name}-{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}.kernel"
+
+
+def user_folder() -> Path:
+    """Return the folder of this user's, this code's and this processor's kernels."""
+    host, host_features = _host()
+    name, features = os.environ.get(_NAME, host), os.environ.get(_FEATURES, host_features)
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return caches / "omniservo" / f"kernels-{_key(name, features)}"
+
+
+def shipped_folder() -> Path | None:
+    """Return the folder of a wheel's kernels for this code, if there is one and this processor runs them."""
+    level, needed = GENERIC.get(platform.machine().lower(), ("generic", ""))
+    runs = set(needed.split()) <= {f[1:] for f in _host()[1].split(",") if f.startswith("+")}
+    folder = SHIPPED / f"kernels-{_key(level, '')}"
+    return folder if runs and os.environ.get(_NAME, level) == level and folder.is_dir() else None
+
+
+def kernel_folders() -> list[Path]:
+    """Return the folders in which compiled kernels are looked for, in this order."""
+    return [folder for folder in (shipped_folder(), user_folder()) if folder is not None]
+
+
+@lru_cache
+def _host() -> tuple[str, str]:
+    """Return the name and the features of the processor."""
+    import llvmlite.binding as llvm
+
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+@lru_cache
+def kernel_files() -> tuple[Path, ...]:
+    """Return every file that a kernel's code may depend on: those with kernels and all that these import."""
+    begin = [file for file in PACKAGE.rglob("*.py") if _HAS_KERNELS in file.read_bytes()]
+    found: set[Path] = set()
+    while begin:
+        file = begin.pop()
+        if file not in found:
+            found.add(file)
+            begin += _imported(file)
+    return tuple(sorted(found))
+
+
+def _imported(file: Path) -> list[Path]:
+    found = []
+    for module, names in _IMPORT.findall(file.read_bytes()):
+        folder = PACKAGE.parent.joinpath(*module.decode().split("."))
+        found += [folder / "__init__.py", folder.with_suffix(".py")]
+        found += [folder / f"{name.decode()}.py" for name in re.findall(rb"\w+", names)]
+    return [path for path in found if path.is_file()]
+
+
+@lru_cache
+def _sources() -> tuple[str, list[tuple[int, int]]]:
+    """Return a hash over the text of what kernels are compiled from, and the stamps of its files."""
+    files, hashed = kernel_files(), hashlib.sha256()
+    stamps = _stamps(files)
+    for file in files:
+        hashed.update(str(file.relative_to(PACKAGE)).encode() + b"\0" + file.read_bytes() + b"\0")
+    return hashed.hexdigest(), stamps
+
+
+def _stamps(files: tuple[Path, ...]) -> list[tuple[int, int]]:
+    return [(stat.st_mtime_ns, stat.st_size) for stat in map(os.stat, files)]
+
+
+def _key(processor: str, features: str) -> str:
+    settings = {n: v for n, v in os.environ.items() if n.startswith("NUMBA_") and n not in (_NAME, _FEATURES)}
+    versions = version("numba"), version("llvmlite"), sys.implementation.cache_tag, sys.abiflags
+    machine = sys.platform, platform.machine(), processor, features
+    parts = repr((_sources()[0], versions, sorted(settings.items()), machine))
+    return hashlib.sha256(parts.encode()).hexdigest()[:20]
+
+
+def _begin(folder: Path) -> None:
+    """Make the folder; of those of other code, which whoever uses them compiles again, leave only some."""
+    if folder.is_dir():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    others = sorted(folder.parent.glob("kernels-*"), key=lambda other: other.stat().st_mtime)
+    for old in others[:-KEPT]:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+@lru_cache
+def _mark_as_used(folder: Path) -> None:
+    with suppress(OSError):
+        os.utime(folder)
