@@ -55,7 +55,8 @@ GENERIC = MappingProxyType(
 them; "generic", which all have, elsewhere"""
 
 _NAME, _FEATURES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
-_IMPORT = re.compile(rb"^ *from (omniservo[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_IMPORT = re.compile(rb"from (omniservo[\w.]*) import (\([^)]*\)|[^\n]*)")
+_NAME_OF = re.compile(rb"\w+")
 _HAS_KERNELS = b"omniservo.geometry.kernel import"
 _DIGEST_BYTES = 32
 
@@ -151,23 +152,30 @@ def _host() -> tuple[str, str]:
 @lru_cache
 def kernel_files() -> tuple[Path, ...]:
     """Return every file that a kernel's code may depend on: those with kernels and all that these import."""
-    begin = [file for file in PACKAGE.rglob("*.py") if _HAS_KERNELS in file.read_bytes()]
-    found: set[Path] = set()
+    text = {
+        os.path.join(folder, name)[len(str(PACKAGE.parent)) + 1 :]: Path(folder, name).read_bytes()
+        for folder, _, names in os.walk(PACKAGE)
+        for name in names
+        if name.endswith(".py")
+    }
+    begin = [file for file, content in text.items() if _HAS_KERNELS in content]
+    found: set[str] = set()
     while begin:
         file = begin.pop()
-        if file not in found:
+        if file in text and file not in found:
             found.add(file)
-            begin += _imported(file)
-    return tuple(sorted(found))
+            begin += _imported(text[file])
+    return tuple(sorted(PACKAGE.parent / file for file in found))
 
 
-def _imported(file: Path) -> list[Path]:
+def _imported(text: bytes) -> list[str]:
+    """Return the files that a text may import from, of which not all need exist."""
     found = []
-    for module, names in _IMPORT.findall(file.read_bytes()):
-        folder = PACKAGE.parent.joinpath(*module.decode().split("."))
-        found += [folder / "__init__.py", folder.with_suffix(".py")]
-        found += [folder / f"{name.decode()}.py" for name in re.findall(rb"\w+", names)]
-    return [path for path in found if path.is_file()]
+    for module, names in _IMPORT.findall(text):
+        path = module.decode().replace(".", os.sep)
+        found += [os.path.join(path, "__init__.py"), f"{path}.py"]
+        found += [os.path.join(path, f"{name.decode()}.py") for name in _NAME_OF.findall(names)]
+    return found
 
 
 @lru_cache
