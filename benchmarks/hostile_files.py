@@ -6,8 +6,9 @@ NaN, infinity, huge, negative, nested and empty ones; lines and fields removed, 
 read in process, with warnings as errors, within `SECONDS` of the processor and `MEMORY` more bytes; some of
 those that a command reads also by that command, in a process of its own.
 
-A fault is: an exception that is not `InputError` (or `AnswerIsNo`), a warning, more than a line on standard
-error, a time or memory that is exceeded, an exit code but 0, 1 and 2, a file half written or left behind.
+A fault is: an exception that is not `InputError` (or `NoSolutionError`), a warning, more than a line on
+standard error, a time or memory that is exceeded, an exit code but 0, 1 and 2, a file half written or left
+behind.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from typing import Any
 import numpy as np
 from benchmarks.hostile_samples import Sample, samples
 
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 
 SECONDS = 10.0
 """of the processor, for a file of some kilobytes: planning included"""
@@ -48,7 +49,7 @@ TOKENS = (
     "#",
 )  # fmt: skip
 _TOKEN = re.compile(rb"[-+]?[0-9][-+0-9.eE]*|[A-Za-z_][A-Za-z0-9_]*")
-_REFUSED = (InputError, AnswerIsNo)
+_REFUSED = (InputError, NoSolutionError)
 
 Fault = tuple[str, str]
 """what is wrong, and of which file"""

@@ -34,7 +34,7 @@ from scipy.spatial.transform import RigidTransform
 from scipy.special import chdtrc
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.matches import Matches
@@ -127,8 +127,8 @@ def from_pictures(
         matched = NaturalKind().match(camera, initial, goal)
         pixels = matched.initial, matched.goal
         found, matches = estimated(camera, *pixels, matched.noise, windows=matched.window)
-    except (AnswerIsNo, InputError) as error:
-        return str(error).split(":")[1 if isinstance(error, AnswerIsNo) else 0].strip()[:40], False
+    except (NoSolutionError, InputError) as error:
+        return str(error).split(":")[1 if isinstance(error, NoSolutionError) else 0].strip()[:40], False
     return judged(found, truth, matches)
 
 

@@ -18,7 +18,7 @@ from benchmarks.pictured_scenes import LENS, OTHER_LENS, crate, motion, picture_
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import MatchedPoints, NaturalKind
@@ -46,7 +46,7 @@ def pair(camera: UnifiedCamera, grey_noise: float, seed: int) -> tuple[MatchedPo
     )
     try:
         return NaturalKind().match(camera, first, second), goal
-    except AnswerIsNo:
+    except NoSolutionError:
         return None
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         load_robot_poses,
     )
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
-    from omniservo.errors import AnswerIsNo, InputError, OmniservoError, ServoStop
+    from omniservo.errors import InputError, NoSolutionError, OmniservoError, ServoStop
     from omniservo.estimation import (
         KnownPoints,
         MultiViewEstimate,
@@ -60,7 +60,7 @@ _HOME = {
     "preset": "cameras",
     "rectify": "cameras",
     "tangent_view": "cameras",
-    "AnswerIsNo": "errors",
+    "NoSolutionError": "errors",
     "InputError": "errors",
     "OmniservoError": "errors",
     "ServoStop": "errors",
@@ -88,7 +88,6 @@ _HOME = {
 }
 
 __all__ = [
-    "AnswerIsNo",
     "Calibration",
     "CameraPath",
     "Certificate",
@@ -97,6 +96,7 @@ __all__ = [
     "InputError",
     "KnownPoints",
     "MultiViewEstimate",
+    "NoSolutionError",
     "OmniservoError",
     "PathTracker",
     "Plan",
@@ -136,6 +136,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> object:
+    if name == "AnswerIsNo":
+        return import_module("omniservo.errors").AnswerIsNo
     if name not in _HOME:
         raise AttributeError(f"module 'omniservo' has no attribute {name!r}")
     return getattr(import_module(f"omniservo.{_HOME[name]}"), name)

@@ -8,6 +8,8 @@ import reprlib
 from collections.abc import Iterable
 from pathlib import Path
 
+from omniservo.renamed import renamed
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxtuple, _SHORT.maxdict = 4, 6, 6, 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 50
@@ -56,7 +58,7 @@ class NotWritten(InputError):
         self.path, self.reason = path, reason
 
 
-class AnswerIsNo(OmniservoError):
+class NoSolutionError(OmniservoError):
     """Computed, and the answer is no: the job cannot be done, for the reason that the message names."""
 
 
@@ -148,3 +150,6 @@ class InvalidData(ServoStop):
     """What robot, camera or controller gave in mid motion has not the form that it must have."""
 
     reason = "invalid_data"
+
+
+__getattr__ = renamed(__name__, {"AnswerIsNo": "NoSolutionError"})

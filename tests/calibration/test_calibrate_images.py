@@ -12,7 +12,7 @@ from tests.calibration.rendered_boards import facing, render
 from omniservo.calibration import board_from_text, calibrate_images, load_camera
 from omniservo.cameras import preset
 from omniservo.cli.main import main
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.calibration_report import calibration_html
 
 BOARD = "checkerboard:8x5:0.03"
@@ -175,5 +175,5 @@ def test_results_are_not_overwritten(pictures, tmp_path, capsys):
 def test_none_and_too_many_images_are_refused(pictures):
     with pytest.raises(InputError, match="images: 0 given"):
         calibrate_images([], board_from_text(BOARD))
-    with pytest.raises(AnswerIsNo):
+    with pytest.raises(NoSolutionError):
         calibrate_images(pictures[7:], board_from_text(BOARD))

@@ -13,7 +13,7 @@ from tests.robots.urdf_arms import CYLINDER, SIX, fingers, urdf
 from omniservo.calibration import save_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.planning import plan_with_arm
-from omniservo.robots import Arm, handy_mount, handy_posture, handy_table
+from omniservo.robots import Arm, suggested_mount, suggested_posture, suggested_table
 from omniservo.runs import run_task
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
@@ -31,8 +31,8 @@ EXAMPLE, MORE = re.search(
 def file(tmp_path):
     (tmp_path / "my_arm.urdf").write_text(urdf(SIX, visual=CYLINDER, extra=fingers()))
     arm = Arm(tmp_path / "my_arm.urdf")
-    posture = handy_posture(arm)
-    table = handy_table(arm, handy_mount(arm), posture)
+    posture = suggested_posture(arm)
+    table = suggested_table(arm, suggested_mount(arm), posture)
     text = re.sub(r"joints: \[.*?\]", f"joints: {np.rad2deg(posture).round().tolist()}", EXAMPLE)
     places = [(1e3 * row).round().tolist() for row in (table.pose.translation, table.size)]
     stated = "center: {}, half_extents: {}, frame: base".format(*places)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.planning import CameraPath
 from omniservo.runs.own_branch import own_branch
 from omniservo.simulation.scene_of_task import scene_of_task
@@ -51,7 +51,7 @@ def test_a_posture_a_full_turn_away_names_the_joint_and_a_start_that_would_do():
     """The camera turns by 60 deg, and joint 6 with it, which stands 0.8 deg from its end."""
     near = [-91, -166, 50, 26, -90, 359]
     task = standing("ur5e-table", near)
-    with pytest.raises(AnswerIsNo) as no:
+    with pytest.raises(NoSolutionError) as no:
         own_branch(task, scene_of_task(task), turning(60))
     said = str(no.value)
     room = 360 - np.rad2deg(scene_of_task(task).start_joints[5])
@@ -73,5 +73,7 @@ def test_a_posture_a_full_turn_away_names_the_joint_and_a_start_that_would_do():
 def test_a_path_out_of_every_branchs_reach_says_how_many_were_tried(name, words):
     task = load_task(name)
     away = CameraPath([[0.0], [0.0], [0.0], [1.0]], [[0.0, 0.0], [0.0, 0.0], [2.0, 0.0]])
-    with pytest.raises(AnswerIsNo, match=f"^the arm cannot follow the planned path: .* at w = .*; {words}$"):
+    with pytest.raises(
+        NoSolutionError, match=f"^the arm cannot follow the planned path: .* at w = .*; {words}$"
+    ):
         own_branch(task, scene_of_task(task), away)

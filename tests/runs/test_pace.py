@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.pace import JOINT_SHARE, pace
 from omniservo.servoing import ExponentialLaw
@@ -66,9 +66,9 @@ def test_joints_of_a_motion_begin_where_the_arm_stands_and_its_branch_is_among_a
 
 
 def test_a_duration_that_the_arm_cannot_keep_is_refused_with_the_least_it_can(planned):
-    with pytest.raises(AnswerIsNo, match=r"servo.duration: 0.1 s given; the arm's limits need 0\.\d+ s"):
+    with pytest.raises(NoSolutionError, match=r"servo.duration: 0.1 s given; the arm's limits need 0\.\d+ s"):
         motion(planned, duration=0.1)
-    with pytest.raises(AnswerIsNo, match=r"duration: 2 s given; .* and servo.image_speed need [\d.]+ s"):
+    with pytest.raises(NoSolutionError, match=r"duration: 2 s given; .* and servo.image_speed need [\d.]+ s"):
         motion(planned, duration=2.0, image_speed=20.0)
     assert motion(planned, duration=2.0).seconds == pytest.approx(2.0, rel=1e-5)
 

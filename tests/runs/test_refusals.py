@@ -9,7 +9,7 @@ from changed_task import shipped, written
 from PIL import Image
 
 from omniservo.cli.main import main
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.runs import run_task, teach_goal
 from omniservo.tasks import TaughtGoal, load_task
 
@@ -160,7 +160,7 @@ def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):
     document["target"]["dot_radius"] = 6
     document["target"]["boards"] = [{"center": [0, -80, 550], "half_extents": [900, 700, 10]}]
     taught = teach_goal(load_task(written(tmp_path, document)))
-    with pytest.raises(AnswerIsNo, match="cannot be matched"):
+    with pytest.raises(NoSolutionError, match="cannot be matched"):
         run_task(load_task("paper-example-1"), goal=taught)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from changed_task import shipped, written
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.reporting.path_3d import path_3d
 from omniservo.runs import run_task
 from omniservo.tasks import load_task
@@ -65,5 +65,5 @@ def test_a_cloud_is_drawn_as_some_of_its_points_and_has_one_name_in_all_that_is_
 
 def test_a_task_whose_cloud_touches_the_arm_at_the_start_is_refused_by_the_clouds_name(tmp_path):
     path = cloud_task(tmp_path, seen(2000, shift=(60.0, 0.0, 0.0)))
-    with pytest.raises(AnswerIsNo, match="the start pose is not free: camera and obstacle 0 overlap"):
+    with pytest.raises(NoSolutionError, match="the start pose is not free: camera and obstacle 0 overlap"):
         run_task(load_task(path), filmed=False)

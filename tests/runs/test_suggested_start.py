@@ -9,7 +9,7 @@ from tests.robots.urdf_arms import SEVEN, SIX, fingers, urdf
 from tests.runs.test_own_arm import EXAMPLE
 
 from omniservo.planning import plan_with_arm
-from omniservo.robots import Arm, handy_mount, handy_posture, handy_table, load_arm, shipped_arms
+from omniservo.robots import Arm, load_arm, shipped_arms, suggested_mount, suggested_posture, suggested_table
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.simulation.scene_of_task import scene_of_task
@@ -78,8 +78,8 @@ WRITTEN = {
 
 def suggested(folder, arm):
     """The documentation's task with what is suggested for an arm, and the suggested joints."""
-    mount, joints = handy_mount(arm), handy_posture(arm)
-    table = handy_table(arm, mount, joints)
+    mount, joints = suggested_mount(arm), suggested_posture(arm)
+    table = suggested_table(arm, mount, joints)
     text = re.sub(r"model: .*", f"model: {arm.path.name}", EXAMPLE).replace(
         "tool: tool0", f"tool: {arm.tool}"
     )

@@ -9,9 +9,9 @@ from omniservo.tracking import PathTracker, TrackerOptions
 from omniservo.tracking.pose_filter import (
     UNPLANNED_SPEED,
     UNPLANNED_TURN,
-    correct_belief,
-    forget,
-    predict_belief,
+    correct_state,
+    predict_state,
+    reset,
 )
 
 
@@ -40,13 +40,13 @@ BEFORE = RigidTransform.from_components([0.02, 0.1, -0.1], Rotation.from_rotvec(
 AFTER = RigidTransform.from_components([0.05, 0.14, 0.1], Rotation.from_rotvec([-0.2, 0.3, 0.5]))
 
 
-def predicted(pose, spread, seconds=0.0):
-    values, covariance = row(pose), spread.copy()
-    predict_belief(values, covariance, row(BEFORE), row(AFTER), seconds)
-    return pose_of(values), covariance
+def predicted(pose, covariance, seconds=0.0):
+    values, predicted_covariance = row(pose), covariance.copy()
+    predict_state(values, predicted_covariance, row(BEFORE), row(AFTER), seconds)
+    return pose_of(values), predicted_covariance
 
 
-def test_between_images_the_belief_moves_as_the_plan_does():
+def test_between_images_the_estimate_moves_as_the_plan_does():
     pose, _ = predicted(A, np.eye(6))
     np.testing.assert_allclose(pose.as_matrix(), (A * BEFORE.inv() * AFTER).as_matrix(), atol=1e-14)
 
@@ -57,37 +57,37 @@ def test_the_predicted_covariance_is_that_of_the_linearised_motion():
     transition = np.column_stack(
         [gap(centre, predicted(moved(A, step * e), np.eye(6))[0]) / step for e in np.eye(6)]
     )
-    spread = np.cov(np.random.default_rng(0).standard_normal((6, 40)))
-    _, covariance = predicted(A, spread, 0.1)
+    prior = np.cov(np.random.default_rng(0).standard_normal((6, 40)))
+    _, found = predicted(A, prior, 0.1)
     noise = np.repeat([(0.1 * UNPLANNED_SPEED) ** 2, (0.1 * UNPLANNED_TURN) ** 2], 3)
-    np.testing.assert_allclose(covariance, transition @ spread @ transition.T + np.diag(noise), atol=1e-5)
+    np.testing.assert_allclose(found, transition @ prior @ transition.T + np.diag(noise), atol=1e-5)
 
 
-def test_the_update_weighs_belief_and_image_by_their_covariances():
+def test_the_update_weighs_prediction_and_image_by_their_covariances():
     """Against the information form: P⁻¹ = P₀⁻¹ + C⁻¹, step = P C⁻¹ gap."""
     rng = np.random.default_rng(1)
     seen = bent_path()(0.4)
     pixels = Loop(FISHEYE, pose=seen).look() + 0.3 * rng.standard_normal((9, 2))
     fit = refine_pose(FISHEYE, FRONT, pixels, seen)
-    belief = moved(fit.reference_T_camera, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
+    prediction = moved(fit.reference_T_camera, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
     prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
-    values, spread = row(belief), prior.copy()
-    correct_belief(
-        FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit.reference_T_camera), values, spread
+    values, covariance = row(prediction), prior.copy()
+    correct_state(
+        FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit.reference_T_camera), values, covariance
     )
     joined = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(fit.covariance))
-    np.testing.assert_allclose(spread, joined, rtol=1e-6, atol=1e-12)
-    step = joined @ np.linalg.solve(fit.covariance, gap(belief, fit.reference_T_camera))
-    np.testing.assert_allclose(gap(belief, pose_of(values)), step, atol=1e-8)
+    np.testing.assert_allclose(covariance, joined, rtol=1e-6, atol=1e-12)
+    step = joined @ np.linalg.solve(fit.covariance, gap(prediction, fit.reference_T_camera))
+    np.testing.assert_allclose(gap(prediction, pose_of(values)), step, atol=1e-8)
 
 
 def test_the_first_image_alone_decides():
     seen = bent_path()(0.2)
     pixels = Loop(FISHEYE, pose=seen).look()
     fit = refine_pose(FISHEYE, FRONT, pixels, seen).reference_T_camera
-    values, spread = row(moved(seen, np.full(6, 0.01))), np.empty((6, 6))
-    forget(spread)
-    correct_belief(FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit), values, spread)
+    values, covariance = row(moved(seen, np.full(6, 0.01))), np.empty((6, 6))
+    reset(covariance)
+    correct_state(FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit), values, covariance)
     np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=1e-7)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from omniservo.calibration.adjustment import Calibration, calibrate_camera
 from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_board
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
 from omniservo.image_files import image_size, read_grey_image
 
@@ -74,7 +74,7 @@ def calibrate_images(
 
     Raises:
         InputError: a file that is no image, images of different sizes, none or too many.
-        AnswerIsNo: the board is in none of the images.
+        NoSolutionError: the board is in none of the images.
     """
     paths = tuple(Path(image) for image in images)
     if not 1 <= len(paths) <= MOST_IMAGES:
@@ -132,7 +132,9 @@ def _calibrated(
     found = [view for view in views if view.found]
     if not found:
         reason, count = Counter(view.reason for view in views).most_common(1)[0]
-        raise AnswerIsNo(f"the board is in none of the {len(views)} images; in {count} of them: {reason}")
+        raise NoSolutionError(
+            f"the board is in none of the {len(views)} images; in {count} of them: {reason}"
+        )
     progress(f"calibrating from {len(found)} views")
     return calibrate_camera(
         [np.asarray(view.pixels) for view in found],

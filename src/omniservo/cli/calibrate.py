@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 
 if TYPE_CHECKING:
     from omniservo.calibration import ImageCalibration
@@ -34,7 +34,7 @@ def calibrate(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Calibrate a camera from pictures of a board."""
+    """Calibrate a camera from images of a board."""
     from omniservo.calibration import board_from_text, calibrate_images, save_camera
     from omniservo.files import writable
     from omniservo.reporting import write_calibration_report
@@ -50,7 +50,7 @@ def calibrate(
         write_calibration_report(result, report, force=force)
         output.written(report)
     if result.camera is None:
-        raise AnswerIsNo(result.calibration.message)
+        raise NoSolutionError(result.calibration.message)
     if out is not None:
         save_camera(result.camera, out, force=force)
         output.written(out)

@@ -47,7 +47,7 @@ def show(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Print a camera: its parameters, its domain, and how well the unified model stands for it."""
+    """Print a camera: its parameters, its domain, and how well the unified model fits it."""
     from omniservo.cameras.conversion import to_unified
     from omniservo.reporting.camera_field import past_right_angle
 
@@ -76,7 +76,7 @@ def show(
 
 
 def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> dict[str, Any]:
-    """Say how the unified model stands for a camera, and what planning then keeps to."""
+    """Say how the unified model fits a camera, and what planning then keeps to."""
     from omniservo.cameras.polygon_shortfall import polygon_shortfall
 
     for warning in conversion.warnings:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -23,7 +23,7 @@ _POSES = "The robot's poses base_T_tool (YAML, JSON, CSV), or ViSP's files with 
 
 
 def calibrate_hand_eye(
-    images: Annotated[list[Path], typer.Argument(help="One picture at each pose of the robot.")],
+    images: Annotated[list[Path], typer.Argument(help="One image at each pose of the robot.")],
     poses: Annotated[str, typer.Option("--poses", help=_POSES)],
     camera: Annotated[str, typer.Option("--camera", help="The camera's calibration, or a preset.")],
     camera_name: CameraNameOption = None,
@@ -37,7 +37,7 @@ def calibrate_hand_eye(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Find where the camera sits in the hand, from pictures of a board that stands still."""
+    """Eye-in-hand calibration: the camera's pose on the tool, from images of a fixed board."""
     from omniservo.calibration import board_from_text, named_camera
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
     from omniservo.files import writable
@@ -61,7 +61,7 @@ def calibrate_hand_eye(
         output.written(report)
     result = found.result
     if result.tool_T_camera is None:
-        raise AnswerIsNo(f"hand-eye calibration: {result.status}: {result.message}")
+        raise NoSolutionError(f"hand-eye calibration: {result.status}: {result.message}")
     if out is not None:
         result.save(out, force=force)
         output.written(out)

@@ -11,7 +11,7 @@ import omniservo
 from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify, warm_up
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
-from omniservo.errors import AlreadyExists, AnswerIsNo, InputError
+from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 
 app = typer.Typer(
     name="omniservo",
@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> None:
         _end(WRONG_INPUT, f"{error.path}: exists; --force replaces it")
     except InputError as error:
         _end(WRONG_INPUT, str(error))
-    except AnswerIsNo as answer:
+    except NoSolutionError as answer:
         _end(ANSWER_IS_NO, str(answer))
     except OSError as error:  # such as a full disk behind standard output
         _end(WRONG_INPUT, ": ".join(str(w) for w in (error.filename, error.strerror or error) if w))

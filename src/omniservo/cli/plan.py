@@ -31,7 +31,7 @@ EstimateOption = Annotated[
 ]
 ObstaclesOption = Annotated[
     Path | None,
-    typer.Option("--obstacles", help="With an estimate, in PROBLEM's place: what stands in the way."),
+    typer.Option("--obstacles", help="With an estimate, in PROBLEM's place: obstacles and margins."),
 ]
 ClearanceOption = Annotated[
     float | None,
@@ -39,7 +39,7 @@ ClearanceOption = Annotated[
 ]
 RiskOption = Annotated[
     float | None,
-    typer.Option("--risk", help="With an estimate: probability of violating a demand (0.01)."),
+    typer.Option("--risk", help="With an estimate: chance that a constraint is violated (0.01)."),
 ]
 BudgetOption = Annotated[
     float | None,
@@ -58,7 +58,7 @@ def plan(
     method: Annotated[Literal["certified", "paper"], typer.Option("--method")] = "certified",
     quality: Annotated[
         Literal["effort", "margin"],
-        typer.Option("--quality", help="Least bending energy, or largest smallest margin."),
+        typer.Option("--quality", help="Least bending energy, or the largest minimum margin."),
     ] = "effort",
     time_budget: BudgetOption = None,
     estimate: EstimateOption = None,

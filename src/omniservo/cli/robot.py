@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from omniservo.geometry.arrays import FloatArray
     from omniservo.robots import Arm, Link, Solid
 
-app = typer.Typer(help="Show robot arms, and find the camera in their hand.", no_args_is_help=True)
+app = typer.Typer(help="Show robot arms; calibrate a camera on one (eye-in-hand).", no_args_is_help=True)
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
 app.command("measure-tube")(measure_tube)
 app.command("expand")(expand)
@@ -39,8 +39,8 @@ def show(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Print an arm: joints, reach, links, posture and mount to begin with, what of the file was left out."""
-    from omniservo.robots import handy_mount, handy_posture, handy_table, load_arm
+    """Print an arm: joints, reach, links, suggested start configuration and mount, what was left out."""
+    from omniservo.robots import load_arm, suggested_mount, suggested_posture, suggested_table
 
     output = Output(as_json, quiet)
     arm = load_arm(robot, tool=tool, packages=packages_of(package))
@@ -54,11 +54,11 @@ def show(
         output.line(_spelled_joint(joint, wide))
     for link in arm.links:
         output.line(f"{'link':<14} {_spelled_link(link, wide)}")
-    posture = handy_posture(arm)
+    posture = suggested_posture(arm)
     output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
-    mount = handy_mount(arm)
+    mount = suggested_mount(arm)
     output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the hand")
-    table = handy_table(arm, mount, posture)
+    table = suggested_table(arm, mount, posture)
     if table is not None:
         output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")
     for notice in arm.notices:

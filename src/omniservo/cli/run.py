@@ -18,7 +18,7 @@ from omniservo.cli.output import (
     answer_is_no,
 )
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
-from omniservo.errors import AlreadyExists, AnswerIsNo
+from omniservo.errors import AlreadyExists, NoSolutionError
 from omniservo.files import exists, require_file, unused, whole_folder, write_whole
 from omniservo.shipped_tasks import task_file
 
@@ -77,7 +77,7 @@ def run(
                 )
         except NoPath as refused:
             progress("drawing why", 0.9)
-            raise AnswerIsNo(f"{refused}{_drawn(refused, out)}") from None
+            raise NoSolutionError(f"{refused}{_drawn(refused, out)}") from None
     _say(output, folder, found)
 
 

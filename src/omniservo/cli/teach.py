@@ -28,7 +28,7 @@ def teach(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Bring the arm to the goal, take a picture, save it with its features and the arm's joints."""
+    """Move the arm to the goal, take an image, save it with its features and the arm's joints."""
     output = Output(as_json, quiet)
     writable(out, force=force)
     task_file(task)

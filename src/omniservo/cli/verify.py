@@ -24,7 +24,7 @@ def verify(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Check a saved plan in exact arithmetic, believing nothing that the planner says."""
+    """Check a saved plan independently of the planner, in exact arithmetic."""
     from omniservo.errors import InputError
     from omniservo.verification import PlanFileError, verify_plan
 

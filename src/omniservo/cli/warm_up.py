@@ -7,7 +7,7 @@ from omniservo.cli.output import JsonOption, Output, QuietOption
 
 
 def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
-    """Compile what is compiled, once: the first run, plan or estimate need not do it then."""
+    """Compile all kernels now; the first run, plan or estimate then need not."""
     output, record = Output(as_json, quiet), CompiledRecord()
     if record.is_complete():
         output.line("everything is compiled already")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_tracker import DotTracker
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
@@ -30,16 +30,18 @@ class DotKind:
 
         Raises:
             InputError: a picture with fewer than eight dots.
-            AnswerIsNo: the match is ambiguous, or fewer than eight dots can be matched.
+            NoSolutionError: the match is ambiguous, or fewer than eight dots can be matched.
         """
         initial_dots, goal_dots = find_dots(initial, camera), find_dots(goal, camera)
         require_features(len(initial_dots), self.name, "the initial image", hint=_OTHERS)
         require_features(len(goal_dots), self.name, "the goal image", hint=_OTHERS)
         match = match_dots(camera, initial_dots, goal_dots)
         if match.status != "ok":
-            raise AnswerIsNo(f"the dots of the two images cannot be matched: {match.status}: {match.reason}")
+            raise NoSolutionError(
+                f"the dots of the two images cannot be matched: {match.status}: {match.reason}"
+            )
         if len(match.pairs) < LEAST_FEATURES:
-            raise AnswerIsNo(f"{len(match.pairs)} dots matched; at least {LEAST_FEATURES} are needed")
+            raise NoSolutionError(f"{len(match.pairs)} dots matched; at least {LEAST_FEATURES} are needed")
         pairs = match.pairs[np.argsort(match.pairs[:, 0])]
         return MatchedPoints(initial_dots.pixels[pairs[:, 0]], goal_dots.pixels[pairs[:, 1]])
 

@@ -91,7 +91,7 @@ class FeatureKind(Protocol):
 
         Raises:
             InputError: a picture with fewer than ``least``.
-            AnswerIsNo: they cannot be matched, or too few can.
+            NoSolutionError: they cannot be matched, or too few can.
         """
         ...
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
 from omniservo.perception.find_features import find_features
@@ -28,14 +28,14 @@ class NaturalKind:
 
         Raises:
             InputError: a picture with fewer than eight features.
-            AnswerIsNo: the match is ambiguous, or fewer than eight features can be matched.
+            NoSolutionError: the match is ambiguous, or fewer than eight features can be matched.
         """
         match = match_images(camera, initial, goal)
         if match.status != "ok":
             for image, where in ((initial, "the initial image"), (goal, "the goal image")):
                 require_features(len(self.find(camera, image)), self.name, where)
             words = f"{match.status}: {match.reason}"
-            raise AnswerIsNo(f"the natural features of the two images cannot be matched: {words}")
+            raise NoSolutionError(f"the natural features of the two images cannot be matched: {words}")
         variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
         noise = np.sqrt(np.stack(variances, axis=1))
         return MatchedPoints(match.initial.pixels, match.goal.pixels, noise, window=match.window)

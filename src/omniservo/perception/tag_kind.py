@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
 from omniservo.perception.find_tags import find_tags
@@ -37,14 +37,14 @@ class TagKind:
 
         Raises:
             InputError: a picture with fewer corners than ``least``.
-            AnswerIsNo: both pictures share fewer.
+            NoSolutionError: both pictures share fewer.
         """
         first, second = self._points(camera, initial), self._points(camera, goal)
         require_features(len(first), self.name, "the initial image", self.least)
         require_features(len(second), self.name, "the goal image", self.least)
         ids, rows, others = np.intersect1d(_ids(first), _ids(second), return_indices=True)
         if len(ids) < self.least:
-            raise AnswerIsNo(f"{len(ids)} tag corners in both images; at least {self.least} are needed")
+            raise NoSolutionError(f"{len(ids)} tag corners in both images; at least {self.least} are needed")
         noise = np.column_stack((_sigma(first)[rows], _sigma(second)[others]))
         return MatchedPoints(first.pixels[rows], second.pixels[others], noise, ids)
 

@@ -32,7 +32,7 @@ def hand_eye_html(found: ImageHandEye) -> str:
     good = known and not result.board_size_disputed
     words = f"{len(result.used)} of {len(found.images)} images used" if known else result.message
     body = [
-        banner("Hand-eye calibration", f"{len(found.images)} robot poses, one picture each"),
+        banner("Hand-eye calibration", f"{len(found.images)} robot poses, one image each"),
         judged(good, tag("strong", _verdict(result)), tag("p", words)),
     ]
     if known:

@@ -132,7 +132,7 @@ def _strayed(result: RunResult, executed: str, proven: float | None, unit: str) 
     if proven is None or not isinstance(measured, int | float) or not reads_less(measured, proven, unit):
         return ""
     by = f" by up to {spell(float(strayed), 'm')}" if isinstance(strayed, int | float) else ""
-    return f"Less than certified: the proof is of the path, from which the arm strayed{by}. "
+    return f"Less than certified: the proof is of the path, from which the arm deviated{by}. "
 
 
 def _tracking(result: RunResult) -> str:
@@ -140,7 +140,7 @@ def _tracking(result: RunResult) -> str:
     kept = result.task.planning.tracking_margin
     if kept <= 0.0 or result.plan is None:
         return ""
-    return f"The path keeps {spell(kept, 'm')} more than asked, for straying."
+    return f"The path keeps {spell(kept, 'm')} more than asked, for tracking errors."
 
 
 def side_by_side(results: Sequence[RunResult]) -> Markup:
@@ -217,7 +217,7 @@ def certificate(result: RunResult) -> Markup | None:
 
 
 def risk(result: RunResult) -> Markup | None:
-    """Return what uncertainty takes of every demand; None where the task states no risk."""
+    """Return what uncertainty takes of every constraint's margin; None where the task states no risk."""
     if result.risk is None:
         return None
     rows: list[list[Cell]] = [
@@ -233,10 +233,10 @@ def risk(result: RunResult) -> Markup | None:
     lead = tag(
         "p",
         f"{100 * result.risk.predicted:.2g}% of {result.risk.samples} samples of what the estimate may truly "
-        f"be violate a demand (95% upper bound {100 * result.risk.predicted_bound:.2g}%, asked "
+        f"be violate a constraint (95% upper bound {100 * result.risk.predicted_bound:.2g}%, asked "
         f"{100 * result.risk.risk:g}%). Margins are what is left beyond what the problem asks for.",
     )
-    columns = ["demand", "planned", "left at that risk", "asked in addition", "taken by"]
+    columns = ["constraint", "planned", "left at that risk", "asked in addition", "taken by"]
     return joined([lead, table(columns, rows), tag("p", result.risk.advice, class_="quiet")])
 
 
@@ -248,7 +248,7 @@ def timings(result: RunResult) -> Markup:
         "planning": "planning, certificate included",
         **{f"{stage}_code": "… of it loading or compiling code" for stage in STAGES},
         "control": "one control step, median",
-        "whole": "the whole job, simulation and pictures included",
+        "whole": "the whole job, simulation and figures included",
     }
     rows = [[names.get(stage, stage), spell(value, "s")] for stage, value in result.seconds.items()]
     return table(["stage", "wall time"], rows)
@@ -273,7 +273,7 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
 def animation(data: bytes, result: RunResult) -> Markup:
     """Return the animation as a figure."""
     words = (
-        "Left: the camera in the hand, with the ways of the points (orange) and rings where the goal image "
+        "Left: the camera in the hand, with the feature trajectories (orange) and rings where the goal image "
         "has them (blue). Right: the arm from outside. In the run's own time."
     )
     return tag(

@@ -1,4 +1,4 @@
-"""The points' ways on the virtual plane and in the image (figures 3b, 3c and 6b, 6c)."""
+"""The features' trajectories on the virtual plane and in the image (figures 3b, 3c and 6b, 6c)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from omniservo.simulation.run_result import RunResult
 
 
 def plane_trajectories(result: RunResult) -> Drawing:
-    """Draw the points' ways on the virtual plane Z = 1."""
+    """Draw the features' trajectories on the virtual plane Z = 1."""
     figure = new_figure(5.8, 4.6)
     axes = figure.subplots()
     planned, executed = planned_curve(result), executed_curve(result)
@@ -38,7 +38,7 @@ def plane_trajectories(result: RunResult) -> Drawing:
     legend_below(figure, axes, 4)
     return Drawing(
         "virtual-plane",
-        "Ways of the points on the virtual plane",
+        "Feature trajectories on the virtual plane",
         "Red circles: where the points start; blue stars: where the goal image has them. "
         + _left_out(executed),
         figure,
@@ -46,7 +46,7 @@ def plane_trajectories(result: RunResult) -> Drawing:
 
 
 def image_trajectories(result: RunResult) -> Drawing:
-    """Draw the points' ways in the image, over its border, the lens's circle and the dead zone."""
+    """Draw the features' trajectories in the image, over its border, the lens's circle and the dead zone."""
     camera = result.task.camera
     figure = new_figure(5.8, 0.9 + 5.2 * camera.height / camera.width)
     axes = figure.subplots()
@@ -63,9 +63,9 @@ def image_trajectories(result: RunResult) -> Drawing:
     legend_below(figure, axes, 4)
     return Drawing(
         "image",
-        "Ways of the points in the image",
-        "Red circles: where the points start; blue stars: where the goal image has them. No way may touch "
-        "the tinted ground: outside the image, beyond the lens's circle, or in a dead zone.",
+        "Feature trajectories in the image",
+        "Red circles: where the points start; blue stars: where the goal image has them. No trajectory may "
+        "touch the tinted area: outside the image, beyond the lens's circle, or in a dead zone.",
         figure,
     )
 

@@ -36,7 +36,7 @@ def views(result: RunResult) -> Drawing:
         "views",
         "What the camera in the hand saw",
         "Below each image its points, enlarged; equal numbers are the same point, a number without room is "
-        "left out. They were found in each picture and matched between the first two. The final image should "
+        "left out. They were found in each image and matched between the first two. The final image should "
         "look like the goal image.",
         figure,
         is_picture=True,

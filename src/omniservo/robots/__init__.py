@@ -1,5 +1,6 @@
 """The arm (kinematics, limits) and the protocol that every robot, real or simulated, implements."""
 
+from omniservo.renamed import renamed
 from omniservo.robots.arm import Arm
 from omniservo.robots.arm_bodies import ArmBodies
 from omniservo.robots.arm_clearance import (
@@ -12,9 +13,6 @@ from omniservo.robots.arm_clearance import (
 from omniservo.robots.arm_files import SHOWN_GROUP
 from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.follow_path import FollowedPath, follow_path
-from omniservo.robots.handy_mount import handy_mount
-from omniservo.robots.handy_posture import handy_posture
-from omniservo.robots.handy_table import handy_table
 from omniservo.robots.joint_path import JointPath, PathFailure
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.link_gaps import FARTHEST, link_gaps
@@ -23,6 +21,9 @@ from omniservo.robots.own_sight import OwnSight, own_sight
 from omniservo.robots.robot import CameraImage, Robot, RobotState
 from omniservo.robots.solid import Solid
 from omniservo.robots.strayed import strayed
+from omniservo.robots.suggested_mount import suggested_mount
+from omniservo.robots.suggested_posture import suggested_posture
+from omniservo.robots.suggested_table import suggested_table
 from omniservo.robots.tracking_tube import TrackingTube, Tube, shipped_tube
 
 __all__ = [
@@ -48,9 +49,6 @@ __all__ = [
     "Tube",
     "arm_clearance",
     "follow_path",
-    "handy_mount",
-    "handy_posture",
-    "handy_table",
     "link_gaps",
     "load_arm",
     "own_sight",
@@ -58,4 +56,16 @@ __all__ = [
     "shipped_tube",
     "spelled_gap",
     "strayed",
+    "suggested_mount",
+    "suggested_posture",
+    "suggested_table",
 ]
+
+__getattr__ = renamed(
+    __name__,
+    {
+        "handy_mount": "suggested_mount",
+        "handy_posture": "suggested_posture",
+        "handy_table": "suggested_table",
+    },
+)

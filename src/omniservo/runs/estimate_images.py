@@ -60,7 +60,7 @@ def estimate_images(
 
     Raises:
         InputError: a file that is not what it should be, or too few features.
-        AnswerIsNo: the features cannot be matched.
+        NoSolutionError: the features cannot be matched.
     """
     model = named_camera(camera) if isinstance(camera, str) else camera
     known = None if target is None else Target.load(target)
@@ -94,7 +94,7 @@ def estimate_simulated(
     """Return what a task's own two pictures say, taken in the simulator; ``camera`` as `load_task` has it.
 
     Raises:
-        InputError, AnswerIsNo: as `run_task`.
+        InputError, NoSolutionError: as `run_task`.
     """
     loaded = task if isinstance(task, Task) else load_task(task, camera=camera)
     require_in_view(loaded, RigidTransform.identity(), "the initial image")

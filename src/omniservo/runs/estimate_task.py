@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import MatchedPoints
@@ -32,7 +32,7 @@ def estimate_task(
 
     Raises:
         InputError: the scale names dots that are not there, or needs joints that the goal does not hold.
-        AnswerIsNo: the pictures do not determine the motion.
+        NoSolutionError: the pictures do not determine the motion.
     """
     if task.scale.tags:
         return _with_pose(estimate_on_target(task.camera, seen.matched, task.target.known))
@@ -64,14 +64,14 @@ def estimate_on_target(
 
     Raises:
         InputError: no target, or none with tags of the dictionary.
-        AnswerIsNo: a tag that the target does not have.
+        NoSolutionError: a tag that the target does not have.
     """
     if target is None or matched.ids is None:
         raise InputError("target: tags of known size and place are needed")
     points, known = target.corners_of(matched.ids, dictionary)
     if not known.all():
         stranger = int(matched.ids[int(np.argmin(known))]) // 4
-        raise AnswerIsNo(f"tag {stranger} is in both images, but the target has no such tag")
+        raise NoSolutionError(f"tag {stranger} is in both images, but the target has no such tag")
     return estimate_known_target(
         camera, points, matched.initial, matched.goal, noise=matched.noise, squares=matched.squares
     )
@@ -79,7 +79,9 @@ def estimate_on_target(
 
 def _with_pose(estimate: TwoViewEstimate) -> TwoViewEstimate:
     if estimate.status != "ok":
-        raise AnswerIsNo(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
+        raise NoSolutionError(
+            f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}"
+        )
     return estimate
 
 

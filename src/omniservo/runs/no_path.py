@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import ArmPlan, ArmSetting, Plan
 from omniservo.simulation.scene import Scene
 
 
-class NoPath(AnswerIsNo):
+class NoPath(NoSolutionError):
     """There is no path to follow."""
 
     def __init__(self, plan: Plan, scene: Scene, setting: ArmSetting, found: ArmPlan | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath
 from omniservo.robots import FollowedPath, JointPath, follow_path
@@ -16,15 +16,15 @@ def own_branch(task: Task, scene: Scene, path: CameraPath, aim: FloatArray | Non
     """Return the branch that goes on from the scene's start joints, with their full turns, led to an aim.
 
     Raises:
-        AnswerIsNo: the arm cannot follow on it; the message says which joint, at which w, by how much, and
-            whether the arm could from another posture.
+        NoSolutionError: the arm cannot follow on it; the message says which joint, at which w, by how much,
+            and whether the arm could from another posture.
     """
     frames = task.base_T_initial, scene.flange_T_camera
     branch = follow_path(scene.arm, path, *frames, start=scene.start_joints, aim=aim).best
     if branch.feasible:
         return branch
     others = every_branch(task, scene, path)
-    raise AnswerIsNo(f"the arm cannot follow the planned path: {branch.failures[0]}; {_advice(others)}")
+    raise NoSolutionError(f"the arm cannot follow the planned path: {branch.failures[0]}; {_advice(others)}")
 
 
 def every_branch(task: Task, scene: Scene, path: CameraPath) -> FollowedPath:

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath, Plan
 from omniservo.robots import Arm, JointPath
@@ -39,7 +39,7 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
     The rest-to-rest law gets the shortest legal duration, at least `LEAST_DURATION`, unless one is stated.
 
     Raises:
-        AnswerIsNo: the arm cannot follow the path from where it stands, or not in the duration stated.
+        NoSolutionError: the arm cannot follow the path from where it stands, or not in the duration stated.
     """
     if plan.path is None:
         return None
@@ -104,5 +104,7 @@ def _law(task: Task, limits: PathLimits, arms_own: PathLimits) -> TimeLaw:
     least = RestToRestLaw.for_limits(arms_own, least_duration=1e-3).duration
     if servo.duration < least:
         bound = "the arm's limits" if servo.image_speed is None else "the arm's limits and servo.image_speed"
-        raise AnswerIsNo(f"servo.duration: {servo.duration:g} s given; {bound} need {least:.3g} s at least")
+        raise NoSolutionError(
+            f"servo.duration: {servo.duration:g} s given; {bound} need {least:.3g} s at least"
+        )
     return RestToRestLaw(servo.duration)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import AnswerIsNo
+from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning import (
@@ -65,11 +65,11 @@ def plan_task(
     certificate says of it; it knows neither risk nor arm.
 
     Raises:
-        AnswerIsNo: there is no path to follow.
+        NoSolutionError: there is no path to follow.
     """
     pose = estimate.initial_T_goal
     if pose is None:
-        raise AnswerIsNo(f"no goal pose to plan to: {estimate.status}")
+        raise NoSolutionError(f"no goal pose to plan to: {estimate.status}")
     problem, risk = problem_of(task, pose, estimate.points[followed]), None
     setting, found = arm_setting_of(task, scene), None
     if method == "paper":

@@ -44,7 +44,7 @@ def run_into(
         progress: told what is being done, and the share of the whole job that is behind.
 
     Raises:
-        InputError, AnswerIsNo: as `run_task`.
+        InputError, NoSolutionError: as `run_task`.
     """
     methods = METHODS if method == "compare" else (method,)
     job = JobProgress(progress, methods, filmed=filmed)

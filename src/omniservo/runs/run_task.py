@@ -76,7 +76,7 @@ def run_task(
 
     Raises:
         InputError: the task or the goal cannot be worked on: too few features, another camera, out of reach.
-        AnswerIsNo: no match, no motion estimate, no path that the arm can follow.
+        NoSolutionError: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
     goal = _goal(task, goal, seed, progress)

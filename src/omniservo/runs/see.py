@@ -13,6 +13,6 @@ def see(kind: FeatureKind, camera: UnifiedCamera, initial: ByteArray, goal: Byte
 
     Raises:
         InputError: a picture with too few features.
-        AnswerIsNo: they cannot be matched, or too few can.
+        NoSolutionError: they cannot be matched, or too few can.
     """
     return Seen(initial, goal, kind.match(camera, initial, goal))

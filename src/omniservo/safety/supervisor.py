@@ -32,7 +32,7 @@ from omniservo.safety.safety_options import SafetyOptions
 from omniservo.safety.stoppable import Stoppable
 
 TICK = 5e-3
-"""The moving robot is looked at, and its velocity led on towards the command, so often [s]."""
+"""The moving robot is checked, and its velocity ramped towards the command, so often [s]."""
 
 _ROUNDING = 1e-9
 """[s] of clocks"""

@@ -7,7 +7,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from omniservo.errors import AnswerIsNo, InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.path_limits import PathLimits
 
@@ -40,7 +40,7 @@ class TimeOptimalLaw:
 
         Raises:
             InputError: nothing moves, or as `PathLimits` says.
-            AnswerIsNo: the library finds no law; its numbers failed.
+            NoSolutionError: the library finds no law; its numbers failed.
         """
         for steps in _STEPS:
             w = np.linspace(0.0, 1.0, steps + 1)
@@ -103,7 +103,9 @@ def _fastest(limits: PathLimits, w: FloatArray) -> FloatArray:
         raise InputError("limits.joints: nothing moves, so no time is least")
     speeds = reachable_speeds(limits, w)
     if speeds is None or (speeds[:-1] + speeds[1:]).min() <= 0.0:
-        raise AnswerIsNo("no time-optimal law found: joint speeds or accelerations out of all proportion")
+        raise NoSolutionError(
+            "no time-optimal law found: joint speeds or accelerations out of all proportion"
+        )
     return speeds
 
 

@@ -15,11 +15,11 @@ from omniservo.planning import CameraPath, Plan
 from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
+from omniservo.tracking.goal_blend import GoalBlend
 from omniservo.tracking.goal_image import GoalImage
-from omniservo.tracking.lead_over import LeadOver
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_state import path_state
-from omniservo.tracking.pose_filter import forget, predict_belief
+from omniservo.tracking.pose_filter import predict_state, reset
 from omniservo.tracking.stop_criterion import StopCriterion
 from omniservo.tracking.structure_refinement import StructureRefinement
 from omniservo.tracking.tracker_options import TrackerOptions
@@ -38,8 +38,8 @@ PLACES_CHECKED = 201
 class PathTracker:
     """Turns images into camera twists that follow a plan and end on the goal image.
 
-    The reference is s*(w) = s_p(w) + β(w) (s_goal − s_p(1)): the planned points' features of (43), led over
-    to those of the goal image by a smooth β that is 0 up to w = 1/2 and 1 at w = 1 (`LeadOver`). So the twist
+    The reference is s*(w) = s_p(w) + β(w) (s_goal − s_p(1)): the planned points' features of (43), blended
+    into those of the goal image by a smooth β, 0 up to w = 1/2 and 1 at w = 1 (`GoalBlend`). So the twist
     has no jump between path and goal, and the end is the goal image even where the estimated points disagree.
     Distances are those of the filtered pose (44): the pose that explains the current image, joined with the
     poses before it. A point that this image's pose does not explain is not used; see TrackerOptions.gate_px.
@@ -91,9 +91,9 @@ class PathTracker:
         self._legs = [Leg(plan.path, time_law or RestToRestLaw(DEFAULT_DURATION))]
         self._refuse_points_behind(plan.path)
         self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
-        self._lead_over = LeadOver(self._goal.offsets)
+        self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options)
-        self._belief, self._spread = np.empty(7), np.empty((6, 6))
+        self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = self._refinement(initial_pixels, goal_pixels)
         self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
@@ -126,7 +126,7 @@ class PathTracker:
     def take_up(self, leg: Leg) -> None:
         """Follow another way from ``leg.time`` on; the reference's pose and twist have no jump there.
 
-        A goal that has changed is led over to from there, as `LeadOver` says.
+        A goal that has changed is blended in from there, as `GoalBlend` says.
 
         Raises:
             InputError: the leg begins elsewhere than the way before is left, or with another twist, or in the
@@ -165,19 +165,19 @@ class PathTracker:
                 in a valid row.
         """
         seen, used = self._checked_image(time, pixels, valid)
-        status, twist, reference, pose, belief, spread, evidence = self._run_kernel(time, seen, used)
+        status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(time, seen, used)
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
-        self._belief, self._spread = belief, spread
+        self._estimated_pose, self._pose_covariance = estimated, covariance
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
         w, w_dot = self._leg(time).w(time)
         self.report = TrackerReport(
-            time, w, w_dot, phase, used, reference, error, goal_error, pose, belief, spread, rms,
+            time, w, w_dot, phase, used, reference, error, goal_error, pose, estimated, covariance, rms,
             conditioning, factor < 1.0,
         )  # fmt: skip
         if self._structure is not None:
-            self._adopt(self._structure.look(seen, used, belief))
+            self._adopt(self._structure.look(seen, used, estimated))
         return twist
 
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
@@ -189,7 +189,7 @@ class PathTracker:
         plan_then = self._planned(time)[2]
         plan_seen, pose = plan_then, plan_then
         if self.report is not None:
-            plan_seen, pose = self._planned(self.report.time)[2], self._belief
+            plan_seen, pose = self._planned(self.report.time)[2], self._estimated_pose
         pixels = np.empty((len(self._points), 2))
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
@@ -217,40 +217,42 @@ class PathTracker:
         self._head_for(goal, w)
 
     def _head_for(self, goal: GoalImage, w: float) -> None:
-        """End on another goal image, or on the same seen from another path's end, led over to from w on."""
+        """End on another goal image, or on the same seen from another path's end, blended in from w on."""
         self._goal = goal
-        self._lead_over.change_to(goal.offsets, w)
+        self._goal_blend.change_to(goal.offsets, w)
         self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
         self, time: float, seen: FloatArray, used: BoolArray
     ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return status, twist, reference pixels (n, 2), pose, belief, spread, evidence; ``used`` changes.
+        """Return status, twist, reference pixels (n, 2), poses, covariance, evidence; ``used`` changes.
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
         w, _, plan_seen, _ = self._planned(time)
         w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
-        now, growth = self._lead_over.at(w_now)
-        offsets = np.stack([self._lead_over.at(w)[0], now])
-        belief, spread = self._believed(time, plan_seen)
+        now, growth = self._goal_blend.at(w_now)
+        offsets = np.stack([self._goal_blend.at(w)[0], now])
+        estimated_pose, covariance = self._predicted(time, plan_seen)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
             self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
             self._goal.pixels.copy(), offsets, w_dot_now * growth, plan_seen, plan_now, plan_twist, pose,
-            belief, spread, twist, reference, evidence,
+            estimated_pose, covariance, twist, reference, evidence,
         )  # fmt: skip
-        return status, twist, reference, pose, belief, spread, evidence
+        return status, twist, reference, pose, estimated_pose, covariance, evidence
 
-    def _believed(self, time: float, plan_seen: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the pose filter's belief for ``time`` [s]: pose (7,) and covariance (6, 6)."""
-        belief, spread = plan_seen.copy(), np.empty((6, 6))
+    def _predicted(self, time: float, plan_seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the pose filter's estimate for ``time`` [s]: pose (7,) and covariance (6, 6)."""
+        estimated_pose, covariance = plan_seen.copy(), np.empty((6, 6))
         if self.report is None:
-            forget(spread)
-            return belief, spread
-        belief, spread = self._belief.copy(), self._spread.copy()
-        predict_belief(belief, spread, self._planned(self.report.time)[2], plan_seen, time - self.report.time)
-        return belief, spread
+            reset(covariance)
+            return estimated_pose, covariance
+        estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
+        predict_state(
+            estimated_pose, covariance, self._planned(self.report.time)[2], plan_seen, time - self.report.time
+        )
+        return estimated_pose, covariance
 
     def _leg(self, time: float) -> Leg:
         """Return the leg that is followed at ``time`` [s]."""

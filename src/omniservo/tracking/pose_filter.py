@@ -1,8 +1,8 @@
 """The camera's pose over time: what the images say of it, joined with the planned motion between them.
 
-An extended Kalman filter on the pose. Its belief is a pose (7,) with the covariance (6, 6) of (translation in
-the reference frame, rotation vector on the right), as everywhere. Between two images the camera is carried
-along the planned motion; what the control law adds to that motion is the process noise.
+An extended Kalman filter on the pose. Its state estimate is a pose (7,) with the covariance (6, 6) of
+(translation in the reference frame, rotation vector on the right), as everywhere. Between two images the
+camera is carried along the planned motion; what the control law adds to that motion is the process noise.
 """
 
 import math
@@ -22,23 +22,23 @@ UNPLANNED_TURN = 0.02
 """likewise of the angular velocity [rad/s]"""
 
 UNKNOWN = 1e3
-"""Variance of the first belief [m²], [rad²]: the first image alone decides."""
+"""Variance of the first estimate [m²], [rad²]: the first image alone decides."""
 
 LEAST_PIXEL_VARIANCE = 0.02**2
 """No pixel is known better [px²]: a few residuals that happen to vanish do not make a pose certain."""
 
 
 @leaf
-def forget(spread: FloatArray) -> None:
+def reset(covariance: FloatArray) -> None:
     """Make the covariance (6, 6) that of a pose of which nothing is known."""
     for i in range(6):
         for k in range(6):
-            spread[i, k] = UNKNOWN if i == k else 0.0
+            covariance[i, k] = UNKNOWN if i == k else 0.0
 
 
 @kernel
-def predict_belief(
-    pose: FloatArray, spread: FloatArray, plan_before: FloatArray, plan_after: FloatArray, seconds: float
+def predict_state(
+    pose: FloatArray, covariance: FloatArray, plan_before: FloatArray, plan_after: FloatArray, seconds: float
 ) -> None:
     """Carry pose (7,) and covariance (6, 6) along the planned motion Δ = plan_before⁻¹ plan_after, in place.
 
@@ -65,21 +65,21 @@ def predict_belief(
             pose[4 + i] += r[i, k] * d[k]
             transition[3 + i, 3 + k] = turn[k, i]
     _compose(pose, plan_before, plan_after)
-    _congruence(transition, spread)
+    _congruence(transition, covariance)
     for i in range(3):
-        spread[i, i] += (UNPLANNED_SPEED * seconds) ** 2
-        spread[3 + i, 3 + i] += (UNPLANNED_TURN * seconds) ** 2
+        covariance[i, i] += (UNPLANNED_SPEED * seconds) ** 2
+        covariance[3 + i, 3 + i] += (UNPLANNED_TURN * seconds) ** 2
 
 
 @kernel
-def correct_belief(
+def correct_state(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
     used: BoolArray,
     measured: FloatArray,
     pose: FloatArray,
-    spread: FloatArray,
+    covariance: FloatArray,
 ) -> None:
     """Join pose (7,) and covariance (6, 6) with the pose ``measured`` (7,) in the image, in place.
 
@@ -91,12 +91,12 @@ def correct_belief(
     )
     if not known:
         return
-    total = own + spread
+    total = own + covariance
     if not factor_cholesky(total, 6, 1e-15):
         return
     column = np.empty(6)
     for i in range(6):  # row i of K = P S⁻¹ solves S kᵀ = pᵀ, both symmetric
-        column[:] = spread[i]
+        column[:] = covariance[i]
         solve_factored(total, 6, column)
         gain[i] = column
     gap, step, rest = np.empty(6), np.zeros(6), np.zeros((6, 6))
@@ -108,7 +108,7 @@ def correct_belief(
                 rest[i, k] += gain[i, m] * own[m, k]
     for i in range(6):  # (I − K)P = K C
         for k in range(6):
-            spread[i, k] = 0.5 * (rest[i, k] + rest[k, i])
+            covariance[i, k] = 0.5 * (rest[i, k] + rest[k, i])
     pose[:4] = turn_quaternion(pose[:4], step[3], step[4], step[5])
     for i in range(3):
         pose[4 + i] += step[i]
@@ -159,16 +159,16 @@ def _matrix(pose: FloatArray, r: FloatArray) -> None:
 
 
 @kernel
-def _congruence(transition: FloatArray, spread: FloatArray) -> None:
+def _congruence(transition: FloatArray, covariance: FloatArray) -> None:
     """Replace P by F P Fᵀ, all (6, 6)."""
     half = np.zeros((6, 6))
     for i in range(6):
         for k in range(6):
             for m in range(6):
-                half[i, k] += transition[i, m] * spread[m, k]
+                half[i, k] += transition[i, m] * covariance[m, k]
     for i in range(6):
         for k in range(6):
             total = 0.0
             for m in range(6):
                 total += half[i, m] * transition[k, m]
-            spread[i, k] = total
+            covariance[i, k] = total

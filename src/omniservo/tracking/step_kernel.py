@@ -13,7 +13,7 @@ from omniservo.geometry.kernel import kernel, leaf
 from omniservo.servoing.control_law import LEAST_CONDITIONING, limit_twist, solve_twist
 from omniservo.servoing.interaction import BEARING, LEAST_COSINE, write_feature, write_rows
 from omniservo.tracking.gate import robust_pose
-from omniservo.tracking.pose_filter import correct_belief
+from omniservo.tracking.pose_filter import correct_state
 
 DONE = 0
 NOT_FINITE = 1
@@ -44,8 +44,8 @@ def track_step(
     plan_now: FloatArray,
     plan_twist: FloatArray,
     pose: FloatArray,
-    belief: FloatArray,
-    spread: FloatArray,
+    estimated_pose: FloatArray,
+    covariance: FloatArray,
     twist: FloatArray,
     reference_pixels: FloatArray,
     evidence: FloatArray,
@@ -60,14 +60,14 @@ def track_step(
         pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
         valid: on return: the points used; one that the others' pose does not explain is none of them.
         goal_pixels: (n, 2) [px] of the goal image.
-        offsets: (2, n, 3) added to the planned features at exposure and when the twist acts, see `LeadOver`.
+        offsets: (2, n, 3) added to the planned features at exposure and when the twist acts, see `GoalBlend`.
         growth: (n, 3) their derivative when the twist acts [1/s].
         plan_seen: (7,) planned pose at the exposure.
         plan_now: (7,) planned pose when the twist acts.
         plan_twist: (6,) planned twist when the twist acts, per second.
         pose: (7,) out: the pose that explains this image alone.
-        belief: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
-        spread: (6, 6) its covariance, likewise.
+        estimated_pose: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
+        covariance: (6, 6) its covariance, likewise.
         twist: (6,) out, within the speed limits; zero unless the status is DONE.
         reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
         evidence: (6,) out, see COUNT and the rest.
@@ -78,7 +78,9 @@ def track_step(
     status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
     if status != DONE:
         return status
-    seen = _see_pose(parameters, points, pixels, valid, settings, belief, spread, plan_seen, pose, evidence)
+    seen = _see_pose(
+        parameters, points, pixels, valid, settings, estimated_pose, covariance, plan_seen, pose, evidence
+    )
     if evidence[COUNT] < settings[LEAST_FEATURES]:
         return FEATURE_LOSS
     _measure_gaps(
@@ -86,7 +88,7 @@ def track_step(
         reference_pixels, evidence,
     )  # fmt: skip
     evidence[CONDITIONING] = _solve(
-        kind, settings[GAIN], points, valid, bearings, offsets[1], growth, belief, plan_seen,
+        kind, settings[GAIN], points, valid, bearings, offsets[1], growth, estimated_pose, plan_seen,
         plan_now, plan_twist, twist,
     )  # fmt: skip
     return _judge(settings, seen, twist, evidence)
@@ -167,22 +169,22 @@ def _see_pose(
     pixels: FloatArray,
     valid: BoolArray,
     settings: FloatArray,
-    belief: FloatArray,
-    spread: FloatArray,
+    estimated_pose: FloatArray,
+    covariance: FloatArray,
     plan_seen: FloatArray,
     pose: FloatArray,
     evidence: FloatArray,
 ) -> bool:
-    """Write the pose of this image, from the belief as guess or else the plan's; False: neither works.
+    """Write the pose of this image, from the estimated one as guess or else the plan's; False: neither works.
 
-    The belief is joined with it.
+    The estimated pose is updated with it.
 
     Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
     Points that the pose of the others does not explain are no longer ``valid``.
     """
     c = np.empty(3)
     fit = np.empty(points.shape[0], dtype=np.bool_)
-    for guess in (belief, plan_seen):
+    for guess in (estimated_pose, plan_seen):
         for j in range(points.shape[0]):
             _into_camera(guess, points[j], c)
             fit[j] = valid[j] and project_point(parameters, c[0], c[1], c[2])[2]
@@ -194,7 +196,7 @@ def _see_pose(
                 if valid[j]:
                     count += 1
             evidence[COUNT] = count
-            correct_belief(parameters, points, pixels, valid, pose, belief, spread)
+            correct_state(parameters, points, pixels, valid, pose, estimated_pose, covariance)
             return True
     return False
 

@@ -10,7 +10,7 @@ BLEND_START = 0.5
 """From this w on the reference turns from the planned points' features to those of the goal image."""
 
 
-class LeadOver:
+class GoalBlend:
     """o(w) = Σ β((w − w_k)/(1 − w_k)) Δ_k, β(x) = 10x³ − 15x⁴ + 6x⁵: at w = 1 all of what was asked for last.
 
     Every change Δ_k of what is asked for comes in smoothly from where it became known, or from w = 1/2 on,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omniservo.tracking.lead_over import LeadOver
+from omniservo.tracking.goal_blend import GoalBlend
 
 FIRST = np.array([[0.1, -0.2, 0.3]])
 LATER = np.array([[0.0, 0.5, -0.1]])
@@ -11,7 +11,7 @@ LATER = np.array([[0.0, 0.5, -0.1]])
 
 @pytest.mark.parametrize("w", [0.2, 0.5, 0.7, 0.93])
 def test_offsets_and_their_slope_have_no_jump_where_others_are_asked_for(w):
-    lead, before = LeadOver(FIRST), LeadOver(FIRST)
+    lead, before = GoalBlend(FIRST), GoalBlend(FIRST)
     lead.change_to(LATER, w)
     for value, expected in zip(lead.at(w), before.at(w), strict=True):
         assert value == pytest.approx(expected, abs=1e-12)
@@ -21,7 +21,7 @@ def test_offsets_and_their_slope_have_no_jump_where_others_are_asked_for(w):
 
 
 def test_nothing_is_added_in_the_first_half_and_what_was_asked_for_last_at_the_end():
-    lead = LeadOver(FIRST)
+    lead = GoalBlend(FIRST)
     for w, asked in ((0.1, LATER), (0.6, FIRST), (0.6, LATER), (0.8, 2 * FIRST)):
         lead.change_to(asked, w)
     assert not lead.at(0.5)[0].any()
@@ -29,6 +29,6 @@ def test_nothing_is_added_in_the_first_half_and_what_was_asked_for_last_at_the_e
 
 
 def test_what_is_asked_for_at_the_end_holds_at_once():
-    lead = LeadOver(FIRST)
+    lead = GoalBlend(FIRST)
     lead.change_to(LATER, 1.0)
     assert lead.at(1.0)[0] == pytest.approx(LATER, abs=1e-15)

@@ -11,16 +11,16 @@ from omniservo.robots import (
     SELF_CLEARANCE,
     Arm,
     ArmBodies,
-    handy_mount,
-    handy_posture,
     load_arm,
     shipped_arms,
+    suggested_mount,
+    suggested_posture,
 )
 
 
 def looks(arm):
     """The way that a camera with the suggested mount looks, in the flange frame."""
-    return handy_mount(arm).rotation.apply([0.0, 0.0, 1.0])
+    return suggested_mount(arm).rotation.apply([0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("name", [*shipped_arms(), "six", "seven"])
@@ -28,9 +28,9 @@ def test_it_is_free_far_from_singular_and_the_hand_looks_down(tmp_path, name):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SEVEN if name == "seven" else SIX, extra=fingers()))
     arm = load_arm(name) if name in shipped_arms() else Arm(path)
-    q = handy_posture(arm)
+    q = suggested_posture(arm)
     assert arm.within_limits(q)
-    camera = [solid.moved(handy_mount(arm)) for solid in CAMERA_HOUSING]
+    camera = [solid.moved(suggested_mount(arm)) for solid in CAMERA_HOUSING]
     bodies = ArmBodies(arm, mounted=camera)
     bodies.place(q)
     near = bodies.near(0.03)
@@ -56,7 +56,7 @@ def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path)
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(small, collision='<cylinder radius="0.02" length="0.05"/>'))
     arm = Arm(path)
-    flange = arm.base_T_flange(handy_posture(arm))
+    flange = arm.base_T_flange(suggested_posture(arm))
     hand = flange.rotation.apply(looks(arm))
     assert hand[2] < -0.6
     assert flange.translation[2] >= -0.42 * hand[2] > 0.4 * arm.reach
@@ -68,7 +68,7 @@ def test_the_mount_looks_out_of_the_hand_however_the_tool_is_turned(tmp_path, rp
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SIX).replace('rpy="0 0 0.5"', f'rpy="{rpy[0] + twist} {rpy[1]} {rpy[2]}"'))
     arm = Arm(path)
-    mount = handy_mount(arm)
+    mount = suggested_mount(arm)
     np.testing.assert_allclose(looks(arm), math.copysign(1, way) * np.eye(3)[abs(way)], atol=1e-8)
     ahead = float(mount.translation @ looks(arm))
     np.testing.assert_allclose(mount.translation, ahead * looks(arm), atol=1e-9)
@@ -82,6 +82,6 @@ def test_the_camera_stands_clear_of_what_a_link_carries(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SIX, extra=f'{ball}{holder}<child link="ball"/></joint>'))
     arm = Arm(path, tool="tool0")
-    bodies = ArmBodies(arm, mounted=[solid.moved(handy_mount(arm)) for solid in CAMERA_HOUSING])
-    bodies.place(handy_posture(arm))
+    bodies = ArmBodies(arm, mounted=[solid.moved(suggested_mount(arm)) for solid in CAMERA_HOUSING])
+    bodies.place(suggested_posture(arm))
     assert min(n.gap for n in bodies.near(0.2) if "camera" in bodies.names(n.pair)) >= 0.03

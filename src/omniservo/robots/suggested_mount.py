@@ -1,4 +1,4 @@
-"""A camera mount to begin with, of an arm that nobody has told anything about."""
+"""A suggested camera mount, for an arm of which only its file is known."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ALIGNED = 1e-6
 """sine of an angle that a file's rounding leaves"""
 
 
-def handy_mount(arm: Arm) -> RigidTransform:
+def suggested_mount(arm: Arm) -> RigidTransform:
     """Return flange_T_camera of a camera that looks along the hand: before the flange, or beside a gripper.
 
     The hand's way is that of the last joint's axis, away from the joint before. Flange frames have no common

@@ -1,4 +1,4 @@
-"""A table to begin with, under what the camera of an arm looks at."""
+"""A suggested table under what the camera of an arm sees."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _FREE = 0.03
 """[m] between the table and the arm, so that it can move"""
 
 
-def handy_table(arm: Arm, flange_T_camera: RigidTransform, q: FloatArray) -> Solid | None:
+def suggested_table(arm: Arm, flange_T_camera: RigidTransform, q: FloatArray) -> Solid | None:
     """Return a block on the floor, its top under the target before the camera; None: there is no room for it.
 
     Args:

@@ -1,4 +1,4 @@
-"""A posture to begin with, of an arm that nobody has told anything about."""
+"""A suggested start configuration, for an arm of which only its file is known."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from omniservo.robots.arm_bodies import MOUNTED, ArmBodies
 from omniservo.robots.arm_clearance import SELF_CLEARANCE
 from omniservo.robots.camera_housing import CAMERA_HOUSING
 from omniservo.robots.first_target import FIRST_GOALS, FIRST_TARGET
-from omniservo.robots.handy_mount import handy_mount
-from omniservo.robots.handy_table import handy_table
 from omniservo.robots.own_sight import own_sight_in
 from omniservo.robots.solid import Solid
+from omniservo.robots.suggested_mount import suggested_mount
+from omniservo.robots.suggested_table import suggested_table
 
 _TILTS = tuple(math.radians(tilt) for tilt in (0.0, 20.0, 40.0, 60.0))
 """of the view from straight down, outwards and inwards: tried in this order"""
@@ -45,11 +45,11 @@ _POSTURES = 4000
 """drawn where none of all these will do"""
 
 
-def handy_posture(arm: Arm) -> FloatArray:
+def suggested_posture(arm: Arm) -> FloatArray:
     """Return joints (n,) [rad], whole degrees, with which the documentation's first task can be done.
 
-    The arm stands on the floor; a camera with `handy_mount` looks down at the target before it, if it can:
-    nothing hides that or is near, and the camera can go to all sides of it without coming near to anything,
+    The arm stands on the floor; a camera with `suggested_mount` looks down at the target before it, if it
+    can: nothing hides that or is near, and the camera can go to all sides of it without coming near to anything,
     the ends of ranges or singular postures. Of those the elbow is high, the arm near one upright plane, and
     all of these far. Where there is none, the posture of many that is farthest from singular ones.
     """
@@ -65,7 +65,7 @@ class _FirstTask:
     """An arm on a floor, with a camera."""
 
     def __init__(self, arm: Arm) -> None:
-        self._arm, self._mount = arm, handy_mount(arm)
+        self._arm, self._mount = arm, suggested_mount(arm)
         self._to_flange, self._camera = self._mount.inv(), tuple(s.moved(self._mount) for s in CAMERA_HOUSING)
         self._floor = Solid.half_space("floor", [0.0, 0.0, 1.0], 0.0)
         self._bodies = ArmBodies(arm, mounted=self._camera, surroundings=(self._floor,))
@@ -120,7 +120,7 @@ class _FirstTask:
         base_T_camera = self._arm.base_T_flange(q) * self._mount
         if not self._is_free(q, self._bodies, _APART):
             return False
-        table = handy_table(self._arm, self._mount, q)
+        table = suggested_table(self._arm, self._mount, q)
         if with_table and table is None:
             return False
         around = (self._floor,) if table is None else (self._floor, table)
