@@ -46,12 +46,12 @@ _POSTURES = 4000
 
 
 def suggested_posture(arm: Arm) -> FloatArray:
-    """Return joints (n,) [rad], whole degrees, with which the documentation's first task can be done.
+    """Return joints (n,) [rad], whole degrees, with which the first task of the documentation can be done.
 
     The arm stands on the floor; a camera with `suggested_mount` looks down at the target before it, if it
-    can: nothing hides that or is near, and the camera can go to all sides of it without coming near to anything,
-    the ends of ranges or singular postures. Of those the elbow is high, the arm near one upright plane, and
-    all of these far. Where there is none, the posture of many that is farthest from singular ones.
+    can: nothing hides that or is near, and the camera can go to all sides of it without coming near to
+    anything, the ends of ranges or singular postures. Of those the elbow is high, the arm near one upright
+    plane, and all of these far. Where there is none, the posture of many that is farthest from singular ones.
     """
     first = _FirstTask(arm)
     for with_table, tilt in product((True, False), _TILTS):
