@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -135,19 +135,17 @@ class Points:
 
 
 class Timed(Supervisor):
-    """A supervisor that notes when it first begins to brake for a reason."""
+    """A supervisor that notes when, by the true ``clock`` [s], it first begins to brake for a reason."""
 
-    began = np.inf
+    def __init__(self, clock: Callable[[], float], robot: FaultyArm, arm: Arm, mount: RigidTransform) -> None:
+        self._clock, self.began = clock, np.inf
+        super().__init__(robot, arm, mount, wait=robot.advance)  # type: ignore[arg-type]
 
     def stop(self, reason: ServoStop | None = None) -> None:
         """As `Supervisor.stop`."""
         if reason is not None and self.began == np.inf:
-            self.began = self.clock()
+            self.began = self._clock()
         super().stop(reason)
-
-    def clock(self) -> float:
-        """The true time [s]; set by who makes it."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -201,8 +199,7 @@ def outcome(job: Job, sound: Sound, fault: Fault | None, seed: int) -> Outcome:
     goal, _ = truth.camera.project(end.inv().apply(truth.points))
     options = TrackerOptions(delay=sound.drives.image_late + 0.5 / 30.0, tolerance_px=TOLERANCE_PX)
     tracker = PathTracker(job.plan, truth.camera, goal_pixels=goal, options=options, time_law=job.law)
-    supervisor = Timed(faulty, truth.arm, mount, wait=faulty.advance)  # type: ignore[arg-type]
-    supervisor.clock = lambda: robot.time  # type: ignore[method-assign]
+    supervisor = Timed(lambda: robot.time, faulty, truth.arm, mount)
 
     def posture(time: float) -> tuple[FloatArray, FloatArray]:
         w, speed = job.law(time)

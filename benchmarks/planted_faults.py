@@ -191,7 +191,7 @@ FAULTS = (
     ),
     Fault("no state", "at once", reading=lambda s, last, j: None),
     Fault("NaN clock", "at once", reading=_seconds(math.nan)),
-    Fault("frozen clock", "image age", reading=lambda s, last, j: replace(s, time=last.time)),
+    Fault("frozen clock", "at once", reading=lambda s, last, j: replace(s, time=last.time)),
     Fault("clock back 0.05 s", "at once", reading=_seconds(-0.05)),
     Fault("clock back 0.2 s", "at once", reading=_seconds(-0.2)),
     Fault("clock back 1 s", "at once", reading=_seconds(-1.0)),

@@ -38,7 +38,9 @@ class Commanding:
     def step(self, time, pixels, valid):
         self._count += 1
         pose = self._start.inv() * self._robot.world_T_camera(self._robot.image().time)
-        self.report = SimpleNamespace(initial_T_camera=pose, error_px=self.error_px, goal_error_px=1.0, w=0.0)
+        self.report = SimpleNamespace(
+            initial_T_camera=pose, error_px=self.error_px, goal_error_px=1.0, w=0.0, reference_pixels=pixels
+        )
         return self._twist(self._count)
 
 

@@ -227,6 +227,45 @@ class Late:
         return replace(then[-1] if then else self.past[0], time=state.time)
 
 
+@pytest.mark.parametrize("degrees", [5.0, -5.0])
+def test_a_reading_that_jumps_is_stopped_by_the_next_look(guard, written, degrees):
+    supervisor = guard()
+    go_on(supervisor, 0.5)
+    jump = np.deg2rad(degrees) * (np.arange(6) == 1)
+    after(written, written.robot.time, lambda s: replace(s, joint_positions=s.joint_positions + jump))
+    begin = written.robot.time
+    with pytest.raises(NotFollowing, match=r"j2 turned by"):
+        go_on(supervisor, 1.0, 2.0 * np.asarray(SLOW))
+    assert written.robot.time - begin < 0.04 + 0.2  # and braked
+
+
+def test_a_clock_that_stands_still_while_the_arm_moves_is_a_stop(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.2)
+    begin = written.robot.time
+    after(written, begin, lambda state: replace(state, time=begin))
+    with pytest.raises(ClockFault, match=r"stands still at .* 0.06\d s were waited"):
+        go_on(supervisor, 1.0)
+    assert written.robot.time - begin < 0.07 + 0.2  # and braked
+
+
+def test_a_robot_that_reports_its_joints_twenty_times_a_second_is_sound(guard, written):
+    supervisor = guard()
+    sound, last = written.read, [written.read()]
+
+    def seldom():
+        state = sound()
+        if state.time - last[0].time >= 0.05 - 1e-9:
+            last[0] = state
+        return last[0]
+
+    written.read = seldom
+    for velocities in (SLOW, -np.asarray(SLOW)):
+        go_on(supervisor, 0.3, velocities)
+    supervisor.stop()
+    assert supervisor.stopped is None
+
+
 @pytest.mark.parametrize("late", [0.0, 0.2])
 @pytest.mark.parametrize("gain", [0.8, 1.0, 1.2, 1.5])
 def test_sound_drives_of_other_gains_and_late_readings_are_not_stopped(guard, written, gain, late):

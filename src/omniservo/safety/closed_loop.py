@@ -221,7 +221,7 @@ class _Loop:
             raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
         pose = report.initial_T_camera
         points = pose.inv().apply(controller.points)
-        self._watch.check(time, points, valid, report.error_px)
+        self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
         self._image_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
         filtered = self._visibility.step(points, pixels, valid, twist)
         # Six joints leave nothing free.

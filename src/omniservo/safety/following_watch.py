@@ -9,8 +9,9 @@ from omniservo.robots import Arm
 from omniservo.safety.motion_history import SPACING, MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
 
-WINDOWS = np.array([1.0, 2.0, 4.0, 8.0])
-"""in reaction times: how far back motion is compared; slow motion needs the longer ones to be told"""
+WINDOWS = np.array([0.25, 1.0, 2.0, 4.0, 8.0])
+"""in reaction times: how far back motion is compared; slow motion needs the longer ones to be told, a reading
+that jumps the shortest"""
 
 LAGS = 11
 """of the drive, from none to the most"""

@@ -40,6 +40,10 @@ ASIDE = 0.15
 JITTER = 0.01
 """Time stamps may be off from image to image by this [s]."""
 
+STILL_PX = 2.0
+"""Points of which half moved by less since an image [px] have stood still since then, but for noise. An image
+is also compared with the oldest of these: that shows soonest that they should have moved."""
+
 SAME_PX = 1.0
 """A picture whose points do not differ at all from those before is an old one where they should have moved
 by this [px]."""
@@ -84,6 +88,7 @@ class ImageWatch:
         self._offsets = np.linspace(-options.time_offset, options.time_offset, OFFSETS)
         self._initial_T_base: FloatArray | None = None
         self._first: _Seen | None = None
+        self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
         self._wrong = 0
 
@@ -116,23 +121,24 @@ class ImageWatch:
         poses = np.array([self._initial_T_base @ self._base_T_camera(q) for q in joints])
         seen = np.where(valid[:, None], pixels, np.nan)
         now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3])
-        told = [why for before in self._before(time) if (why := self._disagreement(before, now, points))]
+        if self._still is None or not _stands_still(self._still, now):
+            self._still = self._seen[-1] if self._seen and _stands_still(self._seen[-1], now) else now
+        told = [why for before in self._before(now) if (why := self._disagreement(before, now, points))]
         self._wrong = self._wrong + 1 if told else 0
         self._first = self._first or now
         self._seen.append(now)
         if self._wrong >= IN_A_ROW:
             raise InconsistentImage(told[0])
 
-    def _before(self, time: float) -> list[_Seen]:
+    def _before(self, now: _Seen) -> list[_Seen]:
         """Return the images to compare with, each once."""
-        while len(self._seen) > 1 and self._seen[1].time <= time - BACK[-1]:
+        while len(self._seen) > 1 and self._seen[1].time <= now.time - BACK[-1]:
             self._seen.popleft()
-        found = [self._first] if self._first is not None else []
+        found = [seen for seen in (self._first, self._still) if seen is not None and seen is not now]
         for back in BACK:
-            older = [seen for seen in self._seen if seen.time <= time - back]
-            if older and older[-1] not in found:
-                found.append(older[-1])
-        return found
+            older = [seen for seen in self._seen if seen.time <= now.time - back]
+            found += older[-1:]
+        return list(dict.fromkeys(found))
 
     def _base_T_camera(self, joints: FloatArray) -> FloatArray:
         place = np.eye(4)
@@ -186,3 +192,10 @@ class ImageWatch:
         seen_from = np.einsum("dji,dnj->dni", turns, points - places[:, None])
         pixels, valid = self._camera.project(seen_from)
         return np.where(valid[..., None], pixels, np.nan)
+
+
+def _stands_still(before: _Seen, now: _Seen) -> bool:
+    """Return whether half of the points seen in both images moved by no more than noise."""
+    moved = np.linalg.norm(now.pixels - before.pixels, axis=1)
+    known = moved[np.isfinite(moved)]
+    return len(known) > 0 and float(np.median(known)) < STILL_PX

@@ -14,6 +14,9 @@ from omniservo.robots import CameraImage, Robot, RobotState
 _ROUNDING = 1e-9
 """[s] of clocks"""
 
+STANDING = 0.06
+"""So long a robot's clock may stand still [s]: some report their joints only 20 times a second."""
+
 T = TypeVar("T")
 
 
@@ -28,7 +31,7 @@ class RobotLink:
 
     def __init__(self, robot: Robot, wait: Callable[[float], None], dof: int) -> None:
         self._robot, self._wait, self._dof = robot, wait, dof
-        self._time = -np.inf
+        self._time, self._waited = -np.inf, 0.0
         self._form: tuple[tuple[int, ...], np.dtype[np.uint8]] | None = None
 
     def read(self) -> RobotState:
@@ -38,12 +41,18 @@ class RobotLink:
             RobotLost: the robot raised.
             InvalidData: no state, or of another number of joints.
             NotFinite: a number is not finite.
-            ClockFault: the robot's clock ran backwards.
+            ClockFault: the robot's clock ran backwards, or stands still while time passes.
         """
         state = _checked(_answered("read", self._robot.read), self._dof)
         before, self._time = self._time, state.time
         if state.time < before - _ROUNDING:
             raise ClockFault(f"the robot's clock ran backwards, from {before:.3f} to {state.time:.3f} s")
+        if state.time > before + _ROUNDING:
+            self._waited = 0.0
+        if self._waited > STANDING:
+            raise ClockFault(
+                f"the robot's clock stands still at {state.time:.3f} s while {self._waited:.3f} s were waited"
+            )
         return state
 
     def image(self) -> CameraImage | None:
@@ -94,6 +103,7 @@ class RobotLink:
             RobotLost: what lets it pass raised.
         """
         _answered("wait", lambda: self._wait(duration))
+        self._waited += duration
 
 
 def _answered(name: str, call: Callable[[], T]) -> T:
