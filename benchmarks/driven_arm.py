@@ -98,9 +98,9 @@ class DrivenArm:
         newest = self.exposed()
         return None if newest is None else CameraImage(newest[1], np.zeros((0, 0), dtype=np.uint8))
 
-    def joints_at(self, frame: int) -> FloatArray:
-        """Return where the arm was when a frame was exposed."""
-        return self.trace[min(round(frame * FRAME / TICK), len(self.trace) - 1)]
+    def joints_at(self, frame: float) -> FloatArray:
+        """Return where the arm was when a frame was exposed; of a part of a frame, so much between two."""
+        return self.trace[min(max(round(frame * FRAME / TICK), 0), len(self.trace) - 1)]
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
         """Take velocities [rad/s]."""
