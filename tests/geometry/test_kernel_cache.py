@@ -168,9 +168,9 @@ def test_another_processor_or_setting_of_the_compiler_is_another_folder(monkeypa
 @pytest.fixture
 def compiled(tmp_path, monkeypatch):
     """A cache of one function in a folder of its own, with what `write_pixels` compiles to in it."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     p, x = np.zeros(13), np.zeros(3)
     write_pixels(p, x, x, np.empty((3, 2)), np.empty(3, dtype=bool))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # now: its callees are kept elsewhere
     signature = write_pixels.signatures[0]
     cache = KernelCache(write_pixels.py_func)
     cache.save_overload(signature, write_pixels.overloads[signature])

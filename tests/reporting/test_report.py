@@ -105,7 +105,7 @@ def test_where_less_was_executed_than_certified_the_tile_says_why(run):
         return key_numbers(replace(run, metrics=metrics)).html.replace("\u00a0", " ")
 
     less = said(certified_clearance(run) - 2e-5)
-    assert "Less than certified: the proof is of the path, from which the arm strayed by up to 0.210" in less
+    assert "Less than certified: the proof is of the path, from which the arm deviated by up to 0.210" in less
     assert "The path keeps 10.00 mm more than asked" in less
     more = said(certified_clearance(run) + 2e-5)  # the other one is that of the points in the image
     assert less.count("Less than certified") == more.count("Less than certified") + 1

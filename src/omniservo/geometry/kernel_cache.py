@@ -162,20 +162,31 @@ def kernel_files() -> tuple[Path, ...]:
     found: set[str] = set()
     while begin:
         file = begin.pop()
-        if file in text and file not in found:
+        if file not in found:
             found.add(file)
-            begin += _imported(text[file])
+            begin += [f for module, name in _imported(text[file]) for f in _defining(text, module, name)]
     return tuple(sorted(PACKAGE.parent / file for file in found))
 
 
-def _imported(text: bytes) -> list[str]:
-    """Return the files that a text may import from, of which not all need exist."""
-    found = []
-    for module, names in _IMPORT.findall(text):
-        path = module.decode().replace(".", os.sep)
-        found += [os.path.join(path, "__init__.py"), f"{path}.py"]
-        found += [os.path.join(path, f"{name.decode()}.py") for name in _NAME_OF.findall(names)]
-    return found
+def _imported(text: bytes) -> list[tuple[str, bytes]]:
+    """Return the modules, as paths without ending, and the names that a text imports."""
+    return [
+        (module.decode().replace(".", os.sep), name)
+        for module, names in _IMPORT.findall(text)
+        for name in _NAME_OF.findall(names)
+    ]
+
+
+def _defining(text: dict[str, bytes], module: str, name: bytes) -> list[str]:
+    """Return the files that a name is from; of a package, where what it hands on is from, or itself."""
+    package = os.path.join(module, "__init__.py")
+    if package not in text:
+        return [file for file in (f"{module}.py",) if file in text]
+    inside = os.path.join(module, f"{name.decode()}.py")
+    if inside in text:
+        return [inside]
+    handed_on = {origin for origin, n in _imported(text[package]) if n == name and origin != module}
+    return [f for origin in handed_on for f in _defining(text, origin, name)] or [package]
 
 
 @lru_cache

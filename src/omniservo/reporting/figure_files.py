@@ -21,14 +21,16 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 
 def image_bytes(drawing: Drawing, ending: str) -> bytes:
     """Return a figure as the bytes of a ``png``, ``svg`` or ``webp`` file; equal figures give equal bytes."""
+    if ending not in drawing.saved:
+        drawing.saved[ending] = _saved(drawing, ending)
+    return drawing.saved[ending]
+
+
+def _saved(drawing: Drawing, ending: str) -> bytes:
     stream = io.BytesIO()
     with styled():
-        drawing.figure.savefig(
-            stream,
-            format=ending,
-            dpi=_DPI,
-            **_SETTINGS[ending],
-        )
+        drawing.figure.savefig(stream, format=ending, dpi=_DPI, **_SETTINGS[ending])
+    drawing.figure.set_layout_engine("none")  # what was laid out for the first file holds for all
     return stream.getvalue()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import matplotlib as mpl
@@ -71,6 +71,8 @@ class Drawing:
     figure: Figure
     is_picture: bool = False
     """mostly pixels or shaded surfaces: of these a page holds pixels, of all others lines"""
+    saved: dict[str, bytes] = field(default_factory=dict, compare=False, repr=False)
+    """files of it that were made, by their ending: a figure stands in its own file and in a report"""
 
 
 def styled() -> AbstractContextManager[None]:

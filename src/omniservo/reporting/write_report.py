@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from omniservo.errors import InputError
@@ -27,25 +28,44 @@ _PICTURES = ("views", "outside")
 """Wide figures that are still legible at a third of the page."""
 
 
-def write_report(folder: Path, results: Sequence[RunResult]) -> None:
+@dataclass(frozen=True)
+class RunPictures:
+    """What a run looks like; drawn once for its own files and for the report."""
+
+    drawings: tuple[Drawing, ...]
+    animation: bytes | None
+    """a GIF file; None: not filmed"""
+
+
+def write_report(
+    folder: Path, results: Sequence[RunResult], pictures: Sequence[RunPictures] | None = None
+) -> None:
     """Write ``report.html`` into the folder; an existing one is replaced.
 
     Images are part of the file; it loads nothing and runs nothing. Several results, methods on one task,
     are shown side by side.
+
+    Args:
+        folder: where to.
+        results: of the runs.
+        pictures: of each run; None: drawn now.
 
     Raises:
         InputError: no result is given, or the folder cannot be written.
     """
     if not results:
         raise InputError("results: none given; at least one is needed")
-    page = report_html(results, folder if folder.is_dir() else None)
+    drawn = [_pictures(r) for r in results] if pictures is None else pictures
+    page = report_html(results, drawn, folder if folder.is_dir() else None)
     write_whole(folder / "report.html", page, force=True)
 
 
-def report_html(results: Sequence[RunResult], folder: Path | None = None) -> str:
+def report_html(
+    results: Sequence[RunResult], pictures: Sequence[RunPictures], folder: Path | None = None
+) -> str:
     """Return the report's text; it lists the files of ``folder``, in which it will stand."""
     task = results[0].task
-    drawn = [list(drawings(r)) for r in results]
+    drawn = [p.drawings for p in pictures]
     beside = None if folder is None else files_beside(folder, {d.name: d.title for d in drawn[0]})
     several = len(results) > 1
     body = [
@@ -53,7 +73,7 @@ def report_html(results: Sequence[RunResult], folder: Path | None = None) -> str
         tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
-        *([_animations(results)] if all(r.is_filmed for r in results) else []),
+        *(_animations(results, [p.animation for p in pictures])),
         *_paper(results),
         part("Figures", *_figures(results, drawn)),
         *(block for r in results for block in _replanning(r, several)),
@@ -68,14 +88,18 @@ def report_html(results: Sequence[RunResult], folder: Path | None = None) -> str
     return page(task.name, body)
 
 
-def _animations(results: Sequence[RunResult]) -> Markup:
-    shown = [section.animation(animation_bytes(r), r) for r in results]
+def _pictures(result: RunResult) -> RunPictures:
+    return RunPictures(tuple(drawings(result)), animation_bytes(result) if result.is_filmed else None)
+
+
+def _animations(results: Sequence[RunResult], films: Sequence[bytes | None]) -> list[Markup]:
+    shown = [section.animation(f, r) for f, r in zip(films, results, strict=True) if f is not None]
+    if len(shown) < len(results):
+        return []
     if len(results) == 1:
-        return tag("section", *shown, class_="film")
-    named = [joined([tag("h3", _method(r)), film]) for r, film in zip(results, shown, strict=True)]
-    return tag(
-        "section", tag("h2", "The runs"), tag("div", *(tag("div", n) for n in named), class_="columns of2")
-    )
+        return [tag("section", *shown, class_="film")]
+    named = [tag("div", joined([tag("h3", _method(r)), s])) for r, s in zip(results, shown, strict=True)]
+    return [tag("section", tag("h2", "The runs"), tag("div", *named, class_="columns of2"))]
 
 
 def _paper(results: Sequence[RunResult]) -> list[Markup]:

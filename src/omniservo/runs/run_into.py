@@ -9,7 +9,10 @@ from typing import Literal
 
 from omniservo.files import write_whole
 from omniservo.image_files import write_png
-from omniservo.reporting import write_animation, write_figures, write_report
+from omniservo.reporting.animation import animation_bytes
+from omniservo.reporting.figure_files import write_drawings
+from omniservo.reporting.write_figures import drawings
+from omniservo.reporting.write_report import RunPictures, write_report
 from omniservo.runs.job_progress import JobProgress, Progress
 from omniservo.runs.run_task import Method, run_task
 from omniservo.simulation.run_result import RunResult
@@ -48,21 +51,21 @@ def run_into(
     """
     methods = METHODS if method == "compare" else (method,)
     job = JobProgress(progress, methods, filmed=filmed)
-    results = []
+    results, pictures = [], []
     for number, name in enumerate(methods):
         job.begin_run(number)
         result = run_task(task, method=name, goal=goal, seed=seed, filmed=filmed, progress=job)
         results.append(result)
         target = folder if number == 0 else folder / name
         target.mkdir(exist_ok=True)
-        _write(result, target, job)
+        pictures.append(_write(result, target, job))
     job.report()
-    write_report(folder, results)
+    write_report(folder, results, pictures)
     return {result.method: result.metrics for result in results}
 
 
-def _write(result: RunResult, folder: Path, progress: Progress) -> None:
-    """Everything but the report."""
+def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
+    """Write everything but the report; return the pictures, which it shows again."""
     write_whole(folder / "metrics.json", json.dumps(result.metrics, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "log.csv", result.log.to_csv())
     replace(result.estimate, camera=result.task.camera).save(folder / "estimate.json")
@@ -78,7 +81,11 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> None:
     }.items():
         write_png(image, folder / f"{name}.png")
     progress("drawing figures", 0.0)
-    write_figures(result, folder)
-    if result.is_filmed:
-        progress("drawing the animation", 0.0)
-        write_animation(result, folder / "recording.gif")
+    drawn = tuple(drawings(result))
+    write_drawings(drawn, folder)
+    if not result.is_filmed:
+        return RunPictures(drawn, None)
+    progress("drawing the animation", 0.0)
+    animation = animation_bytes(result)
+    write_whole(folder / "recording.gif", animation, force=True)
+    return RunPictures(drawn, animation)

@@ -72,8 +72,7 @@ def track_step(
         reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
         evidence: (6,) out, see COUNT and the rest.
     """
-    n = points.shape[0]
-    bearings = np.zeros((n, 3))
+    bearings = np.zeros(points.shape)
     twist[:], evidence[:] = 0.0, 0.0
     status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
     if status != DONE:
@@ -83,10 +82,8 @@ def track_step(
     )
     if evidence[COUNT] < settings[LEAST_FEATURES]:
         return FEATURE_LOSS
-    _measure_gaps(
-        parameters, kind, points, pixels, valid, goal_pixels, offsets[0], plan_seen,
-        reference_pixels, evidence,
-    )  # fmt: skip
+    there = offsets[0], plan_seen
+    _measure_gaps(parameters, kind, points, pixels, valid, goal_pixels, *there, reference_pixels, evidence)
     evidence[CONDITIONING] = _solve(
         kind, settings[GAIN], points, valid, bearings, offsets[1], growth, estimated_pose, plan_seen,
         plan_now, plan_twist, twist,
