@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.robots import Solid, load_arm, own_sight
-from omniservo.robots.own_sight import own_sight_in
+from omniservo.robots.own_sight import _Lines, own_sight_in
 from omniservo.robots.sight_kernel import SURFACE
 
 MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
@@ -254,3 +254,24 @@ def test_what_is_allowed_for_rounding_grows_with_coordinates(arm, away, gap, sta
         "ball", "sphere", [0.2], RigidTransform.from_translation(ahead.apply([0.2 + gap, 0.0, away]))
     )
     assert own_sight_in(arm, AHEAD, MOUNT, point[None], surroundings=(ball,)).status == status
+
+
+PLACES = {"at its end": -1.0, "near its end": 0.99, "in its middle": 0.5, "near the camera": 0.02}
+"""shares of a line of sight; −1: where what counts of it ends"""
+
+
+@pytest.mark.parametrize("share", PLACES.values(), ids=PLACES.keys())
+def test_what_a_line_meets_anywhere_within_the_turns_is_never_called_clear(arm, share):
+    """A speck stands on the line of a posture that is as far from the one looked at as the turns allow."""
+    random = np.random.default_rng(5)
+    for _ in range(12):
+        q = START + random.uniform(-0.3, 0.3, 6)
+        turns = random.choice([1e-3, 0.02, 0.1]) * random.uniform(0.2, 1.0, 6)
+        point = (arm.base_T_flange(q) * MOUNT).apply(random.uniform([-0.2, -0.2, 0.2], [0.2, 0.2, 0.9]))
+        centre = (arm.base_T_flange(q + turns * random.choice([-1.0, 1.0], 6)) * MOUNT).translation
+        whole = 1.0 - SURFACE / np.linalg.norm(point - centre)
+        place = centre + (whole * (1.0 - 1e-9) if share < 0.0 else share) * (point - centre)
+        speck = Solid("speck", "sphere", np.array([1e-7]), RigidTransform.from_translation(place))
+        lines = _Lines(arm, MOUNT, point[None], (speck,), {}, 0.0)
+        lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
+        assert not lines.are_clear(q, turns)
