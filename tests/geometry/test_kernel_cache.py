@@ -16,7 +16,7 @@ import omniservo
 from omniservo.cameras.models.block_kernels import write_pixels
 from omniservo.geometry import kernel_cache
 from omniservo.geometry.compiler_watch import CompilerWatch
-from omniservo.geometry.kernel import kernel
+from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.kernel_cache import KernelCache, kernel_files, kernel_folders, user_folder
 from omniservo.planning import plan_path
 
@@ -167,15 +167,16 @@ def test_another_processor_or_setting_of_the_compiler_is_another_folder(monkeypa
 
 @pytest.fixture
 def compiled(tmp_path, monkeypatch):
-    """A cache of one function in a folder of its own, with what `write_pixels` compiles to in it."""
+    """A cache of one function in a folder of its own, with what `write_pixels` compiles to in it.
+
+    Compiled anew: what came from another cache has no object code that could be kept again.
+    """
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    anew, cache = leaf(write_pixels.py_func), KernelCache(write_pixels.py_func)
     p, x = np.zeros(13), np.zeros(3)
-    write_pixels(p, x, x, np.empty((3, 2)), np.empty(3, dtype=bool))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # now: its callees are kept elsewhere
-    signature = write_pixels.signatures[0]
-    cache = KernelCache(write_pixels.py_func)
-    cache.save_overload(signature, write_pixels.overloads[signature])
-    [file] = user_folder().iterdir()
-    return cache, signature, file
+    anew(p, x, x, np.empty((3, 2)), np.empty(3, dtype=bool))
+    [signature] = anew.signatures
+    return cache, anew, signature, user_folder() / cache._file(signature)
 
 
 def loaded(cache, signature):
@@ -184,7 +185,7 @@ def loaded(cache, signature):
 
 
 def test_a_damaged_file_and_one_of_another_signature_are_not_used(compiled):
-    cache, signature, file = compiled
+    cache, _, signature, file = compiled
     assert loaded(cache, signature).signature.args == signature
     content = file.read_bytes()
     for damaged in (content[:-1], content[:40], b"", content[:-1] + bytes([content[-1] ^ 1])):
@@ -197,10 +198,10 @@ def test_a_damaged_file_and_one_of_another_signature_are_not_used(compiled):
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(compiled, tmp_path, monkeypatch):
-    cache, signature, _ = compiled
+    cache, anew, signature, _ = compiled
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    cache.save_overload(signature, write_pixels.overloads[signature])
+    cache.save_overload(signature, anew.overloads[signature])
     assert loaded(cache, signature) is None
 
 
@@ -243,9 +244,10 @@ def test_kernels_of_other_packages_are_not_kept(tmp_path, monkeypatch):
 def test_the_private_parts_of_numba_that_are_used_are_those_that_were_tried(compiled):
     """Numba names none of this as public: a new version is tried, with all tests, before it is allowed."""
     assert (numba.__version__, llvmlite.__version__) == ("0.68.1", "0.50.0")
-    assert isinstance(write_pixels, Dispatcher)
-    assert isinstance(write_pixels._cache, KernelCache)
-    result = write_pixels.overloads[compiled[1]]
+    _, anew, signature, _ = compiled
+    assert isinstance(anew, Dispatcher)
+    assert isinstance(anew._cache, KernelCache)
+    result = anew.overloads[signature]
     assert callable(result._reduce)
     assert callable(type(result)._rebuild)
     assert result.library.has_dynamic_globals is False
