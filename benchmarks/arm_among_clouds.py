@@ -1,7 +1,7 @@
 """What a point cloud costs a whole arm: time, clearance, and plans that are no longer found.
 
 Run: ``python -m benchmarks.arm_among_clouds [--tasks 40]``. Random tasks for a whole arm
-(`tests.planning.arm_scenes`), a table under it; what stands around is stated as bodies, or as one cloud of
+(`tests.whole_arm.arm_scenes`), a table under it; what stands around is stated as bodies, or as one cloud of
 points on their surfaces, half of them on the table, 0.5 mm of noise, 2 mm of radius. "Boxes": those of a
 cloud that was not seen before, its tree included; "arm": an arm among them (`ArmSetting.bodies`). "Lost": by
 how much the least gap of arm and camera to boxes is smaller than to the bodies, at nine places of every plan
@@ -23,14 +23,15 @@ import numpy as np
 from benchmarks.replan import AHEAD, LEAST_SECONDS, PERIOD, SHARE, moved
 from benchmarks.tables import print_table
 from scipy.spatial.transform import RigidTransform, Rotation
-from tests.planning.arm_scenes import random_task
+from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.errors import Blocked
-from omniservo.planning import ArmPlan, ArmSetting, Box, Cloud, PlanningProblem, plan_path, plan_with_arm
+from omniservo.planning import Box, Cloud, PlanningProblem, plan_path
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.robots import link_gaps, load_arm, shipped_arms
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
+from omniservo.whole_arm import ArmPlan, ArmSetting, plan_with_arm
 
 COUNTS = (1_000, 10_000, 100_000)
 NOISE, RADIUS, NEAR = 5e-4, 2e-3, 0.1

@@ -1,7 +1,7 @@
 """Whole arms at a stated risk of 1%, executed in the closed loop: how often is anything violated?
 
 Run: ``python -m benchmarks.arm_loops [--count 1000] [--arm NAME]``. A task: a target of 20 points, none to
-come nearer than 5 cm, a goal view and one to three balls about the way there (`tests.planning.arm_scenes`),
+come nearer than 5 cm, a goal view and one to three balls about the way there (`tests.whole_arm.arm_scenes`),
 such that `plan_with_arm` finds a plan where everything is known exactly. Then nothing is: the two pictures
 have 0.5 px of noise; focal lengths and principal point are each off by 2% (1σ); the camera's mount by 2 mm
 and 0.2° (rms); motion and structure come from the pictures, their scale from the arm's joint readings and
@@ -42,21 +42,16 @@ from benchmarks.arm_runs import (
 )
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import beta
-from tests.planning.arm_scenes import random_task
+from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.planning import (
-    ArmSetting,
-    PlanningProblem,
-    RiskPlan,
-    plan_arm_with_risk,
-    plan_with_arm,
-    widened_evenly,
-)
+from omniservo.planning import PlanningProblem, widened_evenly
+from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.robots import Arm, JointPath, TrackingTube, follow_path, load_arm, shipped_arms, shipped_tube
+from omniservo.whole_arm import ArmSetting, plan_with_arm
 
 RISK, TRACKING_PART = 0.01, 0.5
 INTRINSICS = 0.02

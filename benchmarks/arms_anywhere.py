@@ -29,8 +29,8 @@ from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import HalfSpace, Mesh
-from omniservo.planning.with_arm.solids_of import solids_of
 from omniservo.robots import Arm, ArmBodies, Solid, arm_clearance, load_arm
+from omniservo.whole_arm.solids_of import solids_of
 
 TOLERANCE = 1e-8
 """[m]"""

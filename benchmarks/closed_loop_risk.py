@@ -27,9 +27,10 @@ from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import ServoStop
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path, plan_with_risk
-from omniservo.planning.risk.plan_with_risk import problem_of_estimate
+from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path
 from omniservo.reporting.image_distance import image_distance
+from omniservo.risk import plan_with_risk
+from omniservo.risk.plan_with_risk import problem_of_estimate
 from omniservo.tracking import PathTracker
 
 POINTS, WRONG = 20, 5

@@ -30,11 +30,11 @@ from benchmarks.peers import on_plane, peer, plane_focal, shortest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo import UnifiedCamera, estimate_two_view, preset
-from omniservo.estimation.joint_refinement import refine_jointly
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.rotation_parameters import QUATERNION
-from omniservo.estimation.two_view_fit import fit_two_views
+from omniservo.estimation.refinement.joint_refinement import refine_jointly
+from omniservo.estimation.robust.two_view_fit import fit_two_views
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.quaternions import QUATERNION
 
 NOISE_PX = 0.5
 OUTLIERS = 0.3

@@ -19,11 +19,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.estimation import estimate_two_view, refine_pose_kernel
-from omniservo.estimation.joint_refinement import refine_jointly
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.motion_search import START_ANGLES, eight_point_starts, search_motion
-from omniservo.estimation.rotation_parameters import QUATERNION
+from omniservo.estimation.refinement.joint_refinement import refine_jointly
+from omniservo.estimation.refinement.motion_search import START_ANGLES, eight_point_starts, search_motion
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quaternions import QUATERNION
 
 GROSS_DEGREES = 10.0
 

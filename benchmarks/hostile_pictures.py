@@ -36,9 +36,9 @@ from scipy.special import chdtrc
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
-from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.members import MOTION_PARAMETERS
+from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_cost
+from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import NaturalKind
 

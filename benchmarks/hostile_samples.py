@@ -16,14 +16,14 @@ import yaml
 from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.calibration import load_model
 from omniservo.calibration.hand_eye import load_hand_eye
 from omniservo.calibration.hand_eye.robot_poses_file import load_robot_poses
-from omniservo.calibration.mask_image import load_mask
+from omniservo.camera_files import load_model
+from omniservo.camera_files.mask_image import load_mask
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
-from omniservo.image_files import read_grey_image, read_image
-from omniservo.mesh_files import read_triangles
+from omniservo.files.image_files import read_grey_image, read_image
+from omniservo.files.mesh_files import read_triangles
 from omniservo.planning import Plan, PlanningProblem, plan_path
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import Arm, TrackingTube

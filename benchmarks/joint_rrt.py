@@ -26,11 +26,12 @@ from benchmarks.whole_arm import camera_tasks
 from ompl import base, geometric, util
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import ArmSetting, PlanningProblem, plan_with_arm
+from omniservo.planning import PlanningProblem
 from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.problem_arrays import asked_of
 from omniservo.robots import load_arm, shipped_arms
 from omniservo.robots.arm import SINGULAR_VALUE
+from omniservo.whole_arm import ArmSetting, plan_with_arm
 
 STEP = 0.01
 """[rad] between places of a motion that the peer looks at"""

@@ -1,7 +1,7 @@
 """Faults while an arm moves: is every one a named stop in time, and does anything come too close?
 
 Run: ``python -m benchmarks.motion_faults [--tasks 11] [--arm NAME] [--fault WORDS]``. Tasks are those of
-`tests.planning.arm_scenes`, planned with 10 mm more than the 10 mm that are asked to the balls and 1 mm more
+`tests.whole_arm.arm_scenes`, planned with 10 mm more than the 10 mm that are asked to the balls and 1 mm more
 than the 2 mm that are asked of the arm's own parts, such that the plan comes within 30 mm of that, and
 followed on projected pixels with 0.5 px of noise by drives with lag and acceleration limits
 (`benchmarks.driven_arm`). A fault (`benchmarks.planted_faults`) is planted at a random 25 to 60% of the time;
@@ -32,15 +32,16 @@ from benchmarks.arm_runs import JOINT_SHARE, LEAST_DURATION, TOLERANCE_PX, Gaps,
 from benchmarks.driven_arm import FRAME, DrivenArm, Drives
 from benchmarks.planted_faults import FAULTS, Fault, FaultyArm, marked_valid
 from scipy.spatial.transform import RigidTransform
-from tests.planning.arm_scenes import random_task
+from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
-from omniservo.planning import Plan, plan_with_arm
+from omniservo.planning import Plan
 from omniservo.robots import Arm, JointPath, load_arm, shipped_arms
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.tracking import PathTracker, TrackerOptions
+from omniservo.whole_arm import plan_with_arm
 
 SEED = 24
 ASKED, ROOM = 0.01, 0.01

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from omniservo import UnifiedCamera, calibrate_camera, estimate_two_view
-from omniservo.image_files import read_grey_image
+from omniservo.files.image_files import read_grey_image
 from omniservo.perception import match_images
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "vinsfusion_calib"

@@ -1,7 +1,7 @@
 """Planning again while the arm moves: how long it takes, what jumps, and how often a way on is found.
 
 Run: ``python -m benchmarks.replan [--count N] [--arms rx60,ur5e,panda] [--budget MS]``. Random tasks for a
-whole arm (`tests.planning.arm_scenes`) are planned and followed with a rest-to-rest law within half of the
+whole arm (`tests.whole_arm.arm_scenes`) are planned and followed with a rest-to-rest law within half of the
 arm's limits, at least 2 s; at a random moment one of the balls is put elsewhere, its middle within 5 cm of
 the rest of the way, but so that neither the next 80 ms nor an end pose are taken. "Camera": without the arm;
 "arm": joints and all links proven, too. "Solvable": replanned, or `plan_with_arm` (camera: `plan_path`) with
@@ -22,15 +22,16 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from tests.planning.arm_scenes import random_task
+from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.errors import Blocked
-from omniservo.planning import ArmSetting, Plan, PlanningProblem, plan_path, plan_with_arm
-from omniservo.planning.frame_change import problem_from
+from omniservo.planning import Plan, PlanningProblem, plan_path
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.replanning.frame_change import problem_from
 from omniservo.robots import Arm, load_arm
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
+from omniservo.whole_arm import ArmSetting, plan_with_arm
 
 AHEAD = 0.08
 PERIOD = 1.0 / 30.0

@@ -20,12 +20,13 @@ from benchmarks.planning_speed import median_seconds
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.polynomial import PROVEN
-from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path, replan
+from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path
 from omniservo.planning.end_poses import violation_at_end
-from omniservo.planning.frame_change import problem_from
-from omniservo.planning.replan import rest_arguments
 from omniservo.planning.search.problem_search import ProblemSearch
-from omniservo.planning.search.rest_of_path import settle_rest
+from omniservo.replanning import replan
+from omniservo.replanning.frame_change import problem_from
+from omniservo.replanning.replan import rest_arguments
+from omniservo.replanning.rest_of_path import settle_rest
 
 SETS = ("fisheye", "perspective", "catadioptric", "occlusion")
 CALLS = 15

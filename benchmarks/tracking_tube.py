@@ -1,7 +1,7 @@
 """How far simulated arms stray from their paths: the tubes that are shipped.
 
 Run: ``python -m benchmarks.tracking_tube [--arm NAME] [--runs 400] [--out FOLDER]``. Random tasks of 20
-points (`tests.planning.arm_scenes`), planned with the arm and followed in the closed loop at 30 frames a
+points (`tests.whole_arm.arm_scenes`), planned with the arm and followed in the closed loop at 30 frames a
 second, 20 ms late, with 0.5 px of noise in every frame, drives with acceleration limits, and the
 rest-to-rest law with half of the arm's speeds and accelerations. Structure, camera and mount are true: what
 errors of theirs do is not the tracking's. Points keep as far inside the image as the visibility filter asks,
@@ -20,19 +20,11 @@ from pathlib import Path
 import numpy as np
 from benchmarks.arm_runs import LEAST_DISTANCE, NOISE_PX, SPARSE, TARGET, VISIBLE_PX, Truth, execute
 from benchmarks.tables import print_table
-from tests.planning.arm_scenes import FLANGE_T_CAMERA, random_task
+from tests.whole_arm.arm_scenes import FLANGE_T_CAMERA, random_task
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import plan_with_arm
-from omniservo.robots import (
-    CAMERA_HOUSING,
-    Arm,
-    ArmBodies,
-    TrackingTube,
-    load_arm,
-    shipped_arms,
-    strayed,
-)
+from omniservo.robots import CAMERA_HOUSING, Arm, ArmBodies, TrackingTube, load_arm, shipped_arms, strayed
+from omniservo.whole_arm import plan_with_arm
 
 SHARE = 0.01
 """of runs that may leave the tube that is printed"""

@@ -21,11 +21,10 @@ import numpy.typing as npt
 from benchmarks.arm_runs import Truth, execute
 from benchmarks.tables import print_table
 from scipy.spatial.transform import RigidTransform
-from tests.planning.arm_scenes import random_task
 from tests.robots.joint_paths import straight_joint_path
+from tests.whole_arm.arm_scenes import random_task
 
-from omniservo.planning import ArmPlan, ArmSetting, PlanningProblem, plan_path, plan_with_arm
-from omniservo.planning.with_arm.solids_of import solids_of
+from omniservo.planning import PlanningProblem, plan_path
 from omniservo.robots import (
     CAMERA_HOUSING,
     SELF_CLEARANCE,
@@ -38,6 +37,8 @@ from omniservo.robots import (
     load_arm,
     shipped_arms,
 )
+from omniservo.whole_arm import ArmPlan, ArmSetting, plan_with_arm
+from omniservo.whole_arm.solids_of import solids_of
 
 CLEARANCE = 0.01
 """[m] asked of the arm and what stands around"""

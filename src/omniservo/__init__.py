@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from omniservo.calibration import Calibration, calibrate_camera, load_camera, load_model, save_camera
+    from omniservo.calibration import Calibration, calibrate_camera
     from omniservo.calibration.hand_eye import (
         HandEye,
         RobotPoses,
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         calibrate_hand_eye_images,
         load_robot_poses,
     )
+    from omniservo.camera_files import load_camera, load_model, save_camera
     from omniservo.cameras import DeadZone, UnifiedCamera, preset, rectify, tangent_view
     from omniservo.errors import InputError, NoSolutionError, OmniservoError, ServoStop
     from omniservo.estimation import (
@@ -28,16 +29,9 @@ if TYPE_CHECKING:
         estimate_two_view,
         estimate_views,
     )
-    from omniservo.planning import (
-        CameraPath,
-        Certificate,
-        Plan,
-        PlanningProblem,
-        improving_plans,
-        plan_path,
-        plan_with_risk,
-        replan,
-    )
+    from omniservo.planning import CameraPath, Certificate, Plan, PlanningProblem, improving_plans, plan_path
+    from omniservo.replanning import replan
+    from omniservo.risk import plan_with_risk
     from omniservo.targets import Target
     from omniservo.tracking import PathTracker, TrackerOptions
     from omniservo.verification import verify_plan
@@ -52,9 +46,9 @@ _HOME = {
     "calibrate_hand_eye": "calibration.hand_eye",
     "calibrate_hand_eye_images": "calibration.hand_eye",
     "load_robot_poses": "calibration.hand_eye",
-    "load_camera": "calibration",
-    "load_model": "calibration",
-    "save_camera": "calibration",
+    "load_camera": "camera_files",
+    "load_model": "camera_files",
+    "save_camera": "camera_files",
     "DeadZone": "cameras",
     "UnifiedCamera": "cameras",
     "preset": "cameras",
@@ -79,8 +73,8 @@ _HOME = {
     "PlanningProblem": "planning",
     "improving_plans": "planning",
     "plan_path": "planning",
-    "plan_with_risk": "planning",
-    "replan": "planning",
+    "plan_with_risk": "risk",
+    "replan": "replanning",
     "Target": "targets",
     "PathTracker": "tracking",
     "TrackerOptions": "tracking",

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from tests.calibration.format_samples import SAMPLES
 
-from omniservo.calibration import load_model, save_camera
+from omniservo.camera_files import load_model, save_camera
 from omniservo.cameras.models import KannalaBrandt
 from omniservo.errors import InputError
 

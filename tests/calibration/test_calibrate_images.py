@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 from tests.calibration.rendered_boards import facing, render
 
-from omniservo.calibration import board_from_text, calibrate_images, load_camera
+from omniservo.calibration import board_from_text, calibrate_images
+from omniservo.camera_files import load_camera
 from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError

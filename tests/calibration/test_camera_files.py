@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from omniservo.calibration import load_camera, save_camera
+from omniservo.camera_files import load_camera, save_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from tests.calibration.format_samples import CAMERAS, OCAM, SAMPLES
 
-from omniservo.calibration import FORMATS, closest_model, load_camera, load_model, save_camera
-from omniservo.calibration.camera_files import WRITTEN
+from omniservo.camera_files import FORMATS, closest_model, load_camera, load_model, save_camera
+from omniservo.camera_files.camera_files import WRITTEN
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.conversion import to_unified
 from omniservo.cameras.models import (

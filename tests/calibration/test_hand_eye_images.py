@@ -17,16 +17,17 @@ from tests.calibration.hand_eye_scenes import (
 )
 from tests.tasks.test_load_task import changed, written
 
-from omniservo.calibration import board_from_text, find_board, load_camera
+from omniservo.calibration import board_from_text, find_board
 from omniservo.calibration.hand_eye import (
     calibrate_hand_eye,
     calibrate_hand_eye_images,
     load_hand_eye,
     load_robot_poses,
 )
+from omniservo.camera_files import load_camera
 from omniservo.cli.main import main
 from omniservo.errors import InputError
-from omniservo.image_files import read_grey_image
+from omniservo.files.image_files import read_grey_image
 from omniservo.perception import tag_cells, tag_picture
 from omniservo.perception.tag_picture import QUIET_CELLS
 from omniservo.reporting.hand_eye_report import hand_eye_html

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from omniservo.calibration.mask_image import load_mask
+from omniservo.camera_files.mask_image import load_mask
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import mask_from
 from omniservo.errors import InputError

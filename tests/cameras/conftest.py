@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omniservo.calibration import load_camera
+from omniservo.camera_files import load_camera
 from omniservo.cameras import PRESETS, DeadZone, UnifiedCamera
 
 SYNTHETIC = {

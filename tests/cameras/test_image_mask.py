@@ -9,7 +9,7 @@ import pytest
 from matplotlib.path import Path as Outline
 from scipy.spatial import ConvexHull
 
-from omniservo.calibration import load_camera, save_camera
+from omniservo.camera_files import load_camera, save_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import distance_beyond, outward_edges
 from omniservo.errors import InputError

@@ -5,7 +5,7 @@ import json
 import pytest
 from tests.cli.calling import call
 
-from omniservo.calibration import load_camera
+from omniservo.camera_files import load_camera
 from omniservo.cameras import PRESETS
 
 LENS = """  camera_model: pinhole

@@ -8,7 +8,7 @@ import yaml
 from tests.cli.calling import call
 from tests.cli.test_command_line import problem
 
-from omniservo.calibration import save_camera
+from omniservo.camera_files import save_camera
 from omniservo.cameras import UnifiedCamera
 
 

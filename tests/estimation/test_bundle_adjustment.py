@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
-from omniservo.estimation.bundle_adjustment import adjust_views, cost_of_views
+from omniservo.estimation.refinement.bundle_adjustment import adjust_views, cost_of_views
 
 CAMERA = preset("fe185")
 SCALE_VIEW = 2

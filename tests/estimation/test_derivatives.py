@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omniservo.estimation import epipolar_refinement, joint_refinement, normal_blocks
-from omniservo.estimation.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.refinement import epipolar_refinement, joint_refinement, normal_blocks
+from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored, symmetric_eigen
 
 

@@ -6,10 +6,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.joint_refinement import refine_jointly
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.rotation_parameters import QUATERNION
-from omniservo.estimation.two_view_fit import fit_two_views
+from omniservo.estimation.refinement.joint_refinement import refine_jointly
+from omniservo.estimation.robust.two_view_fit import fit_two_views
+from omniservo.geometry.quaternions import QUATERNION
 
 
 def rotation_error(estimate, scene):

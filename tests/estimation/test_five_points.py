@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omniservo.estimation.five_points import five_point_essentials
+from omniservo.estimation.minimal_solvers.five_points import five_point_essentials
 from omniservo.geometry.linear_systems import smallest_eigenvectors
 
 

@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.camera_evidence import count_alike, focal_error
-from omniservo.estimation.epipolar_refinement import refine_epipolar
-from omniservo.estimation.heavy_tails import tail_of
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.two_view_fit import fit_two_views
-from omniservo.estimation.vouched_fit import leverages
+from omniservo.estimation.refinement.epipolar_refinement import refine_epipolar
+from omniservo.estimation.robust.two_view_fit import fit_two_views
+from omniservo.estimation.robust.vouched_fit import leverages
+from omniservo.estimation.status.camera_evidence import count_alike, focal_error
+from omniservo.estimation.status.heavy_tails import tail_of
 
 GIVEN = UnifiedCamera(150.0, 150.0, 159.5, 119.5, 1.0, 320, 240)
 NOISE = 0.05

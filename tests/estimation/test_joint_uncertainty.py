@@ -10,7 +10,7 @@ from scipy.stats import chi2, f
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
-from omniservo.estimation.calibration_response import PARAMETERS
+from omniservo.estimation.uncertainty.calibration_response import PARAMETERS
 
 
 def answer(camera, scene, pixels, **options):

@@ -9,9 +9,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import f
 
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.degenerate_motion import HOMOGRAPHY, algebraic_map
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.planar_motion import decompose_homography, planar_blocks, refine_planar_motion
+from omniservo.estimation.refinement.planar_motion import (
+    decompose_homography,
+    planar_blocks,
+    refine_planar_motion,
+)
+from omniservo.estimation.status.degenerate_motion import HOMOGRAPHY, algebraic_map
 
 
 def board(rng, n, tilt, relief=0.0):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from omniservo.estimation.rotation_parameters import (
+from omniservo.geometry.quaternions import (
     CAYLEY,
     QUATERNION,
     parameters_from_rotation,

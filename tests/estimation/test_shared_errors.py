@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
-from omniservo.estimation.shared_errors import SHARED, shared_error_factor
+from omniservo.estimation.uncertainty.shared_errors import SHARED, shared_error_factor
 
 SIGMA = 0.03
 WINDOW = 9.0

@@ -8,8 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.squared_corners import odd_size, square_gaps, squared
-from omniservo.estimation.two_view_fit import fit_members
+from omniservo.estimation.robust.squared_corners import odd_size, square_gaps, squared
+from omniservo.estimation.robust.two_view_fit import fit_members
 from omniservo.perception import MatchedPoints
 
 UPRIGHT = 0.5 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])

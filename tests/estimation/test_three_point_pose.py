@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from omniservo.estimation.three_point_pose import three_point_poses
+from omniservo.estimation.minimal_solvers.three_point_pose import three_point_poses
 
 FIRST_THREE = np.arange(3)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omniservo.errors import InputError
-from omniservo.mesh_files import read_triangles
+from omniservo.files.mesh_files import read_triangles
 
 SOURCE = """<source id="p"><float_array id="a" count="15">0 0 0  2 0 0  2 3 0  0 3 0  0 0 5</float_array>
 <technique_common><accessor source="#a" count="5" stride="3"/></technique_common></source>

@@ -5,7 +5,7 @@ from importlib import resources
 import pytest
 import yaml
 
-from omniservo.calibration import named_camera
+from omniservo.camera_files import named_camera
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem

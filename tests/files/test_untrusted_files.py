@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from omniservo.calibration import load_camera
 from omniservo.calibration.hand_eye import load_hand_eye
-from omniservo.calibration.mask_image import load_mask
+from omniservo.camera_files import load_camera
+from omniservo.camera_files.mask_image import load_mask
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.files import MOST_YAML_VALUES, parse_document, read_document, read_text
-from omniservo.image_files import read_grey_image, read_image
-from omniservo.mesh_files import read_triangles
+from omniservo.files.image_files import read_grey_image, read_image
+from omniservo.files.mesh_files import read_triangles
 from omniservo.planning import Plan, PlanningProblem
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, load_arm

@@ -8,8 +8,8 @@ from tests.cli.calling import call
 from tests.robots.urdf_arms import CYLINDER, SIX, urdf
 
 from omniservo.errors import InputError
+from omniservo.files.xacro_files import expand_xacro
 from omniservo.robots import Arm
-from omniservo.xacro_files import expand_xacro
 
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 MACRO = """<xacro:arg name="width" default=""/><xacro:arg name="tool" default="tool0"/>

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import real_pairs
 from omniservo.estimation import estimate_two_view
-from omniservo.image_files import read_grey_image
+from omniservo.files.image_files import read_grey_image
 from omniservo.perception import find_features, match_features, refine_matches
 
 

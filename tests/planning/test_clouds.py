@@ -14,8 +14,8 @@ from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.cloud import prove_off_cloud
 from omniservo.planning.constraints.cloud_sight import prove_sights_past_cloud
 from omniservo.planning.end_poses import violation_at_end
-from omniservo.planning.frame_change import problem_from
 from omniservo.planning.obstacles.ball_tree import ball_tree, nearest_point
+from omniservo.replanning.frame_change import problem_from
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)

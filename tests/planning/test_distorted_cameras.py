@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.calibration import load_camera
+from omniservo.camera_files import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.planning import CameraPath, Plan, PlanningProblem, Sphere, certify, plan_path
 from omniservo.verification import verify_plan

@@ -21,7 +21,7 @@ from solids import (
 
 from omniservo.errors import InputError
 from omniservo.planning import Box, Capsule, HalfSpace, Plan, PlanningProblem, Sphere, certify, plan_path
-from omniservo.planning.frame_change import seen_from
+from omniservo.replanning.frame_change import seen_from
 from omniservo.verification import verify_plan
 
 TURNED = Rotation.from_quat([0.1, 0.7, -0.1, 0.7]).as_quat()

@@ -14,8 +14,9 @@ from scipy.spatial.transform import RigidTransform
 
 import omniservo
 from omniservo.cameras import models
-from omniservo.planning import ArmSetting, Box, Cloud, Mesh, PlanningProblem
+from omniservo.planning import Box, Cloud, Mesh, PlanningProblem
 from omniservo.robots import load_arm
+from omniservo.whole_arm import ArmSetting
 
 ROOMS = (
     "omniservo", "omniservo.planning", "omniservo.safety", "omniservo.tracking", "omniservo.servoing",

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from omniservo.errors import InputError
-from omniservo.planning import RiskPlan, UncertainMargin
 from omniservo.reporting import write_report
 from omniservo.reporting.margins import certified_clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
@@ -19,6 +18,7 @@ from omniservo.reporting.spelling import reads_less, significant, spell, spell_b
 from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
 from omniservo.reporting.write_figures import drawings, write_figures
+from omniservo.risk import RiskPlan, UncertainMargin
 from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}

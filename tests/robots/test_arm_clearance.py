@@ -10,8 +10,8 @@ from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.errors import InputError
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
-from omniservo.robots.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
-from omniservo.robots.gap_search import widen
+from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
+from omniservo.robots.collision.gap_search import widen
 
 TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
 CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), [0.03, 0.02, 0.05])

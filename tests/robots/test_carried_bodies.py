@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform
 from tests.robots.test_arm_clearance import CAMERA, random_solid
 
 from omniservo.robots import ArmBodies, load_arm, shipped_arms
-from omniservo.robots.carried_bodies import carried_too_close
+from omniservo.robots.collision.carried_bodies import carried_too_close
 
 
 @pytest.mark.parametrize("name", shipped_arms())

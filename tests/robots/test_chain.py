@@ -7,11 +7,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.robots import Arm
 from omniservo.robots.arm import LENGTH_SCALE
-from omniservo.robots.chain import least_motion
-from omniservo.robots.numeric_inverse import descend_all, solutions
-from omniservo.robots.posture import sensitivities
-from omniservo.robots.step_kernels import LEAST, SLOPE, TAKEN, VALUE, Rule, advance
-from omniservo.robots.twist_matrix import twist_matrix
+from omniservo.robots.kinematics.chain import least_motion
+from omniservo.robots.kinematics.numeric_inverse import descend_all, solutions
+from omniservo.robots.kinematics.posture import sensitivities
+from omniservo.robots.kinematics.twist_matrix import twist_matrix
+from omniservo.robots.path_following.step_kernels import LEAST, SLOPE, TAKEN, VALUE, Rule, advance
 
 FLANGE_T_CAMERA = RigidTransform.from_components([0.03, -0.02, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1]))
 TO_CAMERA = twist_matrix(FLANGE_T_CAMERA, LENGTH_SCALE)

@@ -7,9 +7,9 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.robots import ArmBodies, load_arm
-from omniservo.robots.exact_vertices import add_hull, corners_of, on_hull
-from omniservo.robots.gap_kernels import HULL
-from omniservo.robots.gap_search import support
+from omniservo.robots.collision.exact_vertices import add_hull, corners_of, on_hull
+from omniservo.robots.collision.gap_kernels import HULL
+from omniservo.robots.collision.gap_search import support
 
 
 def words(values):

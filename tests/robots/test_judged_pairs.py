@@ -5,15 +5,16 @@ from collections import Counter
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
-from tests.planning.test_arm_anywhere import STAND, planned, rx60
 from tests.robots.joint_paths import straight_joint_path
+from tests.whole_arm.test_arm_anywhere import STAND, planned, rx60
 
 from omniservo import cameras
 from omniservo.errors import InputError
-from omniservo.planning import ArmSetting, PlanningProblem, plan_with_arm
+from omniservo.planning import PlanningProblem
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, Solid, arm_clearance, load_arm
 from omniservo.simulation.scene import Scene
 from omniservo.simulation.world import World
+from omniservo.whole_arm import ArmSetting, plan_with_arm
 
 MOUNT = RigidTransform.from_components([0.0, 0.0, 0.0905], Rotation.from_euler("z", 90, degrees=True))
 HOUSING = tuple(solid.moved(MOUNT) for solid in CAMERA_HOUSING)

@@ -14,8 +14,8 @@ from tests.robots.test_joint_path import (
 
 from omniservo.errors import InputError
 from omniservo.robots import follow_path
-from omniservo.robots.path_steps import PULL
-from omniservo.robots.step_kernels import FADED
+from omniservo.robots.path_following.path_steps import PULL
+from omniservo.robots.path_following.step_kernels import FADED
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.robots import Solid, load_arm, own_sight
-from omniservo.robots.own_sight import _Lines, own_sight_in
-from omniservo.robots.sight_kernel import SURFACE
+from omniservo.robots.collision.own_sight import _Lines, own_sight_in
+from omniservo.robots.collision.sight_kernel import SURFACE
 
 MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
 AHEAD = np.radians([0.0, 20.0, 110.0, 0.0, 50.0, 0.0])

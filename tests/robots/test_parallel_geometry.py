@@ -7,7 +7,7 @@ from urdf_arms import urdf
 
 from omniservo.errors import InputError
 from omniservo.robots import Arm, load_arm
-from omniservo.robots.numeric_inverse import solutions
+from omniservo.robots.kinematics.numeric_inverse import solutions
 
 # The maker's lengths of the UR10e (table of Denavit-Hartenberg parameters), with joints as
 # ROS's files place them: turns rounded to nine digits, base turned by half a turn, the last frame turned.

@@ -10,15 +10,15 @@ import yaml
 from tests.cli.calling import call
 from tests.robots.urdf_arms import CYLINDER, SIX, fingers, urdf
 
-from omniservo.calibration import save_camera
+from omniservo.camera_files import save_camera
 from omniservo.cameras import UnifiedCamera
-from omniservo.planning import plan_with_arm
 from omniservo.robots import Arm, suggested_mount, suggested_posture, suggested_table
 from omniservo.runs import run_task
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
+from omniservo.whole_arm import plan_with_arm
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "tasks.md"
 EXAMPLE, MORE = re.search(

@@ -8,12 +8,12 @@ import pytest
 from tests.robots.urdf_arms import SEVEN, SIX, fingers, urdf
 from tests.runs.test_own_arm import EXAMPLE
 
-from omniservo.planning import plan_with_arm
 from omniservo.robots import Arm, load_arm, shipped_arms, suggested_mount, suggested_posture, suggested_table
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
+from omniservo.whole_arm import plan_with_arm
 
 QUARTER, HALF = np.pi / 2, np.pi
 UR3E, UR5E, UR10E = (

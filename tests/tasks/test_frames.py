@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
-from omniservo.planning import plan_with_arm
 from omniservo.robots import load_arm
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.simulation import World
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
+from omniservo.whole_arm import plan_with_arm
 
 JOINTS = [0.0, 43.0, -64.0, 0.0, 111.0, 20.0]
 FOOT = [100.0, -50.0, 300.0]

@@ -8,7 +8,7 @@ import yaml
 from scipy.spatial.transform import RigidTransform
 from tests.robots.urdf_arms import urdf
 
-from omniservo.calibration import save_camera
+from omniservo.camera_files import save_camera
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.robots import load_arm

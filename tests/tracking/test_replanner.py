@@ -6,24 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
-from tests.planning.arm_scenes import FLANGE_T_CAMERA
+from tests.whole_arm.arm_scenes import FLANGE_T_CAMERA
 
 from omniservo.cameras import preset
 from omniservo.errors import Blocked, InputError
-from omniservo.planning import (
-    ArmSetting,
-    Box,
-    CameraPath,
-    Degrees,
-    PlanningProblem,
-    Sphere,
-    plan_path,
-    plan_with_arm,
-)
+from omniservo.planning import Box, CameraPath, Degrees, PlanningProblem, Sphere, plan_path
 from omniservo.robots import CAMERA_HOUSING, Solid, load_arm
 from omniservo.servoing import PathLimits, RestOfLaw, RestToRestLaw, feature_named
 from omniservo.tracking import FollowingArm, Leg, PathTracker, Replanner, ReplanOptions
 from omniservo.tracking.goal_image import GoalImage
+from omniservo.whole_arm import ArmSetting, plan_with_arm
 
 CAMERA = preset("fe185")
 POINTS = np.array([[x, y, 0.5 + 0.05 * abs(x)] for x in (-0.08, 0.0, 0.09) for y in (-0.08, 0.0, 0.1)])

@@ -1,24 +1,28 @@
-"""Cameras from files, one file per format, and from pictures of boards."""
+"""Cameras calibrated from images of boards, and eye-in-hand calibration."""
 
 from omniservo.calibration.adjustment import Calibration, calibrate_camera
 from omniservo.calibration.boards import board_from_text, find_board
 from omniservo.calibration.calibrate_images import ImageCalibration, calibrate_images
-from omniservo.calibration.camera_files import FORMATS, load_camera, load_model, save_camera
-from omniservo.calibration.closest_model import closest_model
-from omniservo.calibration.named_camera import named_camera, named_model
+from omniservo.renamed import renamed
 
 __all__ = [
-    "FORMATS",
     "Calibration",
     "ImageCalibration",
     "board_from_text",
     "calibrate_camera",
     "calibrate_images",
-    "closest_model",
     "find_board",
-    "load_camera",
-    "load_model",
-    "named_camera",
-    "named_model",
-    "save_camera",
 ]
+
+__getattr__ = renamed(
+    __name__,
+    {
+        "FORMATS": "omniservo.camera_files.FORMATS",
+        "load_camera": "omniservo.camera_files.load_camera",
+        "load_model": "omniservo.camera_files.load_model",
+        "save_camera": "omniservo.camera_files.save_camera",
+        "closest_model": "omniservo.camera_files.closest_model",
+        "named_camera": "omniservo.camera_files.named_camera",
+        "named_model": "omniservo.camera_files.named_model",
+    },
+)

@@ -15,7 +15,7 @@ from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_boar
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
-from omniservo.image_files import image_size, read_grey_image
+from omniservo.files.image_files import image_size, read_grey_image
 
 MOST_IMAGES = 2000
 

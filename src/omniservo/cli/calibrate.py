@@ -35,7 +35,8 @@ def calibrate(
     quiet: QuietOption = False,
 ) -> None:
     """Calibrate a camera from images of a board."""
-    from omniservo.calibration import board_from_text, calibrate_images, save_camera
+    from omniservo.calibration import board_from_text, calibrate_images
+    from omniservo.camera_files import save_camera
     from omniservo.files import writable
     from omniservo.reporting import write_calibration_report
 

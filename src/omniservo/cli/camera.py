@@ -138,7 +138,7 @@ def convert(
     quiet: QuietOption = False,
 ) -> None:
     """Convert a calibration file to another format, to the closest model that this holds."""
-    from omniservo.calibration import closest_model, save_camera
+    from omniservo.camera_files import closest_model, save_camera
     from omniservo.files import writable
 
     output = Output(as_json, quiet)
@@ -164,7 +164,7 @@ def convert(
 
 def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralModel, dict[str, Any]]:
     """Return the camera with a mask image's polygons, and what is to be said of them."""
-    from omniservo.calibration.mask_image import load_mask
+    from omniservo.camera_files.mask_image import load_mask
     from omniservo.cameras.models import camera_from_dict
 
     if camera.mask:

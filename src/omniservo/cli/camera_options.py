@@ -43,7 +43,7 @@ def open_model(
     camera: str, name: str | None, size: str | None, model: str | None, max_angle: float | None = None
 ) -> CentralModel:
     """Return a preset, or the camera of a file as it stands there."""
-    from omniservo.calibration import named_model
+    from omniservo.camera_files import named_model
 
     stated = None if size is None else size_from_text("--size", size)
     return named_model(camera, name=name, size=stated, model=model, max_angle=_radians(max_angle))
@@ -53,7 +53,7 @@ def open_camera(
     camera: str | None, name: str | None, max_angle: float | None, largest_px: float | None
 ) -> UnifiedCamera | None:
     """Return the unified camera that ``--camera`` stands for, or None where it is not given."""
-    from omniservo.calibration import named_camera
+    from omniservo.camera_files import named_camera
 
     if camera is None:
         options = {"--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px}

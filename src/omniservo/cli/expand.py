@@ -24,7 +24,7 @@ def expand(
 ) -> None:
     """Expand a xacro file to URDF, which evaluates the Python expressions in it."""
     from omniservo.files import writable, write_whole
-    from omniservo.xacro_files import expand_xacro
+    from omniservo.files.xacro_files import expand_xacro
 
     writable(out, force=force)
     text = expand_xacro(file, arguments_of(arguments), packages_of(package))

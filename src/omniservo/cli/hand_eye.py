@@ -38,8 +38,9 @@ def calibrate_hand_eye(
     quiet: QuietOption = False,
 ) -> None:
     """Eye-in-hand calibration: the camera's pose on the tool, from images of a fixed board."""
-    from omniservo.calibration import board_from_text, named_camera
+    from omniservo.calibration import board_from_text
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
+    from omniservo.camera_files import named_camera
     from omniservo.files import writable
     from omniservo.reporting import write_hand_eye_report
     from omniservo.targets import Target

@@ -163,7 +163,8 @@ class _Asked:
             InputError: a file is not legal, or not exactly one of problem and obstacles is given.
         """
         from omniservo.estimation import TwoViewEstimate
-        from omniservo.planning import PlanningProblem, problem_around
+        from omniservo.planning import PlanningProblem
+        from omniservo.risk import problem_around
 
         known = TwoViewEstimate.load(self.estimate)
         if self.problem is not None and self.obstacles is None and self.clearance is None:
@@ -177,7 +178,7 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
     """Plan to the estimate's goal with margins that its uncertainty needs."""
     with output.working("loading") as progress:
         from omniservo.geometry.compiler_watch import CompilerWatch
-        from omniservo.planning import plan_with_risk
+        from omniservo.risk import plan_with_risk
 
         progress("planning with risk")
         problem, known = asked.load()

@@ -47,7 +47,7 @@ def rectify(
     """Resample an image into a perspective, cylindrical or equirectangular view."""
     from omniservo.cameras.rectify import rectify as rectified
     from omniservo.files import writable
-    from omniservo.image_files import read_image, write_png
+    from omniservo.files.image_files import read_image, write_png
 
     output = Output(as_json, quiet)
     if view == "equirectangular" and field_of_view is not None:

@@ -14,11 +14,18 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.estimate_pose import known_pixels, pose_residuals, pose_spread
-from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.pose_estimate import pose_of
-from omniservo.estimation.pose_evidence import NEGLIGIBLE, far_rival, noise_of, odds_of, refusal, variance_of
-from omniservo.estimation.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.robust.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.status.pose_evidence import (
+    NEGLIGIBLE,
+    far_rival,
+    noise_of,
+    odds_of,
+    refusal,
+    variance_of,
+)
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 PICTURES = ("initial", "goal")

@@ -9,32 +9,37 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.estimation.degenerate_motion import HOMOGRAPHY, algebraic_map, map_distances, refine_linear_map
-from omniservo.estimation.essential_matrix import linear_structure
-from omniservo.estimation.evidence import CONFIDENCE, largest_noise, noise_variance, simpler_model
-from omniservo.estimation.joint_refinement import write_residuals
-from omniservo.estimation.joint_uncertainty import JointUncertainty
-from omniservo.estimation.map_consensus import robust_map
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.members import (
-    GATE,
-    MOTION_PARAMETERS,
-    PRIOR_NOISE_PX,
-    PRIOR_WEIGHT,
-    sampling_threshold,
-)
-from omniservo.estimation.planar_law import planar_law
-from omniservo.estimation.planar_motion import (
+from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
+from omniservo.estimation.refinement.joint_refinement import write_residuals
+from omniservo.estimation.refinement.planar_motion import (
     UNKNOWNS,
     PlanarBlocks,
     PlanarMotion,
     decompose_homography,
     refine_planar_motion,
 )
+from omniservo.estimation.robust.map_consensus import robust_map
+from omniservo.estimation.robust.members import (
+    GATE,
+    MOTION_PARAMETERS,
+    PRIOR_NOISE_PX,
+    PRIOR_WEIGHT,
+    sampling_threshold,
+)
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, fit_two_views
+from omniservo.estimation.status.degenerate_motion import (
+    HOMOGRAPHY,
+    algebraic_map,
+    map_distances,
+    refine_linear_map,
+)
+from omniservo.estimation.status.evidence import CONFIDENCE, largest_noise, noise_variance, simpler_model
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
-from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, fit_two_views
 from omniservo.estimation.two_view_request import TwoViewRequest
-from omniservo.estimation.two_view_uncertainty import Noise, total_covariances
+from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.planar_law import planar_law
+from omniservo.estimation.uncertainty.two_view_uncertainty import Noise, total_covariances
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 LEAST_PLANAR_POINTS = 4

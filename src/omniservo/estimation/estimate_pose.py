@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus
-from omniservo.estimation.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
-from omniservo.estimation.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
-from omniservo.estimation.pose_refinement import inverse_information
-from omniservo.estimation.pose_search import write_pose_residuals
+from omniservo.estimation.refinement.pose_refinement import inverse_information
+from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
+from omniservo.estimation.robust.pose_search import write_pose_residuals
+from omniservo.estimation.status.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 
 

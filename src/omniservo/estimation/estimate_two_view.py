@@ -16,29 +16,29 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import later
-from omniservo.estimation.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.estimate_planar import estimate_planar
-from omniservo.estimation.evidence import judge
-from omniservo.estimation.heavy_tails import tail_of
-from omniservo.estimation.joint_refinement import refine_jointly, residual_sums, write_residuals
-from omniservo.estimation.joint_uncertainty import JointUncertainty
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.members import MOTION_PARAMETERS
-from omniservo.estimation.rotation_parameters import CAYLEY, QUATERNION
-from omniservo.estimation.square_evidence import fit_squares
+from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
+from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
+from omniservo.estimation.robust.members import MOTION_PARAMETERS
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
+from omniservo.estimation.robust.vouched_fit import vouched_fit
+from omniservo.estimation.status.evidence import judge
+from omniservo.estimation.status.heavy_tails import tail_of
+from omniservo.estimation.status.square_evidence import fit_squares
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
-from omniservo.estimation.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.two_view_request import TwoViewRequest
-from omniservo.estimation.two_view_uncertainty import (
+from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
+from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
     Solution,
     total_covariances,
     two_view_uncertainty,
 )
-from omniservo.estimation.uncertainty import determines_motion, linear_response
-from omniservo.estimation.vouched_fit import vouched_fit
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.quaternions import CAYLEY, QUATERNION
 
 Scale = float | tuple[tuple[int, int], float]
 

@@ -12,14 +12,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.bundle_adjustment import adjust_views
-from omniservo.estimation.evidence import largest_noise
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate
-from omniservo.estimation.pose_evidence import variance_of
-from omniservo.estimation.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
+from omniservo.estimation.refinement.bundle_adjustment import adjust_views
+from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
+from omniservo.estimation.status.evidence import largest_noise
+from omniservo.estimation.status.pose_evidence import variance_of
+from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.estimation.view_poses import LEAST_POINTS, PlacedViews, place_all, place_others
 from omniservo.estimation.view_scale import Length, ViewScale, checked_scale
-from omniservo.estimation.view_uncertainty import ViewUncertainty
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
 
 ADJUSTING_STEPS = 100

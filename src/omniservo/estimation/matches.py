@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.essential_matrix import bearings_of_pixels
+from omniservo.estimation.minimal_solvers.essential_matrix import bearings_of_pixels
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 

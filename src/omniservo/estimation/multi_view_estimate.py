@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
-from omniservo.estimation.view_uncertainty import ViewUncertainty
+from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 

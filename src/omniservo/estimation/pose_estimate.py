@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.quaternions import matrix_from_quaternion
 from omniservo.short_repr import short_repr
 
 PoseStatus = Literal["ok", "too_few_points", "collinear_points", "ambiguous", "not_converged"]

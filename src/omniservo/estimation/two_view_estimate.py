@@ -15,9 +15,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import deferring
-from omniservo.estimation.joint_uncertainty import SOURCES, EstimateSamples, JointUncertainty, Source
-from omniservo.estimation.likelihood_samples import likelihood_samples
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.uncertainty.joint_uncertainty import (
+    SOURCES,
+    EstimateSamples,
+    JointUncertainty,
+    Source,
+)
+from omniservo.estimation.uncertainty.likelihood_samples import likelihood_samples
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from omniservo.estimation.two_view_uncertainty import Length, Lens
+from omniservo.estimation.uncertainty.two_view_uncertainty import Length, Lens
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
-from omniservo.estimation.triangulation import triangulate_views
+from omniservo.estimation.minimal_solvers.triangulation import triangulate_views
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.geometry.arrays import BoolArray, FloatArray
 

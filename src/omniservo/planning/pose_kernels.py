@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.estimation.rotation_parameters import matrix_from_quaternion
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.quaternions import matrix_from_quaternion
 
 
 @kernel

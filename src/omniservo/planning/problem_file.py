@@ -8,7 +8,7 @@ from typing import Any
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.calibration import load_camera
+from omniservo.camera_files import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside, read_document, write_whole

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.estimation.rotation_parameters import quaternion_from_matrix
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quaternions import quaternion_from_matrix
 
 
 def composed(a_T_b: RigidTransform, b_T_c: RigidTransform) -> RigidTransform:

@@ -9,12 +9,13 @@ from matplotlib.patches import Polygon
 from scipy.spatial import ConvexHull
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import ArmSetting, Cloud, HalfSpace, Plan, worst_moment
+from omniservo.planning import Cloud, HalfSpace, Plan, worst_moment
 from omniservo.reporting.moment_figure import draw_moment
 from omniservo.reporting.obstacle_corners import obstacle_corners
 from omniservo.reporting.style import CERTIFIED, Drawing, new_figure, styled
 from omniservo.simulation import OutsideView, World
 from omniservo.simulation.scene import Scene
+from omniservo.whole_arm import ArmSetting
 
 _DIRECTIONS = np.random.default_rng(0).standard_normal((400, 3))
 _DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omniservo.planning import RiskPlan
 from omniservo.reporting.metric_meanings import spell_contacts
 from omniservo.reporting.paper_table import PAPER
 from omniservo.reporting.spelling import spell
+from omniservo.risk import RiskPlan
 from omniservo.simulation.run_result import RunResult
 from omniservo.tasks.obstacles import SphereSection
 

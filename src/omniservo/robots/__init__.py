@@ -2,29 +2,29 @@
 
 from omniservo.renamed import renamed
 from omniservo.robots.arm import Arm
-from omniservo.robots.arm_bodies import ArmBodies
-from omniservo.robots.arm_clearance import (
+from omniservo.robots.arm_files import SHOWN_GROUP
+from omniservo.robots.collision.arm_bodies import ArmBodies
+from omniservo.robots.collision.arm_clearance import (
     SELF_CLEARANCE,
     ArmClearance,
     Closeness,
     arm_clearance,
     spelled_gap,
 )
-from omniservo.robots.arm_files import SHOWN_GROUP
-from omniservo.robots.camera_housing import CAMERA_HOUSING
-from omniservo.robots.follow_path import FollowedPath, follow_path
-from omniservo.robots.joint_path import JointPath, PathFailure
+from omniservo.robots.collision.camera_housing import CAMERA_HOUSING
+from omniservo.robots.collision.link_gaps import FARTHEST, link_gaps
+from omniservo.robots.collision.own_sight import OwnSight, own_sight
+from omniservo.robots.collision.solid import Solid
 from omniservo.robots.link import Link, Shape
-from omniservo.robots.link_gaps import FARTHEST, link_gaps
 from omniservo.robots.load_arm import load_arm, shipped_arms
-from omniservo.robots.own_sight import OwnSight, own_sight
+from omniservo.robots.path_following.follow_path import FollowedPath, follow_path
+from omniservo.robots.path_following.joint_path import JointPath, PathFailure
+from omniservo.robots.path_following.strayed import strayed
+from omniservo.robots.path_following.tracking_tube import TrackingTube, Tube, shipped_tube
 from omniservo.robots.robot import CameraImage, Robot, RobotState
-from omniservo.robots.solid import Solid
-from omniservo.robots.strayed import strayed
-from omniservo.robots.suggested_mount import suggested_mount
-from omniservo.robots.suggested_posture import suggested_posture
-from omniservo.robots.suggested_table import suggested_table
-from omniservo.robots.tracking_tube import TrackingTube, Tube, shipped_tube
+from omniservo.robots.suggestions.suggested_mount import suggested_mount
+from omniservo.robots.suggestions.suggested_posture import suggested_posture
+from omniservo.robots.suggestions.suggested_table import suggested_table
 
 __all__ = [
     "CAMERA_HOUSING",

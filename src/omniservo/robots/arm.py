@@ -15,13 +15,13 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.arm_files import read_arm_file
-from omniservo.robots.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
+from omniservo.robots.kinematics.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
+from omniservo.robots.kinematics.numeric_inverse import STARTS, descend_all, solutions
+from omniservo.robots.kinematics.parallel_geometry import ParallelGeometry
+from omniservo.robots.kinematics.reach import farthest
+from omniservo.robots.kinematics.twist_matrix import twist_matrix
+from omniservo.robots.kinematics.wrist_geometry import WristGeometry
 from omniservo.robots.link import Link, Shape
-from omniservo.robots.numeric_inverse import STARTS, descend_all, solutions
-from omniservo.robots.parallel_geometry import ParallelGeometry
-from omniservo.robots.reach import farthest
-from omniservo.robots.twist_matrix import twist_matrix
-from omniservo.robots.wrist_geometry import WristGeometry
 
 __all__ = ["LENGTH_SCALE", "SINGULAR_VALUE", "Arm"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.planning import ArmSetting
 from omniservo.robots import CAMERA_HOUSING, Solid, Tube
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
+from omniservo.whole_arm import ArmSetting
 
 TUBE_SHARE = 0.01
 """of runs that may leave the tube, where a task states no risk"""

@@ -8,12 +8,12 @@ from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.calibration import named_camera
+from omniservo.camera_files import named_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.files.image_files import read_grey_image
 from omniservo.geometry.arrays import ByteArray
-from omniservo.image_files import read_grey_image
 from omniservo.runs.estimate_task import estimate_on_target, estimate_task
 from omniservo.runs.feature_kind_of import KindName, feature_kind, feature_kind_of
 from omniservo.runs.in_view import require_in_view

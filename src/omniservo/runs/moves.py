@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.planning.frame_change import seen_from
+from omniservo.replanning.frame_change import seen_from
 from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.scene import Ball, Box
 from omniservo.tasks import Task

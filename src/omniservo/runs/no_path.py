@@ -6,8 +6,9 @@ import numpy as np
 
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import ArmPlan, ArmSetting, Plan
+from omniservo.planning import Plan
 from omniservo.simulation.scene import Scene
+from omniservo.whole_arm import ArmPlan, ArmSetting
 
 
 class NoPath(NoSolutionError):

@@ -10,21 +10,13 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.planning import (
-    Degrees,
-    Plan,
-    PlanningProblem,
-    RiskPlan,
-    Workspace,
-    plan_arm_with_risk,
-    plan_path,
-    plan_with_arm,
-    widened_evenly,
-)
+from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_path, widened_evenly
+from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
 from omniservo.runs.no_path import NoPath
 from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
+from omniservo.whole_arm import plan_with_arm
 
 
 def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from omniservo.planning import CameraPath, Plan, RiskPlan
+from omniservo.planning import CameraPath, Plan
+from omniservo.risk import RiskPlan
 from omniservo.robots import JointPath
 from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.pace import limits_of

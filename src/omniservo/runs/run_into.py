@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from omniservo.files import write_whole
-from omniservo.image_files import write_png
+from omniservo.files.image_files import write_png
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings

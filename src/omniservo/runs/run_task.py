@@ -16,7 +16,8 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureTracker, MatchedPoints
-from omniservo.planning import Plan, RiskPlan
+from omniservo.planning import Plan
+from omniservo.risk import RiskPlan
 from omniservo.robots import CameraImage
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of

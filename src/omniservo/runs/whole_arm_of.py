@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, RiskPlan
+from omniservo.planning import Plan
+from omniservo.risk import RiskPlan
 from omniservo.robots import arm_clearance, link_gaps
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.simulation.followed_way import FollowedWay

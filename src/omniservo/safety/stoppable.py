@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import JointLimit, WorkspaceLimit
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm, RobotState
-from omniservo.robots.twist_matrix import twist_matrix
+from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.safety.motion_limits import stopping_distance
 from omniservo.safety.safety_options import SafetyOptions
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
-from omniservo.planning import Plan, RiskPlan
+from omniservo.planning import Plan
+from omniservo.risk import RiskPlan
 from omniservo.simulation.followed_way import FollowedWay
 from omniservo.simulation.planned_motion import PlannedMotion
 from omniservo.simulation.run_log import RunLog

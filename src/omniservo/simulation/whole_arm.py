@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import LinkMargin
+from omniservo.risk import LinkMargin
 from omniservo.robots import ArmClearance, Tube
 
 

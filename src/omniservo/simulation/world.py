@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
-from omniservo.robots.arm_bodies import MOUNTED
+from omniservo.robots.collision.arm_bodies import MOUNTED
 from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
 
 TICK = 0.001

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from omniservo.calibration import load_camera, named_camera
+from omniservo.camera_files import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
@@ -35,7 +35,7 @@ def load_task(
     Args:
         task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
         camera: replaces the task's: a preset's name, a calibration file or, of a file with several cameras or
-            one that needs a `max_angle`, what `omniservo.calibration.named_camera` makes of it.
+            one that needs a `max_angle`, what `omniservo.camera_files.named_camera` makes of it.
         packages: folders of ROS packages by name, for the arm's meshes; they win over the task's own.
         allow_outside: whether the files that the task names may lie outside its folder. A task need not be
             trusted, and reads nothing elsewhere unless this says so.

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from omniservo.field_docs import with_field_docs
-from omniservo.planning import ArmSetting, CameraPath
+from omniservo.planning import CameraPath
 from omniservo.robots import JointPath
 from omniservo.servoing import PathLimits
+from omniservo.whole_arm import ArmSetting
 
 
 @with_field_docs

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point
-from omniservo.estimation.pose_refinement import LEAST_POINTS, refine_pose_kernel
-from omniservo.estimation.rotation_parameters import matrix_from_quaternion
+from omniservo.estimation.refinement.pose_refinement import LEAST_POINTS, refine_pose_kernel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.matrix_products import transposed_times
+from omniservo.geometry.quaternions import matrix_from_quaternion
 
 GATE = 3.5
 """A point is wrong where it lies more than so many σ away"""

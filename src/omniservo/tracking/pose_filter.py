@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from omniservo.estimation.pose_refinement import pose_covariance
-from omniservo.estimation.rotation_parameters import matrix_from_quaternion, turn_quaternion
+from omniservo.estimation.refinement.pose_refinement import pose_covariance
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.quaternions import matrix_from_quaternion, turn_quaternion
 
 UNPLANNED_SPEED = 0.01
 """σ of the part of the velocity that the plan does not know [m/s]: gain times some millimetres of error"""

@@ -15,12 +15,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import Blocked, InputError, NotFinite
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.geometry.polynomial import PROVEN
-from omniservo.planning import CameraPath, Plan, PlanningProblem, replan, replan_with_arm
+from omniservo.planning import CameraPath, Plan, PlanningProblem
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.problem_arrays import searched_demands
 from omniservo.planning.search.prove_path import prove_path
-from omniservo.planning.with_arm.part_of_joints import part_of_joints
+from omniservo.replanning import replan, replan_with_arm
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
 from omniservo.servoing import RestOfLaw
 from omniservo.tracking.following_arm import FollowingArm
@@ -28,6 +28,7 @@ from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
 from omniservo.tracking.replan_options import ReplanOptions
 from omniservo.tracking.replanning import Replanning
+from omniservo.whole_arm.part_of_joints import part_of_joints
 
 LEAST_REST = 1e-3
 """Where less than this part of a leg is left nothing is planned any more."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.estimation.bundle_adjustment import adjust_views
+from omniservo.estimation.refinement.bundle_adjustment import adjust_views
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 BETWEEN_VIEWS = 0.1

@@ -4,7 +4,7 @@ from omniservo.calibration.boards.board import AprilGrid, Board, CharucoBoard, C
 from omniservo.calibration.boards.board_text import board_from_text
 from omniservo.calibration.boards.board_view import BoardView
 from omniservo.calibration.boards.find_board import find_board
-from omniservo.image_files import read_grey_image
+from omniservo.files.image_files import read_grey_image
 
 __all__ = [
     "AprilGrid",

@@ -17,8 +17,8 @@ from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
+from omniservo.files.image_files import read_grey_image
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.image_files import read_grey_image
 from omniservo.perception import find_tags
 from omniservo.targets import Target
 

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from omniservo.errors import InputError
+from omniservo.files.mesh_files import read_triangles
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.mesh_files import read_triangles
 from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
 
 MOST_PARTS = 1000

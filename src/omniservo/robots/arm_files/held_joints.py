@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
+from omniservo.files.xml_files import XmlElement
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.xml_fields import XmlFields
-from omniservo.xml_files import XmlElement
 
 
 def held_positions(joints: Sequence[XmlElement], fields: XmlFields) -> dict[str, float]:

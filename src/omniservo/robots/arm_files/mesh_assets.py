@@ -8,9 +8,9 @@ import numpy as np
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, is_file
+from omniservo.files.mesh_files import read_triangles
+from omniservo.files.ros_packages import RosPackages
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.mesh_files import read_triangles
-from omniservo.ros_packages import RosPackages
 
 READABLE = (".stl", ".obj", ".dae")
 """Endings of the meshes that are read."""

@@ -14,10 +14,10 @@ import numpy as np
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, read_text
+from omniservo.files.xml_files import XmlElement, parse_elements
 from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
 from omniservo.robots.arm_files.xml_fields import XmlFields
-from omniservo.xml_files import XmlElement, parse_elements
 
 SPEED = "joint_speed_deg_s"
 """Custom numeric: nominal joint speeds."""

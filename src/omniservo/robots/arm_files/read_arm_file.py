@@ -12,6 +12,9 @@ import numpy as np
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
+from omniservo.files.ros_packages import RosPackages
+from omniservo.files.xacro_files import xacro_advice
+from omniservo.files.xml_files import parse_elements
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_model import ArmModel
 from omniservo.robots.arm_files.contacts import choose_contacts, name_shapes
@@ -22,10 +25,7 @@ from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
 from omniservo.robots.arm_files.serial_chain import check_joints, find_tool, name_parts
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
-from omniservo.robots.exact_vertices import keep_vertices, on_hull
-from omniservo.ros_packages import RosPackages
-from omniservo.xacro_files import xacro_advice
-from omniservo.xml_files import parse_elements
+from omniservo.robots.collision.exact_vertices import keep_vertices, on_hull
 
 SPEEDING_UP = 0.25
 """[s] in which a joint is taken to reach its speed where its acceleration is not stated"""

@@ -11,6 +11,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from omniservo.errors import InputError, spelled
+from omniservo.files.ros_packages import RosPackages
+from omniservo.files.xml_files import XmlElement
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_row import arm_row
 from omniservo.robots.arm_files.description import Description, held_notice
@@ -18,8 +20,6 @@ from omniservo.robots.arm_files.held_joints import axis_of, held_positions, move
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
 from omniservo.robots.arm_files.urdf_tree import read_tree
 from omniservo.robots.arm_files.xml_fields import XmlFields
-from omniservo.ros_packages import RosPackages
-from omniservo.xml_files import XmlElement
 
 MOST_LINKS = 500
 """Links of one file, fixed ones too."""

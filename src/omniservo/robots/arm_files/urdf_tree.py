@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from omniservo.errors import InputError, spelled
+from omniservo.files.xml_files import XmlElement
 from omniservo.robots.arm_files.arm_row import MovingJoint
 from omniservo.robots.arm_files.xml_fields import XmlFields
-from omniservo.xml_files import XmlElement
 
 _TURNING = ("revolute", "continuous")
 _LEGAL = ("fixed", *_TURNING, "prismatic")

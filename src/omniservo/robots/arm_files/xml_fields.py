@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.files.xml_files import XmlElement
 from omniservo.geometry.arrays import FloatArray, finite_array
-from omniservo.xml_files import XmlElement
 
 _LARGEST = 1e6
 """no length, angle, mass or rate of an arm is larger, whatever its unit"""

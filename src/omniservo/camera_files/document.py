@@ -1,0 +1,95 @@
+"""A calibration file's text as fields, whatever it is written in, with the line of each field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import yaml
+
+from omniservo.camera_files.xml_document import number_or_word, parse_xml
+from omniservo.errors import InputError
+from omniservo.files import parse_document
+
+FieldPath = tuple[str | int, ...]
+"""Names of fields and places in lists, from the outermost inwards."""
+
+LENS = "omniservo_lens"
+"""where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
+
+_LONGEST_SEARCHED = 2**18
+"""characters; in a longer file the line of a field is not looked for, which would take seconds"""
+
+_TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
+
+
+def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[FieldPath], int]]:
+    """Return the fields of XML, of a table of numbers, of JSON or of YAML, also as OpenCV writes them.
+
+    A table's rows are ``{"rows": [[…], …]}``: what stands between blanks. Of its comments one is read,
+    ``# omniservo_lens: {…}`` in JSON, as a field.
+
+    Returns:
+        the fields, and a function that gives the line of a field, 0 where it is not found.
+
+    Raises:
+        InputError: none of these, or no mapping of fields.
+    """
+    if text.lstrip().startswith("<"):
+        fields, lines = parse_xml(text, source)
+        return fields, lambda path: lines.get(path, 0)
+    rows = _rows(text)
+    if rows is not None:
+        numbers = [number for number, _ in rows]
+        table: dict[str, Any] = {"rows": [row for _, row in rows]}
+        lens = re.search(rf"^# {LENS}: (\{{.*\}})\s*$", text, flags=re.MULTILINE)
+        if lens is not None:
+            table[LENS] = parse_document(lens[1], source)
+        return table, lambda path: _line_of_row(numbers, path)
+    plain = re.sub(r"^%YAML.*$", "", text, count=1, flags=re.MULTILINE).replace("!!opencv-matrix", "")
+    plain = re.sub(r"\n---\s*\Z", "\n", plain)
+    fields = parse_document(plain, source)
+    if not isinstance(fields, Mapping):
+        raise InputError(f"{source}: {type(fields).__name__} found; a calibration is a mapping of fields")
+    return fields, lambda path: _line_in_yaml(plain, path)
+
+
+def _rows(text: str) -> list[tuple[int, list[Any]]] | None:
+    """Return line numbers and values of a text whose every line begins with a number, or None."""
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].strip()
+        if not words:
+            continue
+        if not _TABLE_ROW.fullmatch(words):
+            return None
+        rows.append((number, [number_or_word(word) for word in words.split()]))
+    return rows or None
+
+
+def _line_of_row(numbers: list[int], path: FieldPath) -> int:
+    return numbers[path[1]] if len(path) > 1 and isinstance(path[1], int) and path[1] < len(numbers) else 0
+
+
+def _line_in_yaml(text: str, path: FieldPath) -> int:
+    """Return the line on which a field's name stands; JSON reads as YAML. The text was read before."""
+    if len(text) > _LONGEST_SEARCHED:
+        return 0
+    try:
+        node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    except (yaml.YAMLError, RecursionError):
+        return 0
+    line = 0
+    for step in path:
+        if isinstance(node, yaml.MappingNode):
+            found = next(((key, value) for key, value in node.value if key.value == str(step)), None)
+            if found is None:
+                return line
+            line, node = found[0].start_mark.line + 1, found[1]
+        elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
+            node = node.value[step]
+            line = node.start_mark.line + 1
+        else:
+            return line
+    return line

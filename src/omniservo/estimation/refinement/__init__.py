@@ -1,0 +1,1 @@
+"""Least squares on pixels: motion, pose, planes, many views; and the search among their minima."""

@@ -1,0 +1,1 @@
+"""Outliers: consensus over random samples, and which matches belong to a motion."""

@@ -1,0 +1,102 @@
+"""From the pixels of known points to the minima of the pixel cost, and to the points they rest on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.estimation.refinement.pose_minima import LEAST_WIDTH, MOST_MINIMA, pose_minima, principal_axes
+from omniservo.estimation.robust.pose_search import (
+    GATE,
+    choose_members,
+    find_pose,
+    grow_members,
+    noise_of_all,
+)
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+LEAST_POINTS = 3
+CHECKED_POINTS = 4
+"""Fewer points fit some pose whatever they are: they cannot tell a wrong one among them."""
+
+SAMPLE_THRESHOLD_PX = 2.0
+"""Distance at which a point stops to count while sampling, where the noise is not stated."""
+
+FEW_POINTS = 12
+"""Up to here all points are first fitted together, and sampled only if they do not agree."""
+
+UNSUSPICIOUS_NOISE_PX = 1.0
+"""Few points can hide a wrong one in a bad pose; more noise than this makes them suspicious."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPixels:
+    """Known points with their pixels: rows of the kernels' arrays."""
+
+    parameters: FloatArray
+    """of the camera"""
+    points: FloatArray
+    """(n, 3) [m]"""
+    pixels: FloatArray
+    """(n, 2) [px]"""
+    bearings: FloatArray
+    """(n, 3)"""
+    weights: FloatArray
+    """(n,) of the residuals: a coordinate's σ is σ₀ over its weight"""
+    noise_px: float | None
+    """σ₀ [px]; None: not known"""
+
+    def where(self, chosen: BoolArray) -> KnownPixels:
+        """Return the chosen rows."""
+        return KnownPixels(
+            self.parameters,
+            self.points[chosen],
+            self.pixels[chosen],
+            self.bearings[chosen],
+            self.weights[chosen],
+            self.noise_px,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFit:
+    """The minima of the pixel cost over the members."""
+
+    members: BoolArray
+    """(n,) points in the cost"""
+    minima: FloatArray
+    """(m, 8) quaternion, translation, Σ(wr)² [px²] of reference_T_camera, best first"""
+    is_collinear: bool
+    """The members lie on one line; there are no minima then."""
+
+
+def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
+    """Return the fit to all points or, robust, to those that agree."""
+    n, noise = len(known.points), known.noise_px or 0.0
+    members, minima = np.ones(n, dtype=np.bool_), np.empty((MOST_MINIMA, 8))
+    rows = (known.parameters, known.points, known.pixels)
+    q, t, weights, middle, normal = np.zeros(4), np.zeros(3), known.weights, np.empty(3), np.empty(3)
+    if principal_axes(known.points, weights, middle, normal)[0] < LEAST_WIDTH:
+        return PoseFit(members, minima[:0], True)
+    agreed = False
+    if not robust or n <= FEW_POINTS:
+        found = find_pose(*rows, known.bearings, weights, math.inf, q, t)
+        agreed = not robust or n == LEAST_POINTS
+        if found == n and not agreed:
+            sigma, farthest = noise_of_all(*rows, weights, noise, q, t)
+            agreed = farthest <= GATE * sigma and sigma <= max(UNSUSPICIOUS_NOISE_PX, noise)
+    if not agreed:
+        threshold = GATE * noise if noise > 0.0 else SAMPLE_THRESHOLD_PX
+        find_pose(*rows, known.bearings, weights, threshold, q, t)
+        count = choose_members(*rows, weights, noise, threshold, q, t, members)
+        if CHECKED_POINTS <= count <= FEW_POINTS:
+            count = grow_members(*rows, weights, noise, q, t, members)
+        if count < CHECKED_POINTS:
+            return PoseFit(members, minima[:0], False)
+        weights = np.where(members, weights, 0.0)
+        if principal_axes(known.points, weights, middle, normal)[0] < LEAST_WIDTH:
+            return PoseFit(members, minima[:0], True)
+    count = pose_minima(*rows, known.bearings, weights, q, t, minima)
+    return PoseFit(members, minima[:count], False)

@@ -1,0 +1,1 @@
+"""What residuals allow to say: degenerate motions, another camera, rival answers, squares."""

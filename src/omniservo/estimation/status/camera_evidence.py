@@ -1,0 +1,151 @@
+"""Do the matches come from the camera that is given, and from one rigid scene?
+
+Pictures of another camera obey an epipolar geometry in parts: sampling finds a motion with which half of the
+matches agree to their noise. Two things betray it.
+
+The matches rejected are not wrong ones. A wrong match lies anywhere; two rejected side by side have Sampson
+distances d of one sign, and within a factor of two of each other, with a chance of one half at most (signs
+alike, sizes uniform). Of matches on surfaces that a smooth law puts off their
+epipolar lines nearly all do.
+
+The members ask for another focal length, f(1 + φ). φ is a sixth parameter of the distances d, and one step of
+least squares finds it: (motion, φ) = −(JᵀJ)⁻¹Jᵀd with J = ∂d/∂(motion, φ).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import bdtrc, fdtri
+
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.minimal_solvers.essential_matrix import bearings_of_pixels
+from omniservo.estimation.refinement.epipolar_refinement import (
+    essential_matrix,
+    sampson_distance,
+    sampson_distances,
+    sampson_row,
+    tangent_plane,
+)
+from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS
+from omniservo.estimation.robust.two_view_fit import TwoViewFit
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.kernel import kernel
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+
+LARGEST_BODY = 0.05
+"""of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one.
+Rendered pairs of the right camera have up to 4%, real ones 5%, no more than chance brings."""
+
+LARGEST_FOCAL_ERROR = 0.03
+"""A calibration is better; temperature and focus change less."""
+
+SMALL_STEP = 1e-4
+"""of φ; longer, so that every pixel stays in the camera's domain"""
+
+CHANCE_ALIKE = 0.01
+"""of so many alike among the rejected ones, which are few where the camera is the right one"""
+
+CHANCE_FOCAL = 1e-4
+"""Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
+
+
+def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float) -> str | None:
+    """Return the evidence that the matches come from another camera, or not from one rigid scene.
+
+    ``sigma`` is the noise of a coordinate of weight 1 [px].
+    """
+    return _other_focal(fit, matches) or _alike(fit, matches, GATE * sigma)
+
+
+def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
+    members, best = matches.where(fit.members), fit.minima[0]
+    freedom = members.size - MOTION_PARAMETERS - 1
+    if freedom < 1:
+        return None
+    focal, spread, cost = focal_error(members, best.rotation, best.translation)
+    if abs(focal) <= LARGEST_FOCAL_ERROR or not spread < math.inf:
+        return None
+    deviation = spread * max(math.sqrt(cost / freedom), matches.noise_px)
+    limit = float(fdtri(1, freedom, 1.0 - CHANCE_FOCAL)) * deviation**2
+    if (abs(focal) - LARGEST_FOCAL_ERROR) ** 2 <= limit:
+        return None
+    return (
+        f"the matches ask for a focal length {abs(focal):.0%} {'longer' if focal > 0.0 else 'shorter'}"
+        f" (± {deviation:.1%}): they come from another camera, or another zoom"
+    )
+
+
+def _alike(fit: TwoViewFit, matches: Matches, gate: float) -> str | None:
+    best, n = fit.minima[0], matches.size
+    if n - np.count_nonzero(fit.members) < LARGEST_BODY * n:
+        return None
+    alike, beyond = count_alike(matches, fit.members, best.rotation, best.translation, gate)
+    if alike < LARGEST_BODY * n or float(bdtrc(alike - 1, beyond, 0.5)) >= CHANCE_ALIKE:
+        return None
+    return (
+        f"{alike} of the {n} matches disagree in the same way as the one beside them: they come from"
+        " another camera, or not from one rigid scene"
+    )
+
+
+@kernel
+def count_alike(
+    matches: Matches, members: BoolArray, rotation: FloatArray, translation: FloatArray, gate: float
+) -> tuple[int, int]:
+    """Of matches rejected beyond ``gate`` [px] return (how many are like the nearest, how many are)."""
+    essential, distances = np.empty((3, 3)), np.empty(members.shape[0])
+    essential_matrix(rotation, translation, essential)
+    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
+    places = np.flatnonzero(~members & (np.abs(distances) > gate))
+    pixels, alike = matches.pixels, 0
+    for j in places:
+        nearest, least = -1, math.inf
+        for k in places:
+            apart = (pixels[j, 0] - pixels[k, 0]) ** 2 + (pixels[j, 1] - pixels[k, 1]) ** 2
+            if k != j and apart < least:
+                nearest, least = int(k), apart
+        if nearest >= 0:
+            ratio = distances[j] / distances[nearest]
+            alike += 0.5 < ratio < 2.0
+    return alike, places.shape[0]
+
+
+@kernel
+def focal_error(
+    members: Matches, rotation: FloatArray, translation: FloatArray
+) -> tuple[float, float, float]:
+    """Return (φ, σ_φ by σ of a pixel [1/px], Σd² [px²] that φ leaves); σ_φ is infinite where it is free."""
+    size = MOTION_PARAMETERS + 1
+    normal, solved, row = np.zeros((size, size)), np.zeros(size), np.empty(size)
+    essential, tangents = np.empty((3, 3)), np.empty((2, 3))
+    essential_matrix(rotation, translation, essential)
+    tangent_plane(translation, tangents)
+    # A longer focal length sees what is nearer to the centre c: p → c + (p − c)/(1 + φ).
+    nearer, shrink = np.empty_like(members.pixels), 1.0 / (1.0 + SMALL_STEP)
+    for j in range(nearer.shape[0]):
+        for i in range(4):
+            centre = members.parameters[2 + i % 2]
+            nearer[j, i] = centre + shrink * (members.pixels[j, i] - centre)
+    bearings, jacobians = np.empty_like(members.bearings), np.empty_like(members.jacobians)
+    if bearings_of_pixels(members.parameters, nearer, bearings, jacobians) >= 0:
+        return 0.0, math.inf, 0.0
+    cost = 0.0
+    for j in range(members.pixels.shape[0]):
+        for i in range(12):
+            jacobians[j, i] *= shrink / members.weights[j, i // 6]
+        distance = sampson_row(members.bearings, members.jacobians, j, rotation, essential, tangents, row)
+        row[size - 1] = (sampson_distance(bearings, jacobians, j, essential) - distance) / SMALL_STEP
+        cost += distance * distance
+        for i in range(size):
+            solved[i] -= row[i] * distance
+            for k in range(i + 1):
+                normal[i, k] += row[i] * row[k]
+    gradient = solved.copy()
+    if not factor_cholesky(normal, size, 1e-15):
+        return 0.0, math.inf, cost
+    solve_factored(normal, size, solved)
+    for i in range(size):
+        cost -= gradient[i] * solved[i]
+    return solved[size - 1], 1.0 / normal[size - 1, size - 1], max(cost, 0.0)

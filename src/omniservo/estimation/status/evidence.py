@@ -1,0 +1,228 @@
+"""What the residuals allow to say: which status a fit deserves.
+
+Models are compared by F tests on their reprojection errors. With σ² from the general model (n − 5 degrees of
+freedom), a simpler model of p parameters is kept where
+
+    (S_simple − S)/(n + 5 − p)  <  F_c(n + 5 − p, n − 5) · max(S/(n − 5), (0.01 px)²)
+
+because then the pixels do not tell the general model from it. The floor stands for the fact that no pixel
+is known better; without it, exact synthetic data would make rounding errors significant. A simpler model is
+dropped all the same where S_simple exceeds (0.6 px)² χ²_c(2n − p): with nine points the F test alone would
+believe in several pixels of noise before it believed in parallax.
+
+Where the noise is stated, σ² is that (or what the residuals say, where that is more), F becomes χ² and the
+second bound falls away.
+
+Wrong matches can pretend parallax: a motion that a plane (a rotation, nothing) leaves half free bends to a
+few of them. So where nearly all matches obey a simpler model and k of the m others agree with the motion, the
+motion stands only if chance and wrong matches do not explain that as well: C(m, 2) P(X ≥ k − 2) (f/(1 − f))ᵏ
+< 10⁻³, X binomial among m − 2 with the chance to lie in twice the epipolar band, f the share of wrong
+matches; two of them can always be had.
+
+Whether the matches come from this camera and from one rigid scene: `camera_evidence`; whether they are found
+well enough: `heavy_tails`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import bdtrc, chdtri, fdtri
+
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX, Minimum
+from omniservo.estimation.robust.map_consensus import BULK, count_others
+from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, SIGNIFICANCE, TwoViewFit
+from omniservo.estimation.status.camera_evidence import foreign_evidence
+from omniservo.estimation.status.degenerate_motion import HOMOGRAPHY, IDENTITY, ROTATION, simpler_costs
+from omniservo.estimation.status.heavy_tails import badly_found
+from omniservo.estimation.two_view_estimate import Status
+
+PLAUSIBLE_NOISE_PX = 0.6
+LARGEST_NOISE_PX = 5.0
+"""Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
+LARGEST_MISSTATEMENT = 3.0
+"""likewise, as a multiple of the noise that is stated"""
+CONFIDENCE: Mapping[Status, float] = {"no_motion": 0.999, "pure_rotation": 0.999, "planar_points": 0.99}
+"""Higher where no direction exists: the general model then takes the best of many, and F is too large."""
+
+
+SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
+    (IDENTITY, 0, "no_motion", "both images are the same"),
+    (ROTATION, 3, "pure_rotation", "a rotation without translation explains both images"),
+    (
+        HOMOGRAPHY,
+        8,
+        "planar_points",
+        "a plane explains both images; points off that plane are needed, or the planar method",
+    ),
+)
+"""(map, parameters, status, words), from the simplest."""
+
+NEARLY_AS_LIKELY = 2.0 / 3.0
+"""A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
+With σ unknown that is (S/S_rival)^((n−5)/2), else exp((S − S_rival)/2σ²)."""
+
+FAR_ROTATION = math.radians(5.0)
+FAR_DIRECTION = math.radians(20.0)
+"""Minima nearer than both are one answer with an uncertainty."""
+
+OTHER_ROTATION = math.radians(1.0)
+OTHER_DIRECTION = math.radians(5.0)
+"""likewise of fits to different members; smaller, because no uncertainty reaches from one to the other"""
+
+
+def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]:
+    """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
+    members = matches.where(fit.members)
+    freedom = members.size - MOTION_PARAMETERS
+    variance = noise_variance(fit.cost, freedom, members.noise_px)
+    simple = simpler_model(members, variance, fit.cost)
+    if simple is None and robust and matches.size >= EIGHT_POINTS:
+        simple = _bulk_model(fit, matches, math.sqrt(variance))
+    if simple is not None:
+        return simple
+    if not fit.minima or not fit.minima[0].converged:
+        return "not_converged", "the refinement of motion and structure found no minimum"
+    noise = math.sqrt(fit.cost / max(freedom, 1))
+    if noise > largest_noise(members.noise_px):
+        words = f"the best motion leaves {noise:.2g} px of noise"
+        if members.noise_px > 0.0:
+            words += f" where {members.noise_px:.2g} px is stated"
+        return "not_converged", f"{words}: the matches do not agree"
+    sigma = math.sqrt(variance)
+    against = foreign_evidence(fit, matches, sigma) or badly_found(matches, fit, sigma)
+    if against is not None:
+        return "not_converged", against
+    return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
+
+
+def largest_noise(stated: float | None) -> float:
+    """Return the σ [px] beyond which pixels do not belong to one rigid scene seen by this camera."""
+    return LARGEST_MISSTATEMENT * stated if stated else LARGEST_NOISE_PX
+
+
+def noise_variance(cost: float, freedom: int, stated: float) -> float:
+    """Return σ² [px²] of a coordinate of weight 1: from the residuals, but never below what is known."""
+    if not math.isfinite(cost):
+        return stated**2 if stated > 0.0 else 100.0 * LEAST_NOISE_PX**2
+    return max(cost / max(freedom, 1), (stated if stated > 0.0 else LEAST_NOISE_PX) ** 2)
+
+
+def simpler_model(
+    members: Matches, variance: float, cost: float, confidence: Mapping[Status, float] = CONFIDENCE
+) -> tuple[Status, str] | None:
+    """Return the simplest model that explains the members as well as motion and structure do."""
+    n = members.size
+    limits = np.empty(3)
+    for kind, parameters, status, _ in SIMPLER:
+        extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - confidence[status]
+        if members.noise_px > 0.0:
+            limits[kind] = cost + _chi_square(extra, chance) * variance
+        else:
+            bound = extra * _fisher(extra, n - MOTION_PARAMETERS, chance) * variance
+            limits[kind] = min(cost + bound, PLAUSIBLE_NOISE_PX**2 * _chi_square(2 * n - parameters, chance))
+    costs = simpler_costs(members, limits)
+    for kind, _, status, words in SIMPLER:
+        if costs[kind] < limits[kind]:
+            rms = f"rms {_rms(costs[kind], n):.3f} px; with motion and structure {_rms(cost, n):.3f}"
+            return status, f"{words} ({rms})"
+    return None
+
+
+@lru_cache(maxsize=4096)
+def _chi_square(freedom: int, chance: float) -> float:
+    """Return what χ² exceeds by this chance."""
+    return float(chdtri(freedom, chance))
+
+
+@lru_cache(maxsize=4096)
+def _fisher(extra: int, freedom: int, chance: float) -> float:
+    """Return what F exceeds by this chance."""
+    return float(fdtri(extra, freedom, 1.0 - chance))
+
+
+def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status, str] | None:
+    """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
+    n, inside = matches.size, int(np.count_nonzero(fit.members))
+    share = 1.0 - _most_pretended(n, inside) / inside
+    counts = count_others(matches, fit.members, GATE * sigma, share)
+    for kind, _, status, words in SIMPLER:
+        m, k = int(counts[kind, 0]), int(counts[kind, 1])
+        if k == inside:
+            continue
+        pairs, odds = _pretending(n, inside, m, k)
+        extent = max(math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
+        band = min(1.0, 4.0 * GATE * sigma / extent)
+        chance = float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0
+        if pairs * chance * odds > SIGNIFICANCE:
+            return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
+    return None
+
+
+def _most_pretended(n: int, inside: int) -> int:
+    """Return the most members that may disobey a simpler model: with more, the motion stands, in any band."""
+    outside = n - inside
+    for k in range(1, int((1.0 - BULK) * inside) + 1):
+        if math.prod(_pretending(n, inside, outside + k, k)) <= SIGNIFICANCE:
+            return k - 1
+    return int((1.0 - BULK) * inside)
+
+
+def _pretending(n: int, inside: int, m: int, k: int) -> tuple[int, float]:
+    """Return C(m, 2), 1 for two or fewer, and the odds that ``k`` members are wrong matches."""
+    wrong = (n - inside + 1) / (n + 2)
+    return (math.comb(m, 2) if m > 2 else 1), (wrong / (1.0 - wrong)) ** k
+
+
+def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:
+    """Return "ambiguous" where a second motion, far from the first, is nearly as likely."""
+    n, best = members.size, fit.minima[0]
+    freedom = n - MOTION_PARAMETERS
+    floor = LEAST_NOISE_PX**2 * freedom
+    for rival in fit.minima[1:]:
+        if members.noise_px > 0.0:
+            odds = math.exp(0.5 * (best.cost - rival.cost) / variance)
+        else:
+            odds = math.pow(max(best.cost, floor) / max(rival.cost, floor), 0.5 * freedom)
+        if odds <= NEARLY_AS_LIKELY:
+            continue
+        turn, swing = separation(best, rival)
+        if turn > FAR_ROTATION or swing > FAR_DIRECTION:
+            return "ambiguous", (
+                f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
+                f" apart fit with rms {_rms(best.cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points"
+                " or sharper pixels are needed"
+            )
+    return None
+
+
+def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
+    """Return "ambiguous" where leaving out other matches explains them nearly as well by another motion."""
+    if fit.instead is None or not fit.instead.minima:
+        return None
+    turn, swing = separation(fit.minima[0], fit.instead.minima[0])
+    if turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION:
+        return None
+    one, other = (", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead))
+    first = f"without the matches {one} or without {other}" if one else f"with all matches or without {other}"
+    return "ambiguous", (
+        f"{first}, nearly as likely: two motions"
+        f" {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
+    )
+
+
+def _rms(cost: float, n: int) -> float:
+    return math.sqrt(cost / (2 * n))
+
+
+def separation(one: Minimum, other: Minimum) -> tuple[float, float]:
+    """Return the angles between two minima's rotations and directions [rad]."""
+    chord = float(np.linalg.norm(one.rotation - other.rotation))
+    turn = 2.0 * math.asin(min(1.0, chord / math.sqrt(8.0)))
+    swing = math.acos(max(-1.0, min(1.0, float(one.translation @ other.translation))))
+    return turn, swing

@@ -1,0 +1,1 @@
+"""Covariance of estimates: first order, the likelihood's own region, samples, shared errors."""

@@ -1,0 +1,243 @@
+"""How far the motion may be from its optimum: the region that the likelihood leaves, not its linear picture.
+
+With few points and real noise the cost has long curved valleys and more than one minimum, and the ellipsoid
+of the linearised cost covers the truth far less often than it says. The region of all motions with
+S ≤ S₀ + q σ² does cover it. Its tips, the farthest places along the ellipsoid's axes, are found by walking up
+the valleys; an ellipsoid that leaves out a tip, or another minimum in the region, is stretched to it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import chdtri, fdtri
+
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.minimal_solvers.essential_matrix import mark_in_front
+from omniservo.estimation.refinement.epipolar_refinement import (
+    accumulate_distances,
+    essential_matrix,
+    move_motion,
+    sampson_cost,
+    tangent_plane,
+)
+from omniservo.estimation.refinement.motion_search import Minimum
+from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+
+LEVEL = 0.95
+"""Confidence of the region, and of the ellipsoid that is stretched to it."""
+
+STEPS = 6
+"""of a walk to a tip; the last two stay at the region's border."""
+
+LONGEST_STEP = 0.5
+"""of a walk [rad]"""
+
+STRAIGHT = 0.15
+"""Where the cost at the ends of the longest axis differs from the linear picture by no more than this part,
+the region is the ellipsoid."""
+
+LEAST_NOISE_PX = 1e-4
+"""With less noise the linear picture holds, and costs are rounding."""
+
+PASSES = 3
+"""over the tips; stretching to one may leave less to do for another."""
+
+
+class Stretches(NamedTuple):
+    """Motions that an ellipsoid σ²C is stretched to: σ²C + Σ β p pᵀ, p the motion from the optimum."""
+
+    weights: FloatArray
+    """β (k,)"""
+    rotations: FloatArray
+    """(k, 3, 3)"""
+    translations: FloatArray
+    """(k, 3) of length 1"""
+
+
+def stretches(
+    matches: Matches,
+    optimum: tuple[FloatArray, FloatArray],
+    rivals: list[Minimum],
+    unscaled: FloatArray,
+    variance: float,
+    freedom: float,
+) -> Stretches:
+    """Return what the linear ellipsoid must be stretched to; nothing where the linear picture holds.
+
+    Args:
+        matches: the members.
+        optimum: R, t, the best minimum of their cost.
+        rivals: the other minima.
+        unscaled: (6, 6) C of (t, δ), for noise of 1 px over the weight, ‖t‖ = 1.
+        variance: σ² [px²].
+        freedom: degrees of freedom of σ; infinite where it is known.
+    """
+    if variance < LEAST_NOISE_PX**2:
+        return Stretches(np.empty(0), np.empty((0, 3, 3)), np.empty((0, 3)))
+    quantile = float(chdtri(5, 1.0 - LEVEL) if math.isinf(freedom) else 5.0 * fdtri(5, freedom, LEVEL))
+    tangents, essential, basis = np.empty((2, 3)), np.empty((3, 3)), np.zeros((6, 5))
+    tangent_plane(optimum[1], tangents)
+    basis[:3, :2], basis[3:, 2:] = tangents.T, np.eye(3)
+    ellipsoid = variance * basis.T @ unscaled @ basis
+    values, axes = np.linalg.eigh(ellipsoid)
+    ways = (basis @ (axes * np.sqrt(np.maximum(values, 0.0))))[:, ::-1].T
+    ways = np.concatenate((ways, -ways))
+    essential_matrix(*optimum, essential)
+    cost = sampson_cost(matches.bearings, matches.jacobians, math.inf, essential)
+    room = quantile * variance
+    rotations, translations = np.empty((len(ways), 3, 3)), np.empty((len(ways), 3))
+    if not walk_to_tips(
+        matches.bearings, matches.jacobians, *optimum, ways, cost, room, quantile, rotations, translations
+    ):
+        rotations, translations = rotations[:0], translations[:0]
+    near = [m for m in rivals if m.cost <= cost + room]
+    rotations = np.concatenate((rotations, *(m.rotation[None] for m in near)))
+    translations = np.concatenate((translations, *(m.translation[None] for m in near)))
+    weights = np.zeros(0)
+    if len(rotations):
+        offsets = motion_offsets(*optimum, rotations, translations)
+        weights = _stretch(ellipsoid, offsets @ basis, quantile)
+    kept = weights > 0.0
+    return Stretches(weights[kept], rotations[kept], translations[kept])
+
+
+def motion_offsets(
+    rotation: FloatArray, translation: FloatArray, rotations: FloatArray, translations: FloatArray
+) -> FloatArray:
+    """Return (t′ − t, rotation vector of RᵀR′) (k, 6) of motions R′ (k, 3, 3), t′ (k, 3) from R, t."""
+    turns = Rotation.from_matrix(rotation.T @ rotations).as_rotvec()
+    return np.concatenate((translations - translation, turns), axis=1)
+
+
+def _stretch(ellipsoid: FloatArray, offsets: FloatArray, quantile: float) -> FloatArray:
+    """Return β (k,) so that every offset p (k, 5) has pᵀ(C + Σ β p pᵀ)⁻¹p ≤ quantile, nearly."""
+    inverse, found = np.linalg.inv(ellipsoid), np.zeros(len(offsets))
+    for _ in range(PASSES):
+        for k, p in enumerate(offsets):
+            column = inverse @ p
+            square = float(p @ column)
+            if square > quantile:
+                by = (square / quantile - 1.0) / square
+                found[k] += by
+                inverse = inverse - np.outer(column, column) * (by / (1.0 + by * square))
+    return found
+
+
+@kernel
+def walk_to_tips(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
+    ways: FloatArray,
+    cost: float,
+    room: float,
+    quantile: float,
+    rotations: FloatArray,
+    translations: FloatArray,
+) -> bool:
+    """Write the motions (k, 3, 3), (k, 3) farthest along ``ways`` (k, 6) with a cost up to cost + room.
+
+    The ways are axes of the linear ellipsoid, one σ long, longest first, then the opposite ones. Returns
+    False, with nothing written, where the cost at both ends of the longest axis is as the ellipsoid says.
+    """
+    half = ways.shape[0] // 2
+    bent = False
+    essential = np.empty((3, 3))
+    for k in (0, half):
+        _straight(rotation, translation, ways[k], math.sqrt(quantile), rotations[k], translations[k])
+        essential_matrix(rotations[k], translations[k], essential)
+        there = sampson_cost(bearings, jacobians, math.inf, essential)
+        bent = bent or not abs(there - cost - room) <= STRAIGHT * room
+    if not bent:
+        return False
+    for k in range(ways.shape[0]):
+        rotations[k], translations[k] = rotation, translation
+        _walk(bearings, jacobians, ways[k], cost, room, rotations[k], translations[k])
+    return True
+
+
+@kernel
+def _straight(
+    rotation: FloatArray,
+    translation: FloatArray,
+    way: FloatArray,
+    length: float,
+    trial_r: FloatArray,
+    trial_t: FloatArray,
+) -> None:
+    """Write the motion ``length`` σ along a way."""
+    tangents, step = np.empty((2, 3)), np.empty(5)
+    tangent_plane(translation, tangents)
+    _along(way, tangents, step)
+    for i in range(5):
+        step[i] *= length
+    move_motion(rotation, translation, tangents, step, trial_r, trial_t)
+
+
+@leaf
+def _along(way: FloatArray, tangents: FloatArray, step: FloatArray) -> None:
+    """Write a way (6,), (t, δ), as a step (5,), (δ, τ)."""
+    for i in range(3):
+        step[i] = way[3 + i]
+    for i in range(2):
+        step[3 + i] = tangents[i, 0] * way[0] + tangents[i, 1] * way[1] + tangents[i, 2] * way[2]
+
+
+@kernel
+def _walk(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    way: FloatArray,
+    cost: float,
+    room: float,
+    rotation: FloatArray,
+    translation: FloatArray,
+) -> None:
+    """Move the motion to where ``way`` is largest on the border of the region.
+
+    Every step maximises way·s under the model S + 2g·s + sᵀHs ≤ border, and the border grows from step to
+    step: the walk follows a valley that bends. It ends early where a point would go behind a camera.
+    """
+    normal, gradient, tangents = np.empty((5, 5)), np.empty(5), np.empty((2, 3))
+    essential, trial_r, trial_t = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    ahead, back, along = np.empty(5), np.empty(5), np.empty(5)
+    in_front = np.empty(bearings.shape[0], dtype=np.bool_)
+    for k in range(STEPS):
+        part = min(1.0, (k + 1.0) / (STEPS - 2.0))
+        tangent_plane(translation, tangents)
+        essential_matrix(rotation, translation, essential)
+        here = accumulate_distances(
+            bearings, jacobians, math.inf, rotation, essential, tangents, normal, gradient
+        )
+        for i in range(5):
+            normal[i, i] *= 1.0 + 1e-6
+        if not factor_cholesky(normal, 5, 1e-15):
+            return
+        _along(way, tangents, along)
+        for i in range(5):
+            ahead[i], back[i] = along[i], gradient[i]
+        solve_factored(normal, 5, ahead)
+        solve_factored(normal, 5, back)
+        gain, drop, length = 0.0, 0.0, 0.0
+        for i in range(5):
+            gain += along[i] * ahead[i]
+            drop += gradient[i] * back[i]
+        far = math.sqrt(max(cost + part * part * room - here + drop, 0.0) / gain)
+        for i in range(5):
+            ahead[i] = far * ahead[i] - back[i]
+            length += ahead[i] * ahead[i]
+        shorter = min(1.0, LONGEST_STEP / math.sqrt(length + 1e-300))
+        for i in range(5):
+            ahead[i] *= shorter
+        move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
+        mark_in_front(bearings, trial_r, trial_t, in_front)
+        if not in_front.all():
+            return
+        rotation[:, :], translation[:] = trial_r, trial_t

@@ -1,0 +1,191 @@
+"""From the optimum of two views to the joint law of motion and structure."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import chdtri
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
+from omniservo.estimation.refinement.motion_search import Minimum
+from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
+from omniservo.estimation.uncertainty.first_order import LinearResponse
+from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.likelihood_region import motion_offsets, stretches
+from omniservo.estimation.uncertainty.shared_errors import shared_error_factor
+from omniservo.estimation.uncertainty.structure_size import size_variance
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+PROBABLE = 1e-3
+"""A stated σ is believed unless residuals as large as found have less than this probability."""
+
+
+class Noise(NamedTuple):
+    """What is known of the pixels' noise."""
+
+    variance: float
+    """σ² of a coordinate of weight 1 [px²]"""
+    freedom: float
+    """degrees of freedom of σ; infinite where it was stated"""
+
+    @classmethod
+    def of(cls, weighted: float, freedom: int, stated: float | None) -> Noise:
+        """Return what was stated, unless the residuals contradict it: Σ w²r² [px²] with so much freedom."""
+        if stated is None or weighted > stated**2 * float(chdtri(freedom, PROBABLE)):
+            return cls(weighted / freedom, float(freedom))
+        return cls(stated**2, math.inf)
+
+    def shared_by(self, response: FloatArray, members: Matches, windows: FloatArray | None) -> Noise:
+        """Return the noise of the motion, whose matches share errors; see `shared_error_factor`."""
+        if windows is None:
+            return self
+        return self._replace(variance=self.variance * shared_error_factor(response, members.pixels, windows))
+
+
+class Length(NamedTuple):
+    """What fixes the scale."""
+
+    between: tuple[int, int] | None
+    """members whose distance is known; None: the camera centres'"""
+    metres: float
+    """that distance; 1 where none is known"""
+
+    def of_translation(self, points: FloatArray) -> float:
+        """Return the length of t [m], the points (n, 3) being in lengths of t."""
+        if self.between is None:
+            return self.metres
+        return self.metres / float(np.linalg.norm(points[self.between[0]] - points[self.between[1]]))
+
+
+class Lens(NamedTuple):
+    """How far the camera's parameters may be off."""
+
+    camera: UnifiedCamera
+    directions: FloatArray
+    """(q, p) independent, one σ each"""
+
+    @classmethod
+    def of(cls, camera: UnifiedCamera, covariance: npt.ArrayLike | None) -> Lens:
+        """Return the directions of a covariance; none where it is None.
+
+        Raises:
+            InputError: an illegal covariance.
+        """
+        return cls(camera, np.empty((0, 0)) if covariance is None else calibration_directions(covariance))
+
+    def pixels(self, solution: Solution) -> FloatArray:
+        """Return by how much the pixels of both images differ (q, n, 4) [px] for each direction."""
+        rotation, translation, points = solution
+        seen = np.stack((points, (points - translation) @ rotation), axis=1)
+        slopes = pixel_slopes(self.camera, seen, self.directions.shape[1])
+        moves = np.einsum("jvcp,qp->qjvc", slopes, self.directions)
+        return np.asarray(moves.reshape(len(self.directions), len(points), 4))
+
+
+class Solution(NamedTuple):
+    """The optimum, in lengths of t."""
+
+    rotation: FloatArray
+    translation: FloatArray
+    points: FloatArray
+
+
+def two_view_uncertainty(
+    members: Matches,
+    rivals: list[Minimum] | None,
+    response: LinearResponse,
+    solution: Solution,
+    noise: Noise,
+    together: Noise,
+    length: Length,
+    lens: Lens,
+) -> JointUncertainty:
+    """Return the law of x in metres.
+
+    A camera whose projections differ by ∂π/∂θ dθ shows the estimate pixels that are displaced by −∂π/∂θ dθ:
+    implicit differentiation by the same response as to noise.
+
+    Args:
+        members: the matches of the fit.
+        rivals: other minima of their cost; None: the optimum is that of another cost, whose valleys are not
+            looked at.
+        response: at the optimum.
+        solution: the optimum.
+        noise: of the pixels of one match.
+        together: what counts as theirs where all matches act on the motion.
+        length: what fixes the scale.
+        lens: how well the camera is known.
+    """
+    rows, own = response.law()
+    metres = length.of_translation(solution.points)
+    unit = np.full(rows.shape[1], metres)
+    unit[3:6] = 1.0
+    noisy = math.sqrt(together.variance) * unit * rows
+    sigma = None
+    if rivals is not None:
+        stretched = _stretched(members, rivals, response, solution, together, length)
+        noisy = np.concatenate((noisy, stretched))
+        sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
+    calibration = np.empty((0, rows.shape[1]))
+    if len(lens.directions):
+        weights = np.repeat(members.weights, 2, axis=1)
+        calibration = np.array([response.answer(-weights * moves) for moves in lens.pixels(solution)])
+    own = noise.variance * metres**2 * own
+    spread = together.variance * response.unscaled
+    size = size_variance(members, solution.rotation, solution.translation, spread, length.between)
+    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma, size)
+
+
+def total_covariances(
+    law: JointUncertainty, scale_sigma: float, translation: FloatArray, points: FloatArray, members: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariances (6, 6) of (t, δ) and (n, 3, 3) of all points [m]; NaN for other than members."""
+    motion, each = law.covariances()
+    whole, seen = np.concatenate((translation, np.zeros(3))), points[members]
+    points_covariance = np.full((len(points), 3, 3), math.nan)
+    points_covariance[members] = each + scale_sigma**2 * seen[:, :, None] * seen[:, None, :]
+    return motion + scale_sigma**2 * np.outer(whole, whole), points_covariance
+
+
+def _stretched(
+    members: Matches,
+    rivals: list[Minimum],
+    response: LinearResponse,
+    solution: Solution,
+    noise: Noise,
+    length: Length,
+) -> FloatArray:
+    """Return the rows (k, 6 + 3n) [m] that stretch the law over what the likelihood leaves.
+
+    See `likelihood_region.stretches`; the points follow by their linear structure.
+    """
+    rotation, translation, points = solution
+    far = stretches(members, (rotation, translation), rivals, response.unscaled, *noise)
+    rows = np.empty((len(far.weights), 6 + points.size))
+    if not len(rows):
+        return rows
+    here, metres = _structure(members, rotation, translation, length)
+    turns = motion_offsets(rotation, translation, far.rotations, far.translations)[:, 3:]
+    for k, weight in enumerate(far.weights):
+        there, other = _structure(members, far.rotations[k], far.translations[k], length)
+        moved = np.where(np.isfinite(there - here), there - here, 0.0)
+        # To first order a direction changes across t, and the length of t along it.
+        across = far.translations[k] - (far.translations[k] @ translation) * translation
+        shift = metres * across + (other - metres) * translation
+        rows[k] = math.sqrt(weight) * np.concatenate((shift, turns[k], moved.ravel()))
+    return rows
+
+
+def _structure(
+    members: Matches, rotation: FloatArray, translation: FloatArray, length: Length
+) -> tuple[FloatArray, float]:
+    """Return the linear structure (n, 3) [m] under a motion, and the length of t [m]."""
+    points = np.empty((len(members.pixels), 3))
+    linear_structure(members.bearings, rotation, translation, points)
+    metres = length.of_translation(points)
+    return metres * points, metres

@@ -1,0 +1,37 @@
+"""Files at the program's edge: untrusted ones read within bounds, results written whole or not at all."""
+
+from omniservo.files.documents import (
+    MAX_BYTES,
+    MAX_YAML,
+    MOST_YAML_VALUES,
+    UNITS,
+    file_inside,
+    is_file,
+    parse_document,
+    read_bytes,
+    read_document,
+    read_text,
+    require_file,
+    stated_units,
+)
+from omniservo.files.results import exists, unused, whole_folder, writable, write_whole
+
+__all__ = [
+    "MAX_BYTES",
+    "MAX_YAML",
+    "MOST_YAML_VALUES",
+    "UNITS",
+    "exists",
+    "file_inside",
+    "is_file",
+    "parse_document",
+    "read_bytes",
+    "read_document",
+    "read_text",
+    "require_file",
+    "stated_units",
+    "unused",
+    "whole_folder",
+    "writable",
+    "write_whole",
+]

@@ -1,0 +1,137 @@
+"""Results written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+from omniservo.errors import AlreadyExists, InputError, NotWritten, spelled
+
+
+def writable(path: str | Path, *, force: bool = False) -> None:
+    """Refuse a result's path before the work is done, not after it.
+
+    Raises:
+        InputError: the path exists and ``force`` is False, or its folder does not exist.
+    """
+    target = Path(path)
+    if exists(target) and not force:
+        raise AlreadyExists(path)
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: its folder {target.parent} does not exist")
+
+
+def exists(path: Path) -> bool:
+    """Say whether anything is at this path.
+
+    Raises:
+        InputError: a path that no file can have.
+    """
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        raise InputError(f"{spelled(str(path))}: not a path that a file can have") from None
+
+
+def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write a file whole or not at all: into a temporary file beside it, then renamed.
+
+    Raises:
+        InputError: the file exists and ``force`` is False, or it cannot be written (`NotWritten`).
+    """
+    file = Path(path)
+    writable(file, force=force)
+    if file.is_dir():
+        raise InputError(f"{path}: a folder; a file is needed")
+    data = content.encode() if isinstance(content, str) else content
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
+    except OSError as error:
+        raise NotWritten(path, error.strerror or str(error)) from None
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(file)
+    except BaseException as error:
+        Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise NotWritten(path, error.strerror or str(error)) from None
+        raise
+
+
+@contextmanager
+def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Iterator[Path]:
+    """Give an empty temporary folder that becomes ``path`` if the block ends well, and vanishes otherwise.
+
+    Where a file in it cannot be written, the whole files that were are kept in ``path``.incomplete.
+
+    Args:
+        path: of the folder.
+        force: an existing one may be replaced.
+        room: what the block is going to write [bytes].
+
+    Raises:
+        InputError: the folder exists and ``force`` is False, its parent cannot be written, or the disk has
+            less than ``room`` or gets full.
+    """
+    folder = Path(path)
+    if exists(folder) and not force:
+        raise AlreadyExists(path)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{path}: a file; a folder is needed")
+    try:
+        free = shutil.disk_usage(next(p for p in folder.absolute().parents if p.is_dir())).free
+        if free < room:
+            raise NotWritten(path, f"{free // 2**20} MiB are free there; about {room // 2**20} are needed")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise NotWritten(path, error.strerror or str(error)) from None
+    try:
+        yield temporary
+        if folder.exists() and not force:  # it was not when the work began
+            raise NotWritten(path, "exists by now")
+        temporary.chmod(0o755)
+        if folder.exists():
+            shutil.rmtree(folder)
+        temporary.replace(folder)
+    except (NotWritten, OSError) as error:
+        path, reason = _failed(error, folder)
+        raise NotWritten(_in(folder, path, temporary), f"{reason}; {_kept(temporary, folder)}") from None
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _failed(error: NotWritten | OSError, folder: Path) -> tuple[Path, str]:
+    if isinstance(error, NotWritten):
+        return Path(error.path), error.reason
+    return Path(error.filename or folder), error.strerror or str(error)
+
+
+def _in(folder: Path, file: Path, temporary: Path) -> Path:
+    """Return where a file would have come to be."""
+    return folder / file.relative_to(temporary) if file.is_relative_to(temporary) else file
+
+
+def _kept(temporary: Path, folder: Path) -> str:
+    """Give the files that were written a place that a person finds, and say so."""
+    if not any(file.is_file() for file in temporary.rglob("*")):
+        shutil.rmtree(temporary, ignore_errors=True)
+        return "nothing was written"
+    place = unused(folder.with_name(f"{folder.name}.incomplete"))
+    temporary.chmod(0o755)
+    temporary.replace(place)
+    return f"what was written before is kept in {place}"
+
+
+def unused(path: Path) -> Path:
+    """Return the path, with a number at its end where it exists."""
+    numbered = (path.with_name(f"{path.name}-{number}") for number in count(2))
+    return path if not path.exists() else next(p for p in numbered if not p.exists())

@@ -1,1 +1,0 @@
-"""Plans that an uncertain estimate may be trusted with, at a stated risk."""

@@ -1,0 +1,137 @@
+"""What a path keeps when it is executed on points that are not where the estimate has them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.estimation import EstimateSamples
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.problem_arrays import asked_of
+from omniservo.risk.executed_margins import executed_margins
+from omniservo.risk.servo_response import ServoResponse, servo_response
+
+EVEN_PLACES = 25
+"""Places of the path where samples are looked at, besides those of the certificate's smallest margins."""
+
+PILOTS = 100
+"""Samples that show where the rest is looked at."""
+
+IMAGE = "image"
+"""Name of the one demand that all image limits share: the visibility margin."""
+
+
+@with_field_docs
+@dataclass(frozen=True, eq=False)
+class Executions:
+    """Samples of the true points and camera, and what a problem demands of each."""
+
+    problem: PlanningProblem
+    points: FloatArray
+    """(K, n, 3) [m]"""
+    camera: FloatArray
+    """(K, p) parameters' deviations"""
+
+    @classmethod
+    def of(cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray) -> Executions:
+        """Return those of an estimate's samples; the problem's points are these rows of its.
+
+        Raises:
+            InputError: a distorted camera with a mask, whose pixels are not looked at.
+        """
+        if problem.camera.is_distorted and problem.camera.mask:
+            raise InputError("camera: distortion and a mask together; plans with risk take one of them")
+        return cls(problem, np.ascontiguousarray(samples.points[:, rows]), samples.camera.copy())
+
+    @property
+    def demands(self) -> tuple[str, ...]:
+        """Names of what can be demanded more of: metres by the certificate's names, and `IMAGE`."""
+        return tuple(dict.fromkeys(self._columns()))
+
+    def margins(self, path: CameraPath, critical: FloatArray) -> FloatArray:
+        """Return the smallest margin (K, d) of each sample and demand along the executed path [m], [px].
+
+        ``critical`` are more places w to look at. The domain's angle counts in px, by the focal length. A
+        constraint is looked at only where it is nearly as tight as anywhere: see `_worth_looking`.
+        """
+        response = self._response(
+            path, np.unique(np.concatenate((np.linspace(0.0, 1.0, EVEN_PLACES), critical)))
+        )
+        found = self._run(response, self._worth_looking(response), self.points, self.camera, 1)
+        return self._grouped(found[:, 0])
+
+    def planned(self, path: CameraPath, places: FloatArray) -> FloatArray:
+        """Return the smallest margin (d,) of each demand at ``places``, the points being as estimated."""
+        found = self._planned_at(self._response(path, places))
+        return np.asarray(self._grouped(found.min(axis=0)[None])[0])
+
+    def _response(self, path: CameraPath, places: FloatArray) -> ServoResponse:
+        parameters = self.camera.shape[1]
+        return servo_response(self.problem.camera, self.problem.points, path, places, parameters)
+
+    def _worth_looking(self, response: ServoResponse) -> BoolArray:
+        """Return which constraints (W, e + 2) to look at where, from a few samples.
+
+        Left out are places where a constraint is planned to leave more than at its tightest place by over
+        twice what any of these samples takes of it anywhere.
+        """
+        depth, planned = len(response.places), self._planned_at(response)
+        everything = np.ones(planned.shape, dtype=np.bool_)
+        pilot = self._run(response, everything, self.points[:PILOTS], self.camera[:PILOTS], depth)
+        with np.errstate(invalid="ignore"):
+            taken = np.where(np.isfinite(planned), planned - pilot.min(axis=0), 0.0).max(axis=0)
+        return np.asarray(planned <= planned.min(axis=0) + 2.0 * taken) & (planned < math.inf)
+
+    def _planned_at(self, response: ServoResponse) -> FloatArray:
+        """Return each column's margin (W, e + 2) with the points as estimated."""
+        depth, points = len(response.places), self.problem.points[None].copy()
+        everything = np.ones((depth, len(self._columns())), dtype=np.bool_)
+        found = self._run(response, everything, points, np.zeros((1, self.camera.shape[1])), depth)
+        return np.asarray(found[0])
+
+    def _run(
+        self, response: ServoResponse, active: BoolArray, points: FloatArray, camera: FloatArray, depth: int
+    ) -> FloatArray:
+        """Return the kernel's margins (K, depth, e + 2)."""
+        asked, frame = asked_of(self.problem), _frame(self.problem)
+        found = np.full((len(points), depth, len(asked.entries) + 2), math.inf)
+        executed_margins(
+            asked.demands, asked.optics, asked.table, frame, response, active, points, camera, found
+        )
+        return found
+
+    def _grouped(self, found: FloatArray) -> FloatArray:
+        """Return the smallest of each demand (K, d) of columns (K, e + 2)."""
+        names, result = self._columns(), np.full((len(found), len(self.demands)), math.inf)
+        places_of = {name: g for g, name in enumerate(self.demands)}
+        for column, (name, unit) in enumerate(zip(names, self._units(), strict=True)):
+            g = places_of[name]
+            result[:, g] = np.minimum(result[:, g], unit * found[:, column])
+        return result
+
+    def _columns(self) -> list[str]:
+        """Return the demand that each column of the kernel's result belongs to."""
+        entries = asked_of(self.problem).entries
+        return [IMAGE if e.unit in ("px", "rad", "1") else e.name for e in entries] + [IMAGE, IMAGE]
+
+    def _units(self) -> list[float]:
+        """Return the factor of each column to [m] or [px]; what does not change counts as infinitely far."""
+        focal = min(abs(self.problem.camera.fx), abs(self.problem.camera.fy))
+        factors = {"m": 1.0, "px": 1.0, "rad": focal, "1": math.inf}
+        return [factors[e.unit] for e in asked_of(self.problem).entries] + [1.0, 1.0]
+
+
+def _frame(problem: PlanningProblem) -> FloatArray:
+    """Return the ``frame`` of `executed_margins`."""
+    camera, zone = problem.camera, problem.camera.dead_zone
+    if not camera.is_distorted:
+        return np.zeros(0)
+    centre = (0.0, 0.0, 0.0) if zone is None else (*zone.center, zone.radius)
+    tail = (float(camera.width), float(camera.height), problem.image_margin, *centre)
+    return np.concatenate((camera.parameters, tail))

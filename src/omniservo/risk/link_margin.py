@@ -1,0 +1,158 @@
+"""Gaps of the whole arm that are wide enough for an uncertain mount and an uncertain estimate, jointly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.risk.executions import Executions
+from omniservo.risk.gap_slopes import gap_slopes
+from omniservo.risk.risk_plan import LinkMargin
+from omniservo.risk.safe_path import allowed_violations
+from omniservo.risk.servo_response import ServoResponse, servo_response
+from omniservo.robots import ArmBodies, JointPath
+from omniservo.whole_arm.arm_plan import ArmPlan
+from omniservo.whole_arm.arm_setting import ArmSetting
+from omniservo.whole_arm.plan_with_arm import plan_with_arm
+
+ROUNDS = 4
+"""of planning with more clearance"""
+
+AHEAD = 1.05
+"""Clearance is widened by this part of what was missing: the next path is another one."""
+
+RARE = 10
+"""At least so many samples are drawn for one expected violation,"""
+
+LEAST_SAMPLES = 1000
+"""and so many in all."""
+
+_PLACES = 33
+
+
+class Taken(NamedTuple):
+    """What K samples do to the gaps along a path."""
+
+    left: FloatArray
+    """(K,) the least that any close gap keeps beyond what is asked; ∞ where none is close [m]"""
+    mount: FloatArray
+    """(K,) the most that the mount takes of any [m]"""
+    estimate: FloatArray
+    """(K,) the most that the estimate takes of any [m]"""
+
+
+def plan_links_at_risk(
+    problem: PlanningProblem,
+    setting: ArmSetting,
+    risk: float,
+    *,
+    mount_covariance: FloatArray | None = None,
+    executions: Executions | None = None,
+    seed: int = 0,
+) -> tuple[ArmPlan, LinkMargin]:
+    """Return a plan whose gaps keep what is asked but for a share ``risk`` of mounts and estimates.
+
+    To first order, in samples of both together, at 33 places of the path (`gap_slopes`). Where more than the
+    share misses anything (95% upper bound), clearance is added, and it is planned again.
+
+    Args:
+        problem: see `plan_with_arm`.
+        setting: with the mount as calibrated, and a clearance.
+        risk: 0 < risk < 1.
+        mount_covariance: (6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on
+            the right [rad], as a hand-eye calibration states it; None: exact.
+        executions: what points and camera may truly be; None: as the problem has them.
+        seed: see `plan_with_arm`; of the mounts, too.
+
+    Raises:
+        InputError: see `plan_with_arm`; a covariance or a risk that is not legal.
+    """
+    finite_number("risk", risk, above=0.0, maximum=1.0)
+    count = max(LEAST_SAMPLES, math.ceil(RARE / risk)) if executions is None else len(executions.points)
+    mounts = _mounts(setting, mount_covariance, count, seed)
+    asked, added = setting.clearance_around, 0.0
+    for _ in range(ROUNDS):
+        found = plan_with_arm(problem, replace(setting, clearance=asked + added), seed=seed)
+        if not found.certified or found.branch is None or found.plan.path is None:
+            return _without(found, added), LinkMargin(risk, 1.0, 0.0, 0.0, added)
+        bodies = setting.bodies(problem.obstacles)
+        taken = taken_by(setting, bodies, found.plan.path, found.branch, mounts, executions)
+        needed = -float(np.sort(taken.left)[max(allowed_violations(risk, count), 0)])
+        mount, estimate = (float(np.quantile(part, 1.0 - risk)) for part in (taken.mount, taken.estimate))
+        margin = LinkMargin(risk, float((taken.left < 0.0).mean()), mount, estimate, added)
+        if needed <= 0.0:
+            return found, margin
+        added += AHEAD * needed
+    reason = (
+        "no path was found that an uncertain camera mount and estimate leave clear for the arm: "
+        f"{1e3 * needed:.2f} mm are missing, {1e3 * margin.added:.2f} mm having been added"
+    )
+    return replace(found, plan=replace(found.plan, status="not_found", reason=reason)), margin
+
+
+def _without(found: ArmPlan, added: float) -> ArmPlan:
+    if not added:
+        return found
+    reason = (
+        f"{found.plan.reason} (with {1e3 * added:.2f} mm added for an uncertain camera mount and estimate)"
+    )
+    return replace(found, plan=replace(found.plan, reason=reason))
+
+
+def taken_by(
+    setting: ArmSetting,
+    bodies: ArmBodies,
+    path: CameraPath,
+    branch: JointPath,
+    mounts: FloatArray,
+    executions: Executions | None,
+) -> Taken:
+    """Return what errors of the mount (K, 6), in the camera's frame, and K executions do to the gaps."""
+    count = len(mounts)
+    found = Taken(np.full(count, math.inf), np.zeros(count), np.zeros(count))
+    for w in np.linspace(0.0, 1.0, _PLACES):
+        slopes = gap_slopes(setting, bodies, path(float(w)), branch(float(w)))
+        if not len(slopes.left):
+            continue
+        by_mount = mounts @ slopes.by_mount.T
+        by_estimate = np.zeros_like(by_mount)
+        if executions is not None:
+            by_estimate = resting_moves(executions, path, float(w)) @ slopes.by_move.T
+        np.minimum(found.left, (slopes.left + by_mount + by_estimate).min(axis=1), out=found.left)
+        np.maximum(found.mount, -by_mount.min(axis=1), out=found.mount)
+        np.maximum(found.estimate, -by_estimate.min(axis=1), out=found.estimate)
+    return found
+
+
+def resting_moves(executions: Executions, path: CameraPath, w: float) -> FloatArray:
+    """Return the twists (K, 6), in the camera's frame, by which the servo rests beside the path."""
+    problem, camera = executions.problem, executions.camera
+    response: ServoResponse = servo_response(
+        problem.camera, problem.points, path, np.array([w]), camera.shape[1]
+    )
+    pose = path(w)
+    seen = (executions.points - pose.translation) @ pose.rotation.as_matrix()
+    gaps = seen / np.linalg.norm(seen, axis=2, keepdims=True) - response.planned[0]
+    if camera.shape[1]:
+        gaps += np.einsum("nap,kp->kna", response.lens[0], camera)
+    moves: FloatArray = -gaps.reshape(len(gaps), -1) @ response.inverse[0].T
+    return moves
+
+
+def _mounts(setting: ArmSetting, covariance: FloatArray | None, count: int, seed: int) -> FloatArray:
+    """Return errors of the mount (count, 6) in the camera's frame."""
+    if covariance is None:
+        return np.zeros((count, 6))
+    finite_array("mount_covariance", covariance, (6, 6))
+    to_camera = np.eye(6)
+    to_camera[:3, :3] = setting.flange_T_camera.rotation.as_matrix().T
+    values, vectors = np.linalg.eigh(to_camera @ covariance @ to_camera.T)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    errors: FloatArray = np.random.default_rng([20120611, seed]).standard_normal((count, 6)) @ root.T
+    return errors

@@ -1,0 +1,199 @@
+"""Plans whose margins are as wide as an uncertain estimate needs them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.errors import InputError, spelled
+from omniservo.estimation import TwoViewEstimate
+from omniservo.estimation.uncertainty.joint_uncertainty import SOURCES, Source
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
+from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.risk.advice import sources_of, what_dominates, what_would_help
+from omniservo.risk.executions import IMAGE, Executions
+from omniservo.risk.problem_around import NOT_METRIC
+from omniservo.risk.risk_plan import RiskPlan, UncertainMargin
+from omniservo.risk.safe_path import Planner, SafePath, camera_alone, critical_places, safe_path, upper_bound
+
+LEAST_RISK = 1e-4
+MOST_RISK = 0.5
+
+SAMPLES = 2000
+RARE = 20
+"""At least so many samples are drawn for one expected violation."""
+
+FEW_SAMPLES = 400
+"""for the part that each source has"""
+
+PLANNED_PLACES = 101
+"""Places where the planned margins are looked at."""
+
+STRICTER = (1.0, 0.75, 0.5)
+"""Parts of the risk that are searched for, until fresh samples agree that it is small enough."""
+
+
+def plan_with_risk(
+    problem: PlanningProblem,
+    estimate: TwoViewEstimate,
+    *,
+    risk: float = 0.01,
+    points: npt.ArrayLike | None = None,
+    seed: int = 0,
+    planner: Planner = camera_alone,
+) -> RiskPlan:
+    """Return a certified plan that the servo, led by an uncertain estimate, violates with at most ``risk``.
+
+    The estimate's goal and points take the place of the problem's. Samples of what the points may truly be
+    (`TwoViewEstimate.sample`) are executed: the servo keeps the points it sees where the plan sees the
+    estimated ones, so the camera goes another way than planned. A sample is violated where that way, or what
+    is seen from it, leaves a demand of the problem unmet. Margins are widened until few enough are.
+
+    Args:
+        problem: what to keep; obstacles in the initial camera frame, as exact as stated.
+        estimate: metric, of status "ok", with its uncertainty.
+        risk: probability that any demand is violated, 0.0001 to 0.5.
+        points: rows (m,) of the estimated points that the servo follows and that stay in view; None: all
+            inliers.
+        seed: of the samples, and of planning.
+        planner: what plans the path: the camera alone, or with an arm.
+
+    Raises:
+        InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, a point that is
+            no inlier, or what planning refuses.
+    """
+    begin = time.perf_counter()
+    finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
+    rows = followed_rows(estimate, points)
+    asked = problem_of_estimate(problem, estimate, rows)
+    count = max(SAMPLES, math.ceil(RARE / risk))
+    draw = partial(_executions, asked, estimate, rows)
+    search, check = draw(count, seed), draw(count, seed + 1)
+    for share in STRICTER:
+        found = safe_path(search, share * risk, seed, planner)
+        path = found.plan.path
+        if path is None or not len(found.margins):
+            advice = "there is none without uncertainty either"
+            return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, {}, advice, _since(begin))
+        margins = check.margins(path, critical_places(found.plan))
+        predicted = float((margins < 0.0).any(axis=1).mean())
+        bound = upper_bound(round(predicted * count), count)
+        ok = bound <= risk
+        if ok or not found.ok:
+            break
+    parts = {s: draw(FEW_SAMPLES, seed + 2, (s,)) for s in sources_of(estimate)}
+    report = _uncertain_margins(check, path, found, margins, parts, risk) if path else {}
+    plan, advice = found.plan, what_dominates(report)
+    if not ok:
+        advice = what_would_help(
+            sources_of(estimate),
+            report,
+            lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed, planner).ok,
+        )
+        plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
+    most, image = _most_added(search, found)
+    return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
+
+
+def _most_added(search: Executions, found: SafePath) -> tuple[float, float]:
+    """Return the most that was added to a distance [m], and what was to the image's margin [px]."""
+    extra = dict(zip(search.demands, found.extra.tolist(), strict=True))
+    image = extra.pop(IMAGE)
+    return max(extra.values(), default=0.0), image
+
+
+def _since(begin: float) -> float:
+    return time.perf_counter() - begin
+
+
+def _reason(report: dict[str, UncertainMargin], predicted: float, risk: float) -> str:
+    """Say by how much the best attempt fails, and where."""
+    worst = min(report, key=lambda name: report[name].left)
+    found, digits = report[worst], 1e3 if report[worst].unit == "m" else 1.0
+    unit = "mm" if found.unit == "m" else "px"
+    return (
+        f"no path was found with a risk of {risk:g}: the best one violates a demand in {100 * predicted:.2g}%"
+        f" of the samples; {worst}: {digits * found.planned:.3g} {unit} planned,"
+        f" {digits * found.executed:.3g} {unit} left at that risk"
+    )
+
+
+def followed_rows(estimate: TwoViewEstimate, points: npt.ArrayLike | None) -> IntArray:
+    """Return the rows of the points to plan for, checked."""
+    if points is None:
+        return np.flatnonzero(estimate.inliers)
+    rows = np.asarray(points)
+    if rows.ndim != 1 or not len(rows) or rows.dtype.kind not in "iu":
+        raise InputError(f"points: {spelled(points)} given; row numbers of the estimated points are needed")
+    known = np.isin(rows, np.flatnonzero(estimate.inliers))
+    if not known.all():
+        raise InputError(f"points: row {rows[~known][0]} given, which is no inlier of the estimate")
+    return rows.astype(np.int64)
+
+
+def problem_of_estimate(
+    problem: PlanningProblem, estimate: TwoViewEstimate, rows: IntArray
+) -> PlanningProblem:
+    """Return the problem with the estimate's goal and these of its points instead of its own.
+
+    Raises:
+        InputError: the estimate has no pose, or no metric scale.
+    """
+    if estimate.initial_T_goal is None:
+        raise InputError(f"estimate: status {estimate.status!r}: no pose to plan to; {estimate.message}")
+    if not estimate.is_metric:
+        raise InputError(NOT_METRIC)
+    return replace(problem, points=estimate.points[rows], initial_T_goal=estimate.initial_T_goal)
+
+
+def _executions(
+    problem: PlanningProblem,
+    estimate: TwoViewEstimate,
+    rows: IntArray,
+    count: int,
+    seed: int,
+    sources: tuple[Source, ...] = SOURCES,
+) -> Executions:
+    samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera)
+    return Executions.of(problem, samples, rows)
+
+
+def _uncertain_margins(
+    check: Executions,
+    path: CameraPath,
+    found: SafePath,
+    margins: FloatArray,
+    alone: Mapping[Source, Executions],
+    risk: float,
+) -> dict[str, UncertainMargin]:
+    """Return what uncertainty, and each source ``alone``, does to every demand."""
+    critical = critical_places(found.plan)
+    places = np.unique(np.concatenate((np.linspace(0.0, 1.0, PLANNED_PLACES), critical)))
+    planned, left = check.planned(path, places), _left(margins, risk)
+    parts = {
+        source: planned - _left(few.margins(path, critical) if len(alone) > 1 else margins, risk)
+        for source, few in alone.items()
+    }
+    return {
+        name: UncertainMargin(
+            "px" if name == IMAGE else "m",
+            float(planned[g]),
+            float(left[g]),
+            float(found.extra[g]),
+            {source: float(taken[g]) for source, taken in parts.items()},
+        )
+        for g, name in enumerate(check.demands)
+        if math.isfinite(planned[g])
+    }
+
+
+def _left(margins: FloatArray, risk: float) -> FloatArray:
+    """Return what is left of each demand (d,) but for a share ``risk`` of the samples (K, d)."""
+    return np.asarray(np.quantile(margins, risk, axis=0, method="lower"))

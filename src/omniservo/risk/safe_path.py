@@ -1,0 +1,141 @@
+"""The search for margins that are wide enough: plan, look at the samples, widen, plan again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from scipy.special import betaincinv
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.plan import Plan
+from omniservo.planning.plan_path import plan_path
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.widened import widened
+from omniservo.risk.executions import IMAGE, Executions
+
+CONFIDENCE = 0.95
+"""of the bound on the share of violations that so many samples allow"""
+
+ROUNDS = 8
+"""of planning; two or three are usual"""
+
+AHEAD = 1.05
+"""A margin is widened by this part of what was missing: the next path is another one."""
+
+END_ROOM = 0.99
+"""Part of what the end poses leave that may be asked of the whole path."""
+
+
+@dataclass(frozen=True, eq=False)
+class SafePath:
+    """The best plan that was found, and whether its risk is as small as asked."""
+
+    ok: bool
+    plan: Plan
+    extra: FloatArray
+    """(d,) what was added to each demand [m], [px]"""
+    margins: FloatArray
+    """(K, d) of the plan's executions; empty where there is no path"""
+
+    @property
+    def violations(self) -> int:
+        """How many samples violate a demand."""
+        return int((self.margins < 0.0).any(axis=1).sum())
+
+
+def upper_bound(violations: int, samples: int) -> float:
+    """Return the probability that so many violations in so many samples leave possible (Clopper-Pearson)."""
+    if violations >= samples:
+        return 1.0
+    return float(betaincinv(violations + 1, samples - violations, CONFIDENCE))
+
+
+def allowed_violations(risk: float, samples: int) -> int:
+    """Return the most violations whose upper bound is within ``risk``; −1 where not even 0 is."""
+    count = -1
+    while count + 1 < samples and upper_bound(count + 1, samples) <= risk:
+        count += 1
+    return count
+
+
+Planner: TypeAlias = Callable[[PlanningProblem, int], Plan]
+"""From a problem and a seed to a plan."""
+
+
+def camera_alone(problem: PlanningProblem, seed: int) -> Plan:
+    """Plan without an arm."""
+    return plan_path(problem, seed=seed)
+
+
+def safe_path(executions: Executions, risk: float, seed: int, planner: Planner = camera_alone) -> SafePath:
+    """Return a certified plan whose executions violate a demand with at most ``risk``, or the best attempt.
+
+    Margins are only widened for what the samples jointly need, and by no more than the end poses leave.
+
+    Raises:
+        InputError: what planning refuses in the problem itself.
+    """
+    demands = executions.demands
+    allowed = allowed_violations(risk, len(executions.points))
+    extra, proven = np.zeros(len(demands)), np.zeros(len(demands))
+    best = SafePath(
+        False,
+        Plan(executions.problem, "not_found", None, None, 0.0, "certified"),
+        extra,
+        np.empty((0, len(demands))),
+    )
+    for _ in range(ROUNDS):
+        plan = _plan(executions, extra, seed, planner)
+        if plan is None or plan.status != "certified" or plan.path is None:
+            if best.plan.path is None:
+                return replace(best, plan=plan or planner(executions.problem, seed))
+            if np.abs(extra - proven).max() < 1e-6:
+                break
+            extra = 0.5 * (extra + proven)
+            continue
+        margins = executions.margins(plan.path, critical_places(plan))
+        found = SafePath(False, plan, extra, margins)
+        if found.violations <= allowed:
+            return SafePath(True, plan, extra, margins)
+        if best.plan.path is None or found.violations <= best.violations:
+            best = found
+        proven = extra
+        room = END_ROOM * executions.planned(plan.path, np.array([0.0, 1.0]))
+        extra = np.clip(extra + AHEAD * joint_shift(margins, allowed), 0.0, np.maximum(room, extra))
+        if np.abs(extra - proven).max() < 1e-9:
+            break
+    return best
+
+
+def critical_places(plan: Plan) -> FloatArray:
+    """Return where the certificate found its smallest margins (k,)."""
+    if plan.certificate is None:
+        return np.empty(0)
+    return np.array([min(max(c.w, 0.0), 1.0) for c in plan.certificate.constraints])
+
+
+def joint_shift(margins: FloatArray, allowed: int) -> FloatArray:
+    """Return what each demand misses (d,), < 0 to spare, that at most ``allowed`` samples may violate any.
+
+    Every demand gives up equally many of its own worst samples, as many as go together: one region of the
+    samples, and no sum of separate risks.
+    """
+    ordered = np.sort(margins, axis=0)
+    for given_up in range(max(allowed, 0), -1, -1):
+        shift = -ordered[given_up]
+        if ((margins + shift) < 0.0).any(axis=1).sum() <= allowed:
+            break
+    return np.where(np.isfinite(shift), shift, 0.0)
+
+
+def _plan(executions: Executions, extra: FloatArray, seed: int, planner: Planner) -> Plan | None:
+    """Return the plan of the widened problem; None where nothing of image or workspace is left."""
+    metres = dict(zip(executions.demands, extra.tolist(), strict=True))
+    try:
+        return planner(widened(executions.problem, metres, metres.pop(IMAGE)), seed)
+    except InputError:
+        return None

@@ -1,0 +1,218 @@
+"""Whether the arm, or what stands around it, hides points from its camera, between any samples too."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.robots.arm import Arm
+from omniservo.robots.collision.arm_bodies import ArmBodies
+from omniservo.robots.collision.gap_kernels import TAPERED, middle_of_piece
+from omniservo.robots.collision.shapes import Scene
+from omniservo.robots.collision.sight_kernel import LEFT, POINT, SHAPE, Sights, nearest_to_sights
+from omniservo.robots.collision.solid import Solid
+from omniservo.robots.path_following.joint_path import JointPath
+
+_LINE = "line of sight"
+
+_THIN = 1e-6
+"""[m] radius of the line that depths are measured of"""
+
+_SHORTEST = 2.0**-12
+"""of the path: parts that are no longer are called hidden where they cannot be told from it"""
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class OwnSight:
+    """What lies between an arm's camera and its points along a joint path."""
+
+    status: Literal["free", "hidden"]
+    """free: no body comes nearer to a line of sight than it is to keep, for every w"""
+    link: str
+    """the link, or what stands around, that hides a point; "" where none does"""
+    point: int
+    w: float
+    gap: float
+    """of body and line there [m]; negative: depth"""
+    kept: float = 0.0
+    """what that body was to keep from it, at the camera [m]"""
+
+    @property
+    def what(self) -> str:
+        """What hides which point, by how much; "" where all are free."""
+        if self.status == "free":
+            return ""
+        line = f"the line of sight to point {self.point}"
+        if self.gap <= 0.0:
+            return f"{self.link} stands {-1e3 * self.gap:.2f} mm into {line}"
+        if self.gap <= self.kept:
+            kept = f"{1e3 * self.kept:.2f} mm are kept from it for what a run strays"
+            return f"{self.link} comes within {1e3 * self.gap:.2f} mm of {line} ({kept})"
+        return f"{self.link} comes within {1e3 * self.gap:.3f} mm of {line}, not told from hidden,"
+
+    @property
+    def reason(self) -> str:
+        """`what`, and at which w; "" where all are free."""
+        return f"{self.what} at w = {self.w:.4f}" if self.what else ""
+
+
+def own_sight(
+    arm: Arm,
+    path: JointPath,
+    flange_T_camera: RigidTransform,
+    base_points: npt.ArrayLike,
+    *,
+    surroundings: tuple[Solid, ...] = (),
+    kept: Mapping[str, float] | None = None,
+    camera_strays: float = 0.0,
+    span: tuple[float, float] = (0.0, 1.0),
+) -> OwnSight:
+    """Look whether the arm, or what stands around it, hides points from the camera on a path.
+
+    A line of sight runs from the camera's centre to `SURFACE` before a point that stands still. The path is
+    halved until, in the middle of each part, every body is farther from every line than the two can come
+    nearer to each other before the part ends (`nearest_to_sights`). Distances are bounded from below by slabs
+    between the two, as for `arm_clearance`. What the camera's holder carries, `ArmSetting.mounted`, is not
+    looked at.
+
+    Args:
+        arm: whose links, the base among them, may hide points.
+        path: of that arm.
+        flange_T_camera: where the camera sits.
+        base_points: (m, 3) in the base frame [m].
+        surroundings: what else may, in the base frame.
+        kept: by link, what it keeps from every line [m]: how far it may be from where the path has it. None:
+            nothing.
+        camera_strays: how far the camera's centre may be from there [m]: everything keeps so much more from a
+            line at its beginning, evenly less until its point. But for what the last joint carries, which
+            goes with the camera: that keeps nothing.
+        span: of w, the part of the path that is looked at.
+
+    Raises:
+        InputError: wrong shape, NaN or infinity.
+    """
+    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    still = np.zeros(arm.dof)
+    knots, pieces = path.bernstein_pieces(*span)
+    work = [(float(knots[i]), float(knots[i + 1]), pieces[i]) for i in range(len(pieces))][::-1]
+    while work:
+        begin, end, piece = work.pop()
+        first, second, turns = np.empty_like(piece), np.empty_like(piece), np.empty(arm.dof)
+        middle_of_piece(piece, first, second, turns)
+        middle = 0.5 * (begin + end)
+        if lines.are_clear(first[-1], turns):
+            continue
+        if end - begin < _SHORTEST or not lines.are_clear(first[-1], still):
+            return lines.hidden(middle)
+        work += [(middle, end, second), (begin, middle, first)]
+    return _FREE
+
+
+def own_sight_in(
+    arm: Arm,
+    q: npt.ArrayLike,
+    flange_T_camera: RigidTransform,
+    base_points: npt.ArrayLike,
+    *,
+    surroundings: tuple[Solid, ...] = (),
+    kept: Mapping[str, float] | None = None,
+    camera_strays: float = 0.0,
+) -> OwnSight:
+    """Look whether points are hidden in one posture q (n,); its w is 0. See `own_sight`."""
+    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    is_clear = lines.are_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
+    return _FREE if is_clear else lines.hidden(0.0)
+
+
+_FREE = OwnSight("free", "", -1, 0.0, 0.0)
+
+
+class _Lines:
+    """The arm, what stands around, and one body that becomes every line of sight in turn."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        flange_T_camera: RigidTransform,
+        base_points: npt.ArrayLike,
+        surroundings: tuple[Solid, ...],
+        kept: Mapping[str, float],
+        camera_strays: float,
+    ) -> None:
+        points = finite_array("base_points", base_points, (None, 3))
+        finite_number("camera_strays", camera_strays, minimum=0.0)
+        self._bodies = bodies = _arm_with_line(arm, surroundings)
+        shapes, self._found, self._q = bodies.shapes, np.zeros(3), np.zeros(arm.dof)
+        line = len(shapes.kinds) - 1  # it was added last
+        self._shapes = shapes._replace(kinds=shapes.kinds.copy(), sizes=shapes.sizes.copy())
+        self._shapes.kinds[line] = TAPERED
+        at_points = np.array([kept.get(bodies.owner(g), 0.0) for g in range(len(shapes.kinds))])
+        at_camera = at_points + camera_strays
+        at_points[shapes.carried == arm.dof] = at_camera[shapes.carried == arm.dof] = 0.0
+        centre = (arm.base_T_flange(np.zeros(arm.dof)) * flange_T_camera).translation
+        hiders = bodies.touched[bodies.touched != line]
+        self._sights = Sights(points, np.array(centre), hiders, line, at_camera, at_points)
+        self._data = mujoco.MjData(bodies.model)
+        self._chain, self._scene = (
+            arm.chain,
+            Scene(
+                frames=np.zeros((arm.dof + 1, 3, 4)),
+                anchors=np.empty((arm.dof, 3)),
+                directions=np.empty((arm.dof, 3)),
+                places=self._data.geom_xpos,
+                axes=self._data.geom_xmat,
+                moves=np.zeros((0, 0)),
+                normals=np.zeros((0, 3)),
+            ),
+        )
+
+    def are_clear(self, q: FloatArray, turns: FloatArray) -> bool:
+        """Tell whether ``turns`` leave something of every gap in a posture; see `nearest_to_sights`."""
+        self._q = np.ascontiguousarray(q)
+        nearest_to_sights(self._chain, self._shapes, self._scene, self._sights, self._q, turns, self._found)
+        return bool(self._found[LEFT] >= 0.0)
+
+    def hidden(self, w: float) -> OwnSight:
+        """Return that at ``w`` what left least of a line, when they were last looked at, hides it."""
+        shape, point = int(self._found[SHAPE]), int(self._found[POINT])
+        kept = float(self._sights.at_camera[shape])
+        return OwnSight("hidden", self._bodies.owner(shape), point, w, self._gap(shape, point), kept)
+
+    def _gap(self, shape: int, point: int) -> float:
+        """Return the distance of a shape and a line [m]; negative: depth, which MuJoCo finds roughly."""
+        nothing = np.zeros_like(self._sights.at_camera)
+        thin = self._sights._replace(
+            points=self._sights.points[point : point + 1],
+            hiders=np.array([shape]),
+            at_camera=nothing,
+            at_points=nothing,
+        )
+        nearest_to_sights(
+            self._chain, self._shapes, self._scene, thin, self._q, np.zeros_like(self._q), self._found
+        )
+        if 0.0 <= self._found[LEFT] < math.inf:
+            return float(self._found[LEFT])
+        model, line = copy.copy(self._bodies.model), thin.line  # its sizes are not ours alone
+        model.geom_size[line] = _THIN, self._shapes.sizes[line, 1], 0.0
+        model.geom_rbound[line] = model.geom_size[line, :2].sum()
+        measured = float(mujoco.mj_geomDistance(model, self._data, shape, line, 10.0, None))
+        return min(measured, 0.0) if self._found[LEFT] < 0.0 else measured
+
+
+@lru_cache(maxsize=8)
+def _arm_with_line(arm: Arm, surroundings: tuple[Solid, ...]) -> ArmBodies:
+    """Return an arm, what stands around, and beside it a thin capsule."""
+    line = Solid(_LINE, "capsule", np.array([_THIN, 0.1]), RigidTransform.identity())
+    return ArmBodies(arm, surroundings=(*surroundings, line))

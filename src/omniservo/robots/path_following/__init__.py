@@ -1,0 +1,1 @@
+"""Joint paths that carry a camera along its path, and how far an arm strays from one."""
