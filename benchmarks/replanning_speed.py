@@ -19,7 +19,7 @@ from benchmarks.planning.sets import problems
 from benchmarks.planning_speed import median_seconds
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning import Plan, PlanningProblem, Sphere, plan_path
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.search.problem_search import ProblemSearch

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from benchmarks.planning.attempt import Attempt
 from benchmarks.planning.neutral import Neutral
 
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
 from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.paper_search import paper_path

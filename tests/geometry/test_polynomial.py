@@ -9,18 +9,15 @@ import pytest
 from omniservo.geometry.polynomial import (
     BINOMIALS,
     MAX_DEGREE,
-    PROVEN,
-    REFUTED,
-    UNDECIDED,
     UNIT,
     add_product,
     bernstein_from_power,
     halve,
     magnitude,
     power_from_bernstein,
-    prove_nonnegative,
     scale,
 )
+from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED, prove_nonnegative
 
 
 def exact_controls(powers: list[Fraction]) -> list[Fraction]:

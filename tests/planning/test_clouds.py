@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError
-from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning import CameraPath, Cloud, Plan, PlanningProblem, Sphere, Workspace, certify, plan_path
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.cloud import prove_off_cloud

@@ -5,13 +5,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from omniservo.geometry.polynomial import (
-    PROVEN,
-    REFUTED,
-    UNDECIDED,
-    bernstein_from_power,
-    magnitude,
-)
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude
+from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count, squares
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.occlusion import prove_clear_sights

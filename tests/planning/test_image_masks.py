@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera, preset
-from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED
+from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning import CameraPath, Plan, PlanningProblem, certify, plan_path
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.constraints.image_mask import moved_outward, prove_outside_mask

@@ -5,7 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.constraints.free_side import prove_free_side
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
 

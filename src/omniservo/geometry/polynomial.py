@@ -122,68 +122,9 @@ def halve(controls: FloatArray, left: FloatArray, right: FloatArray) -> None:
             left[r, level + 1] = right[r, 0]
 
 
-PROVEN, REFUTED, UNDECIDED = 1, -1, 0
-"""What a proof on [0, 1] can say."""
-
-MAX_LEVEL = 26
-"""An interval is halved at most so often: below 2⁻²⁶ a Bernstein bound gains less than it rounds."""
-
-MAX_PIECES = 20_000
-"""A proof that needs more pieces stops as UNDECIDED, so that its time is bounded."""
-
-
-@kernel
-def prove_nonnegative(controls: FloatArray, count: float, size: float) -> tuple[int, float]:
-    """Decide whether a polynomial is ≥ 0 on [0, 1]: PROVEN, REFUTED with a w that shows it, or UNDECIDED.
-
-    Args:
-        controls: Bernstein coefficients (1, n+1), each within count · UNIT · size of the exact one.
-        count: the count of those coefficients.
-        size: their magnitude.
-    """
-    n = controls.shape[1] - 1
-    if _all_at_least(controls, count * UNIT * size + TINY):
-        return PROVEN, 0.0
-    stack = np.empty((MAX_LEVEL + 2, 1, n + 1))
-    start = np.zeros(MAX_LEVEL + 2)
-    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    copy_into(controls, stack[0])
-    top, pieces = 0, 0
-    while top >= 0:
-        bound = (count + level[top] * n) * UNIT * size + TINY
-        piece = stack[top]
-        if _all_at_least(piece, bound):
-            top -= 1
-            continue
-        width = 0.5 ** level[top]
-        if piece[0, 0] < -bound:
-            return REFUTED, start[top]
-        if piece[0, n] < -bound:
-            return REFUTED, start[top] + width
-        pieces += 1
-        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, start[top]
-        halve(piece, stack[top + 1], piece)
-        start[top + 1] = start[top]
-        start[top] += 0.5 * width
-        level[top] += 1
-        level[top + 1] = level[top]
-        top += 1
-    return PROVEN, 0.0
-
-
 @leaf
 def copy_into(source: FloatArray, out: FloatArray) -> None:
     """Copy (m, n) into (m, n): NumPy's own assignment takes seconds to compile."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             out[i, j] = source[i, j]
-
-
-@leaf
-def _all_at_least(controls: FloatArray, bound: float) -> bool:
-    """Tell whether every coefficient (1, n+1) is ≥ bound; NaN is not."""
-    holds = True
-    for k in range(controls.shape[1]):
-        holds = holds and controls[0, k] >= bound
-    return holds

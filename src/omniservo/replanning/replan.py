@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.checks import bounded_array
 from omniservo.planning.constraints.demands import Demands

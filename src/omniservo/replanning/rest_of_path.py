@@ -7,7 +7,8 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import PROVEN, REFUTED, bernstein_from_power
+from omniservo.geometry.polynomial import bernstein_from_power
+from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.path_family import Ends, offsets, path_family, unknowns
 from omniservo.planning.search.prove_path import prove_path

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import Blocked, InputError, NotFinite
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning import CameraPath, Plan, PlanningProblem
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.obstacles.obstacle import Obstacle

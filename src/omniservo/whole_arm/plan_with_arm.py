@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.geometry.polynomial import PROVEN, bernstein_from_power
+from omniservo.geometry.polynomial import bernstein_from_power
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.improving_plans import first_proven

@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.polynomial import PROVEN, REFUTED
+from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate import margins
 from omniservo.planning.certificate.certificate import Certificate, ConstraintMargin

@@ -13,7 +13,7 @@ from omniservo.cameras.distorted_mask import mask_on_plane
 from omniservo.cameras.image_mask import distance_beyond
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.polynomial import PROVEN, REFUTED, UNDECIDED
+from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import ConstraintMargin

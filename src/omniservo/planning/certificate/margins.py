@@ -10,14 +10,8 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
-from omniservo.geometry.polynomial import (
-    PROVEN,
-    REFUTED,
-    UNDECIDED,
-    bernstein_from_power,
-    magnitude,
-    set_basis,
-)
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude, set_basis
+from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count, squares
 from omniservo.planning.certificate.margin_kinds import (
     CLEARANCE,

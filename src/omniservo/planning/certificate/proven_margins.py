@@ -6,10 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, leaf
-from omniservo.geometry.polynomial import (
-    PROVEN,
-    UNDECIDED,
-)
+from omniservo.geometry.subdivision import PROVEN, UNDECIDED
 from omniservo.planning.bernstein_path import ROTATION_FLOOR
 from omniservo.planning.certificate.margin_kinds import (
     BODY,

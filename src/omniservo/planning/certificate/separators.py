@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, frozen
-from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.certificate.certificate import Separator
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body

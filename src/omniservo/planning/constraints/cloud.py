@@ -5,28 +5,42 @@ c stays R away from all of them. So a node is decided like one sphere, and enter
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import (
+from omniservo.geometry.polynomial import UNIT, copy_into, magnitude
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
     MAX_LEVEL,
     MAX_PIECES,
+    OPEN,
     PROVEN,
-    REFUTED,
-    TINY,
-    UNDECIDED,
-    UNIT,
-    copy_into,
-    halve,
-    magnitude,
+    Bounds,
+    Piece,
+    first_piece,
+    subdivide,
 )
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
+
+
+class _Balls(NamedTuple):
+    """What a curve is to keep off."""
+
+    points: FloatArray
+    """Of the cloud (p, 3), in the order of its tree."""
+    nodes: FloatArray
+    """The tree (k, 7)."""
+    reach: float
+    """[m]"""
 
 
 @kernel
@@ -91,34 +105,28 @@ def prove_off_cloud(
     2τ for every halving.
     """
     m = square.shape[1]
-    stack, start = np.empty((MAX_LEVEL + 2, 4, m)), np.zeros(MAX_LEVEL + 2)
-    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    copy_into(raised, stack[0])
-    copy_into(square, stack[0, 3:])
+    both = np.empty((4, m))
+    copy_into(raised, both)
+    copy_into(square, both[3:])
     total, largest = size + farthest(nodes), reach + nodes[0, RADIUS]
     error = UNIT * (3.0 * total * total + largest * largest)
-    top, pieces = 0, 0
-    while top >= 0:
-        piece = stack[top]
-        bound = (3.0 * (m - 1) + 24.0 + (m - 1.0) * level[top]) * error + TINY
-        near = first_near(piece, points, nodes, reach, bound)
-        if near < 0:
-            top -= 1
-            continue
-        width = 0.5 ** level[top]
-        for end in range(2):
-            if squared_gap(piece, (m - 1) * end, points[near], reach) < -bound:
-                return REFUTED, start[top] + width * end
-        pieces += 1
-        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, start[top]
-        halve(piece, stack[top + 1], piece)
-        start[top + 1] = start[top]
-        start[top] += 0.5 * width
-        level[top] += 1
-        level[top + 1] = level[top]
-        top += 1
-    return PROVEN, 0.0
+    bounds = Bounds(3.0 * (m - 1) + 24.0, m - 1.0, error, MAX_LEVEL, MAX_PIECES)
+    pieces = first_piece(both, np.empty((3, 0)), 0)
+    status, w, _ = subdivide(_off_balls, _Balls(points, nodes, reach), pieces, bounds)
+    return status, w
+
+
+@leaf
+def _off_balls(piece: Piece, balls: _Balls) -> tuple[int, int]:
+    """Show a piece outside all balls of a cloud, or an end of it inside one."""
+    curve, points, reach = piece.curve, balls.points, balls.reach
+    near = first_near(curve, points, balls.nodes, reach, piece.bound)
+    if near < 0:
+        return HOLDS, 0
+    if squared_gap(curve, 0, points[near], reach) < -piece.bound:
+        return FAILS_AT_START, 0
+    at_end = squared_gap(curve, curve.shape[1] - 1, points[near], reach)
+    return (FAILS_AT_END if at_end < -piece.bound else OPEN), 0
 
 
 @kernel

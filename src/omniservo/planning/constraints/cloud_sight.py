@@ -5,23 +5,27 @@ sphere of radius r + ρ about its centre.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import (
+from omniservo.geometry.polynomial import UNIT, bernstein_from_power, copy_into, magnitude
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
     MAX_LEVEL,
     MAX_PIECES,
+    OPEN,
     PROVEN,
-    REFUTED,
-    TINY,
     UNDECIDED,
-    UNIT,
-    bernstein_from_power,
-    copy_into,
-    halve,
-    magnitude,
+    Bounds,
+    Piece,
+    Pieces,
+    first_piece,
+    subdivide,
 )
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
 from omniservo.planning.constraints.demands import Demands
@@ -32,6 +36,19 @@ from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nea
 
 _TOGETHER = 4
 """So often a piece is halved in the attempt to keep all lines of sight beyond one plane a ball."""
+
+
+class _Sights(NamedTuple):
+    """Lines of sight and the cloud that is to leave them free."""
+
+    targets: FloatArray
+    """Their far ends (n, 3) [m]; of a cloud that moves, room for those of a piece."""
+    points: FloatArray
+    """Of the cloud (p, 3)."""
+    nodes: FloatArray
+    """Its tree (k, 7)."""
+    radius: float
+    """[m]"""
 
 
 @leaf
@@ -72,12 +89,13 @@ def prove_sights_past_cloud(
     Returns:
         status; where it is not PROVEN also w and the target point.
     """
-    stack, marks = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 2))
-    status, w, j = _prove_sights(centre, size, targets, points, nodes, radius, _TOGETHER, stack, marks)
+    pieces = first_piece(centre, np.empty((3, 0)), 0)
+    together = _Sights(targets, points, nodes, radius)
+    status, w, j = _prove_sights(centre, size, together, _TOGETHER, pieces)
     if status == UNDECIDED:
         for j in range(targets.shape[0]):
-            one = targets[j : j + 1]
-            status, w, _ = _prove_sights(centre, size, one, points, nodes, radius, MAX_LEVEL, stack, marks)
+            one = _Sights(targets[j : j + 1], points, nodes, radius)
+            status, w, _ = _prove_sights(centre, size, one, MAX_LEVEL, pieces)
             if status != PROVEN:
                 return status, w, j
     return status, w, j
@@ -85,48 +103,31 @@ def prove_sights_past_cloud(
 
 @leaf
 def _prove_sights(
-    centre: FloatArray,
-    size: float,
-    targets: FloatArray,
-    points: FloatArray,
-    nodes: FloatArray,
-    radius: float,
-    levels: int,
-    stack: FloatArray,
-    marks: FloatArray,
+    centre: FloatArray, size: float, sights: _Sights, levels: int, pieces: Pieces
 ) -> tuple[int, float, int]:
-    """Decide with one plane a piece and ball for all ``targets`` and at most ``levels`` halvings.
-
-    ``stack`` (MAX_LEVEL + 2, 3, τ+1) and ``marks`` (MAX_LEVEL + 2, 2), start and level, are room for pieces.
-    """
-    n, far = centre.shape[1] - 1, farthest(nodes)
+    """Decide with one plane a piece and ball for all targets and at most ``levels`` halvings."""
+    n, far, targets = centre.shape[1] - 1, farthest(sights.nodes), sights.targets
     for j in range(targets.shape[0]):
         far = max(far, abs(targets[j, 0]), abs(targets[j, 1]), abs(targets[j, 2]))
-    error = UNIT * (4.0 * (size + 2.0 * far) + abs(radius) + nodes[0, RADIUS])
-    copy_into(centre, stack[0])
-    marks[0, 0], marks[0, 1] = 0.0, 0.0
-    top, pieces = 0, 0
-    while top >= 0:
-        piece, level = stack[top], marks[top, 1]
-        bound = (n + 22.0 + level * n) * error + TINY
-        hiding = first_hiding(piece, targets, points, nodes, radius, bound)
-        if hiding < 0:
-            top -= 1
-            continue
-        width, o = 0.5**level, points[hiding]
-        for j in range(targets.shape[0]):
-            for k in (0, n):
-                if sight_offset(piece[0, k], piece[1, k], piece[2, k], targets[j], o)[3] < radius - bound:
-                    return REFUTED, marks[top, 0] + (width if k > 0 else 0.0), j
-        pieces += 1
-        if level >= levels or pieces > MAX_PIECES:
-            return UNDECIDED, marks[top, 0], 0
-        halve(piece, stack[top + 1], piece)
-        marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
-        marks[top, 0] += 0.5 * width
-        marks[top, 1] = level + 1.0
-        top += 1
-    return PROVEN, 0.0, 0
+    error = UNIT * (4.0 * (size + 2.0 * far) + abs(sights.radius) + sights.nodes[0, RADIUS])
+    copy_into(centre, pieces.curve[0])
+    return subdivide(_sees_past, sights, pieces, Bounds(n + 22.0, float(n), error, levels, MAX_PIECES))
+
+
+@leaf
+def _sees_past(piece: Piece, sights: _Sights) -> tuple[int, int]:
+    """Show all lines of sight of a piece past all balls, or one from an end of it through a ball."""
+    curve, targets, n = piece.curve, sights.targets, piece.curve.shape[1] - 1
+    hiding = first_hiding(curve, targets, sights.points, sights.nodes, sights.radius, piece.bound)
+    if hiding < 0:
+        return HOLDS, 0
+    o, least = sights.points[hiding], sights.radius - piece.bound
+    for j in range(targets.shape[0]):
+        if sight_offset(curve[0, 0], curve[1, 0], curve[2, 0], targets[j], o)[3] < least:
+            return FAILS_AT_START, j
+        if sight_offset(curve[0, n], curve[1, n], curve[2, n], targets[j], o)[3] < least:
+            return FAILS_AT_END, j
+    return OPEN, 0
 
 
 @kernel
@@ -156,33 +157,31 @@ def _prove_moving_sight(
             both[3 + c, n - k] = seen[c, seen.shape[1] - 1 - k]
     size = magnitude(both)
     error = UNIT * (4.0 * (size + 2.0 * max(size, farthest(nodes))) + abs(radius) + nodes[0, RADIUS])
-    stack, marks = np.empty((MAX_LEVEL + 2, 6, n + 1)), np.zeros((MAX_LEVEL + 2, 2))
-    targets = np.empty((n + 1, 3))
-    copy_into(bernstein_from_power(both), stack[0])
-    top, pieces = 0, 0
-    while top >= 0:
-        piece, level = stack[top], marks[top, 1]
-        for k in range(n + 1):
-            for c in range(3):
-                targets[k, c] = piece[3 + c, k]
-        bound = (n + 24.0 + level * n) * error + TINY
-        hiding = first_hiding(piece[:3], targets, points, nodes, radius, bound)
-        if hiding < 0:
-            top -= 1
-            continue
-        width, o = 0.5**level, points[hiding]
-        for k in (0, n):
-            if sight_offset(piece[0, k], piece[1, k], piece[2, k], targets[k], o)[3] < radius - bound:
-                return REFUTED, marks[top, 0] + (width if k > 0 else 0.0)
-        pieces += 1
-        if level >= MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, marks[top, 0]
-        halve(piece, stack[top + 1], piece)
-        marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
-        marks[top, 0] += 0.5 * width
-        marks[top, 1] = level + 1.0
-        top += 1
-    return PROVEN, 0.0
+    sights = _Sights(np.empty((n + 1, 3)), points, nodes, radius)
+    pieces = first_piece(bernstein_from_power(both), np.empty((3, 0)), 0)
+    bounds = Bounds(n + 24.0, float(n), error, MAX_LEVEL, MAX_PIECES)
+    status, w, _ = subdivide(_sees_past_moving, sights, pieces, bounds)
+    return status, w
+
+
+@leaf
+def _sees_past_moving(piece: Piece, sights: _Sights) -> tuple[int, int]:
+    """Show a piece's line of sight past all balls, or that of an end of it through one.
+
+    The curve's rows are t − m and h − m; the latter's control points are the far ends of a piece.
+    """
+    curve, far, n = piece.curve, sights.targets, piece.curve.shape[1] - 1
+    for k in range(n + 1):
+        for c in range(3):
+            far[k, c] = curve[3 + c, k]
+    hiding = first_hiding(curve[:3], far, sights.points, sights.nodes, sights.radius, piece.bound)
+    if hiding < 0:
+        return HOLDS, 0
+    o, least = sights.points[hiding], sights.radius - piece.bound
+    if sight_offset(curve[0, 0], curve[1, 0], curve[2, 0], far[0], o)[3] < least:
+        return FAILS_AT_START, 0
+    at_end = sight_offset(curve[0, n], curve[1, n], curve[2, n], far[n], o)[3]
+    return (FAILS_AT_END if at_end < least else OPEN), 0
 
 
 @kernel

@@ -13,15 +13,19 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import (
+from omniservo.geometry.polynomial import TINY, copy_into
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
     MAX_LEVEL,
     MAX_PIECES,
+    OPEN,
     PROVEN,
-    REFUTED,
-    TINY,
-    UNDECIDED,
-    copy_into,
-    halve,
+    Bounds,
+    Piece,
+    first_piece,
+    subdivide,
 )
 from omniservo.planning.constraints.push import ASLEEP, push_camera_point
 from omniservo.planning.constraints.visibility import (
@@ -84,33 +88,26 @@ def prove_outside_mask(
     controls: FloatArray, errors: FloatArray, count: float, edges: FloatArray
 ) -> tuple[int, float, int]:
     """Decide one polygon for every point on [0, 1]; see `prove_outside_masks`."""
-    degree = controls.shape[2] - 1
-    stack, start = np.empty((MAX_LEVEL + 2, 3, degree + 1)), np.empty(MAX_LEVEL + 2)
-    level = np.empty(MAX_LEVEL + 2, dtype=np.int64)
+    degree = float(controls.shape[2] - 1)
+    pieces = first_piece(controls[0], np.empty((3, 0)), 0)
     for j in range(controls.shape[0]):
-        copy_into(controls[j], stack[0])
-        start[0], level[0] = 0.0, 0
-        top, pieces = 0, 0
-        while top >= 0:
-            piece = stack[top]
-            bound = (count + TEST_COUNT + level[top] * degree) * errors[j]
-            if _beyond_one_edge(piece, edges, bound):
-                top -= 1
-                continue
-            width = 0.5 ** level[top]
-            for end in range(2):
-                if _inside(piece, edges, degree * end, bound):
-                    return REFUTED, start[top] + end * width, j
-            pieces += 1
-            if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
-                return UNDECIDED, start[top], j
-            halve(piece, stack[top + 1], piece)
-            start[top + 1] = start[top]
-            start[top] += 0.5 * width
-            level[top] += 1
-            level[top + 1] = level[top]
-            top += 1
+        copy_into(controls[j], pieces.curve[0])
+        bounds = Bounds(count + TEST_COUNT, degree, errors[j], MAX_LEVEL, MAX_PIECES)
+        status, w, _ = subdivide(_off_polygon, edges, pieces, bounds)
+        if status != PROVEN:
+            return status, w, j
     return PROVEN, 0.0, 0
+
+
+@leaf
+def _off_polygon(piece: Piece, edges: FloatArray) -> tuple[int, int]:
+    """Show a piece beyond one edge of a polygon, or an end of it inside all edges."""
+    curve, bound = piece.curve, piece.bound
+    if _beyond_one_edge(curve, edges, bound):
+        return HOLDS, 0
+    if _inside(curve, edges, 0, bound):
+        return FAILS_AT_START, 0
+    return (FAILS_AT_END if _inside(curve, edges, curve.shape[1] - 1, bound) else OPEN), 0
 
 
 @leaf

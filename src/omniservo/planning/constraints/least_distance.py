@@ -4,7 +4,7 @@ import math
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 

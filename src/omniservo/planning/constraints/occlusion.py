@@ -8,27 +8,42 @@ This equals A ≥ 0, C ≥ 0 and (B ≥ 0 or AC − B² ≥ 0) with A = ‖t−o
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import (
+from omniservo.geometry.polynomial import UNIT
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
     MAX_LEVEL,
     MAX_PIECES,
+    OPEN,
     PROVEN,
-    REFUTED,
-    TINY,
-    UNDECIDED,
-    UNIT,
-    copy_into,
-    halve,
+    Bounds,
+    Piece,
+    first_piece,
+    subdivide,
 )
 from omniservo.planning.constraints.push import ASLEEP, push_centre_often
 from omniservo.planning.constraints.visibility import sum_of_controls
 
 _STEPS = 8
 """of Gilbert's algorithm; a plane that it does not find is found on half the piece"""
+
+
+class _Sights(NamedTuple):
+    """Lines of sight and the ball that is to leave them free."""
+
+    points: FloatArray
+    """Their far ends (n, 3) [m]."""
+    o: FloatArray
+    """The ball's centre, (3,) or longer [m]."""
+    radius: float
+    """[m]"""
 
 
 @leaf
@@ -71,42 +86,29 @@ def prove_clear_sights(
     for j in range(points.shape[0]):
         far = max(far, abs(points[j, 0]), abs(points[j, 1]), abs(points[j, 2]))
     error = UNIT * (4.0 * (size + 2.0 * far) + abs(radius))
-    stack, marks = np.empty((MAX_LEVEL + 2, 3, n + 1)), np.empty((MAX_LEVEL + 2, 2))
-    hidden = np.empty((MAX_LEVEL + 2, points.shape[0]), dtype=np.bool_)
-    copy_into(centre, stack[0])
-    for j in range(points.shape[0]):
-        hidden[0, j] = True
-    marks[0, 0], marks[0, 1] = 0.0, 0.0
-    top, pieces = 0, 0
-    while top >= 0:
-        piece, level = stack[top], marks[top, 1]
-        bound = (n + 20.0 + level * n) * error + TINY
-        j = _hidden_point(piece, points, o, radius, bound, hidden[top])
-        if j < 0:
-            top -= 1
-            continue
-        width = 0.5**level
-        for k in (0, n):
-            if sight_offset(piece[0, k], piece[1, k], piece[2, k], points[j], o)[3] < radius - bound:
-                return REFUTED, marks[top, 0] + (width if k > 0 else 0.0), j
-        pieces += 1
-        if level >= MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, marks[top, 0], j
-        halve(piece, stack[top + 1], piece)
-        for j in range(points.shape[0]):
-            hidden[top + 1, j] = hidden[top, j]
-        marks[top + 1, 0], marks[top + 1, 1] = marks[top, 0], level + 1.0
-        marks[top, 0] += 0.5 * width
-        marks[top, 1] = level + 1.0
-        top += 1
-    return PROVEN, 0.0, 0
+    pieces = first_piece(centre, np.empty((3, 0)), points.shape[0])
+    bounds = Bounds(n + 20.0, float(n), error, MAX_LEVEL, MAX_PIECES)
+    return subdivide(_sees_past, _Sights(points, o, radius), pieces, bounds)
+
+
+@leaf
+def _sees_past(piece: Piece, sights: _Sights) -> tuple[int, int]:
+    """Show the lines of sight of a piece past the ball, or one from an end of it through the ball."""
+    curve, o, n = piece.curve, sights.o, piece.curve.shape[1] - 1
+    j = _hidden_point(curve, sights.points, o, sights.radius, piece.bound, piece.left)
+    if j < 0:
+        return HOLDS, 0
+    h, least = sights.points[j], sights.radius - piece.bound
+    if sight_offset(curve[0, 0], curve[1, 0], curve[2, 0], h, o)[3] < least:
+        return FAILS_AT_START, j
+    return (FAILS_AT_END if sight_offset(curve[0, n], curve[1, n], curve[2, n], h, o)[3] < least else OPEN), j
 
 
 @leaf
 def _hidden_point(
-    piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float, hidden: BoolArray
+    piece: FloatArray, points: FloatArray, o: FloatArray, radius: float, bound: float, shown: IntArray
 ) -> int:
-    """Clear points from ``hidden`` as planes are found that keep them; return one that has none, or −1.
+    """Mark points in ``shown`` as planes are found that keep them; return one that has none, or −1.
 
     The point whose line of sight comes nearest to the ball goes first: its plane keeps most others.
     """
@@ -116,7 +118,7 @@ def _hidden_point(
     while True:
         worst, least = -1, math.inf
         for j in range(points.shape[0]):
-            if hidden[j]:
+            if shown[j] == 0:
                 lx, ly, lz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
                 distance = nearest_of_sight(mx - ox, my - oy, mz - oz, lx, ly, lz)[3]
                 if not distance >= least:
@@ -127,10 +129,10 @@ def _hidden_point(
         if not found:
             return worst
         for j in range(points.shape[0]):
-            if hidden[j]:
+            if shown[j] == 0:
                 x, y, z = points[j, 0] - ox, points[j, 1] - oy, points[j, 2] - oz
                 along = (nx * x + ny * y + nz * z) * (1.0 - 2e-15)
-                hidden[j] = not along - radius >= bound
+                shown[j] = 1 if along - radius >= bound else 0
 
 
 @leaf

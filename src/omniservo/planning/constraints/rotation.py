@@ -2,7 +2,8 @@
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.polynomial import magnitude, prove_nonnegative
+from omniservo.geometry.polynomial import magnitude
+from omniservo.geometry.subdivision import prove_nonnegative
 from omniservo.planning.bernstein_path import squares
 
 

@@ -9,12 +9,25 @@ all beyond the plane (`motion`). Pieces are halved until each has its plane; the
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import MAX_LEVEL, PROVEN, REFUTED, TINY, UNDECIDED, UNIT, copy_into, halve
+from omniservo.geometry.polynomial import UNIT
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
+    MAX_LEVEL,
+    OPEN,
+    PROVEN,
+    Bounds,
+    Piece,
+    first_piece,
+    subdivide,
+)
 from omniservo.planning.constraints.body_gap import is_solid
 from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
@@ -27,6 +40,22 @@ MOST_PLANES = 2000
 
 _STEPS = 4
 """of Gilbert's algorithm for a piece's plane; one that it does not find is found on half the piece"""
+
+
+class _Body(NamedTuple):
+    """A body to keep off, and where the planes that show it are written."""
+
+    numbers: FloatArray
+    """(24,), see `body_gap`."""
+    hull: Hull
+    reach: float
+    """[m]"""
+    planes: FloatArray
+    """(…, 5)"""
+    written: IntArray
+    """How many there are (1,)."""
+    normal: FloatArray
+    """Room for a normal (3,)."""
 
 
 @leaf
@@ -99,37 +128,29 @@ def separate(
         return PROVEN, 0.0, 0
     n = max(centre.shape[1], h.shape[1]) - 1
     error = UNIT * (2.0 * size + _extent(body, h) + abs(reach))
-    stack, far_stack = np.empty((MAX_LEVEL + 2, 3, centre.shape[1])), np.empty((MAX_LEVEL + 2, 3, h.shape[1]))
-    start = np.zeros(MAX_LEVEL + 2)
-    level = np.zeros(MAX_LEVEL + 2, dtype=np.int64)
-    normal, hull = np.empty(3), hull_of(body, hulls)
-    copy_into(centre, stack[0])
-    copy_into(h, far_stack[0])
-    top, count = 0, 0
-    while top >= 0:
-        piece, ends, width = stack[top], far_stack[top], 0.5 ** level[top]
-        bound = (2.0 * n * (1.0 + level[top]) + 60.0) * error + TINY
-        if plane_of_piece(piece, ends, body, hull, reach, bound, normal):
-            if count < planes.shape[0]:
-                planes[count, 0], planes[count, 1] = start[top], start[top] + width
-                planes[count, 2], planes[count, 3], planes[count, 4] = normal[0], normal[1], normal[2]
-            count += 1
-            top -= 1
-            continue
-        for end in range(2):
-            if distance_at(piece, ends, end, body, hull) < reach - bound:
-                return REFUTED, start[top] + width * end, count
-        if level[top] == MAX_LEVEL or count + top >= MOST_PLANES:
-            return UNDECIDED, start[top], count
-        halve(piece, stack[top + 1], piece)
-        if h.shape[1] > 0:
-            halve(ends, far_stack[top + 1], ends)
-        start[top + 1] = start[top]
-        start[top] += 0.5 * width
-        level[top] += 1
-        level[top + 1] = level[top]
-        top += 1
-    return PROVEN, 0.0, count
+    # Control points, and the plane's test of them, round in two places each (docs/certificate.md).
+    bounds = Bounds(2.0 * n + 60.0, 2.0 * n, error, MAX_LEVEL, MOST_PLANES)
+    count = np.zeros(1, dtype=np.int64)
+    data = _Body(body, hull_of(body, hulls), reach, planes, count, np.empty(3))
+    status, w, _ = subdivide(_has_plane, data, first_piece(centre, h, 0), bounds)
+    return status, w, count[0]
+
+
+@kernel
+def _has_plane(piece: Piece, body: _Body) -> tuple[int, int]:
+    """Show a piece beyond a plane off the body, which is written down, or an end of it too near the body."""
+    curve, ends, normal, hull = piece.curve, piece.ends, body.normal, body.hull
+    if plane_of_piece(curve, ends, body.numbers, hull, body.reach, piece.bound, normal):
+        count, planes = body.written[0], body.planes
+        if count < planes.shape[0]:
+            planes[count, 0], planes[count, 1] = piece.start, piece.start + piece.width
+            planes[count, 2], planes[count, 3], planes[count, 4] = normal[0], normal[1], normal[2]
+        body.written[0] = count + 1
+        return HOLDS, 0
+    if distance_at(curve, ends, 0, body.numbers, hull) < body.reach - piece.bound:
+        return FAILS_AT_START, 0
+    at_end = distance_at(curve, ends, 1, body.numbers, hull)
+    return (FAILS_AT_END if at_end < body.reach - piece.bound else OPEN), 0
 
 
 @leaf

@@ -11,20 +11,26 @@ keeps the limit strictly.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import (
+from omniservo.geometry.polynomial import TINY, copy_into
+from omniservo.geometry.subdivision import (
+    FAILS_AT_END,
+    FAILS_AT_START,
+    HOLDS,
     MAX_LEVEL,
     MAX_PIECES,
+    OPEN,
     PROVEN,
-    REFUTED,
-    TINY,
-    UNDECIDED,
-    copy_into,
-    halve,
+    Bounds,
+    Piece,
+    Pieces,
+    first_piece,
+    subdivide,
 )
 from omniservo.planning.constraints.dead_zone import Limit, disc_size, tangent_limit
 from omniservo.planning.constraints.push import ASLEEP, push_camera_point
@@ -34,6 +40,17 @@ TEST_COUNT = 14
 
 OUTSIDE = -1e6
 """What an image limit leaves to a point outside the model's domain [px]."""
+
+
+class _Limits(NamedTuple):
+    """What a point is to keep in the image."""
+
+    cones: FloatArray
+    """(k, 4)"""
+    disc: FloatArray
+    """The dead zone, (7,) or (0,)."""
+    sizes: FloatArray
+    """The magnitude of each limit and of the dead zone (k+1,), for error bounds."""
 
 
 @kernel
@@ -58,90 +75,47 @@ def prove_visible(
     for i in range(k):
         sizes[i] = abs(limits[i, 0]) + abs(limits[i, 1]) + abs(limits[i, 2]) + 3.0 * abs(limits[i, 3])
     sizes[k] = disc_size(disc) if disc.shape[0] > 0 else 0.0
-    stack, start = np.empty((MAX_LEVEL + 2, 3, degree + 1)), np.empty(MAX_LEVEL + 2)
-    level, first = np.empty(MAX_LEVEL + 2, dtype=np.int64), np.empty(MAX_LEVEL + 2, dtype=np.int64)
+    pieces = first_piece(controls[0], np.empty((3, 0)), 1)
     for j in range(controls.shape[0]):
-        copy_into(controls[j], stack[0])
-        start[0], level[0], first[0] = 0.0, 0, 0
-        status, w, i = _prove_point(stack, start, level, first, errors[j], count, limits, disc, sizes)
+        copy_into(controls[j], pieces.curve[0])
+        bounds = Bounds(count + TEST_COUNT, float(degree), errors[j], MAX_LEVEL, MAX_PIECES)
+        status, w, i = _prove_point(pieces, bounds, _Limits(limits, disc, sizes))
         if status != PROVEN:
             return status, w, j, i
     return PROVEN, 0.0, 0, 0
 
 
 @leaf
-def _prove_point(
-    stack: FloatArray,
-    start: FloatArray,
-    level: IntArray,
-    first: IntArray,
-    error: float,
-    count: float,
-    limits: FloatArray,
-    disc: FloatArray,
-    sizes: FloatArray,
-) -> tuple[int, float, int]:
-    """Decide every limit for the point whose control points are ``stack[0]``.
-
-    A piece of the stack has its start, its level (how often halved) and the first limit not yet proven on it.
-    """
-    degree = stack.shape[2] - 1
-    top, pieces = 0, 0
-    while top >= 0:
-        piece = stack[top]
-        bound = (count + TEST_COUNT + level[top] * degree) * error
-        failing, side = _first_failing(piece, limits, disc, first[top], bound, sizes)
-        if failing < 0:
-            top -= 1
-            continue
-        width = 0.5 ** level[top]
-        if side != 0:
-            return REFUTED, start[top] + (width if side == 2 else 0.0), failing
-        pieces += 1
-        if level[top] == MAX_LEVEL or pieces > MAX_PIECES:
-            return UNDECIDED, start[top], failing
-        halve(piece, stack[top + 1], piece)
-        start[top + 1] = start[top]
-        start[top] += 0.5 * width
-        level[top] += 1
-        level[top + 1] = level[top]
-        first[top] = failing
-        first[top + 1] = failing
-        top += 1
-    return PROVEN, 0.0, 0
+def _prove_point(pieces: Pieces, bounds: Bounds, limits: _Limits) -> tuple[int, float, int]:
+    """Decide every limit for one point: status, w, limit."""
+    return subdivide(_in_image, limits, pieces, bounds)
 
 
 @kernel
-def _first_failing(
-    piece: FloatArray, limits: FloatArray, disc: FloatArray, first: int, bound: float, sizes: FloatArray
-) -> tuple[int, int]:
-    """Return the first limit from ``first`` on that this piece does not show to hold, or −1.
-
-    And 1 or 2 where the piece's start or end shows that the limit is violated, else 0.
-    """
-    n = piece.shape[1] - 1
-    mx, my, mz = sum_of_controls(piece)
+def _in_image(piece: Piece, limits: _Limits) -> tuple[int, int]:
+    """Show every limit on a piece, from the first on that is left; what fails or is open is that limit."""
+    curve, cones, disc = piece.curve, limits.cones, limits.disc
+    mx, my, mz = sum_of_controls(curve)
     norm = math.sqrt(mx * mx + my * my + mz * mz)
     shorter = (1.0 - 1e-15) / norm if norm > 0.0 else 0.0
     ex, ey, ez = mx * shorter, my * shorter, mz * shorter
-    rows = limits.shape[0]
-    for i in range(first, rows):
-        allowed = bound * float(sizes[i]) + TINY
-        limit = (limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3])
-        if cone_holds(piece, limit, ex, ey, ez, allowed):
+    rows = cones.shape[0]
+    for i in range(piece.left[0], rows):
+        allowed = piece.bound * float(limits.sizes[i]) + TINY
+        limit = (cones[i, 0], cones[i, 1], cones[i, 2], cones[i, 3])
+        if cone_holds(curve, limit, ex, ey, ez, allowed) or holds_by_tightest(curve, limit, allowed):
             continue
-        if not holds_by_tightest(piece, limit, allowed):
-            return i, _violated_end(piece, limit, allowed)
+        piece.left[0] = i
+        return _violated_end(curve, limit, limit, allowed), i
     if disc.shape[0] > 0:
-        allowed = bound * float(sizes[rows]) + TINY
-        if not cone_holds(piece, tangent_limit(disc, mx, my, mz), ex, ey, ez, allowed):
-            for end in range(2):
-                k = n * end
-                tangent = tangent_limit(disc, piece[0, k], piece[1, k], piece[2, k])
-                if cone_value(piece, tangent, k) > allowed:
-                    return rows, 1 + end
-            return rows, 0
-    return -1, 0
+        allowed = piece.bound * float(limits.sizes[rows]) + TINY
+        if not cone_holds(curve, tangent_limit(disc, mx, my, mz), ex, ey, ez, allowed):
+            piece.left[0] = rows
+            last = curve.shape[1] - 1
+            at_start = tangent_limit(disc, curve[0, 0], curve[1, 0], curve[2, 0])
+            at_end = tangent_limit(disc, curve[0, last], curve[1, last], curve[2, last])
+            return _violated_end(curve, at_start, at_end, allowed), rows
+    return HOLDS, 0
 
 
 @leaf
@@ -186,11 +160,11 @@ def holds_by_tightest(piece: FloatArray, limit: Limit, bound: float) -> bool:
 
 
 @leaf
-def _violated_end(piece: FloatArray, limit: Limit, bound: float) -> int:
-    """Return 1 or 2 where n·c > κ‖c‖ beyond rounding at the start or end of the piece, else 0."""
-    if cone_value(piece, limit, 0) > bound:
-        return 1
-    return 2 if cone_value(piece, limit, piece.shape[1] - 1) > bound else 0
+def _violated_end(curve: FloatArray, at_start: Limit, at_end: Limit, bound: float) -> int:
+    """Tell at which end n·c > κ‖c‖ beyond rounding, each with the limit that holds there, or OPEN."""
+    if cone_value(curve, at_start, 0) > bound:
+        return FAILS_AT_START
+    return FAILS_AT_END if cone_value(curve, at_end, curve.shape[1] - 1) > bound else OPEN
 
 
 @leaf

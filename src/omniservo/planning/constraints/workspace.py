@@ -6,7 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import PROVEN, prove_nonnegative
+from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
-from omniservo.geometry.polynomial import PROVEN, REFUTED
+from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import PLENTY, Room, fill, groups, room_for

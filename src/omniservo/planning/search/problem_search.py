@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.polynomial import PROVEN
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.planning_problem import PlanningProblem

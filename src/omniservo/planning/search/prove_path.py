@@ -2,7 +2,8 @@
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.polynomial import PROVEN, bernstein_from_power, magnitude
+from omniservo.geometry.polynomial import bernstein_from_power, magnitude
+from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, camera_count, squares
 from omniservo.planning.constraints.cloud import prove_clouds_clear
 from omniservo.planning.constraints.cloud_sight import prove_unclouded

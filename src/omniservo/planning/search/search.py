@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import PROVEN, REFUTED
+from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.economise import economise, leads_back
 from omniservo.planning.search.path_family import Ends, Family, path_energy, path_family, unknowns

@@ -10,7 +10,8 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
-from omniservo.geometry.polynomial import PROVEN, REFUTED, power_from_bernstein
+from omniservo.geometry.polynomial import power_from_bernstein
+from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.search.descent import descend, fill, groups, linearise, reached, room_for
 from omniservo.planning.search.path_family import (
