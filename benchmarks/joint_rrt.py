@@ -28,7 +28,7 @@ from ompl import base, geometric, util
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import PlanningProblem
 from omniservo.planning.certificate.margins import pose_margins
-from omniservo.planning.problem_arrays import asked_of
+from omniservo.planning.problem_arrays import constraint_table_of
 from omniservo.robots import load_arm, shipped_arms
 from omniservo.robots.arm import SINGULAR_VALUE
 from omniservo.whole_arm import ArmSetting, plan_with_arm
@@ -51,7 +51,7 @@ class Postures:
     def __init__(self, problem: PlanningProblem, setting: ArmSetting, regular: bool) -> None:
         self._regular = regular
         self._setting, self._bodies = setting, setting.bodies(problem.obstacles)
-        self._demands, self._optics, _, self._table = asked_of(problem)
+        self._constraints, self._optics, _, self._table = constraint_table_of(problem)
         self._asked = self._bodies.asked(setting.clearance_around, setting.self_clearance)
         self._to_initial = setting.base_T_initial.inv()
         self.asked_for = 0
@@ -68,7 +68,7 @@ class Postures:
                 return False
         pose = self._to_initial * setting.arm.base_T_flange(q) * setting.flange_T_camera
         turn, place = pose.rotation.as_quat(), np.array(pose.translation)
-        margins = pose_margins(self._demands, self._optics, self._table, turn, place, 0.5)[:, 0]
+        margins = pose_margins(self._constraints, self._optics, self._table, turn, place, 0.5)[:, 0]
         if margins.min(initial=0.0) < -1e-6:
             return False
         self._bodies.place(q)

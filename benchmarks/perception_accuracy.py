@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.perception import Dots, find_dots, match_dots
+from omniservo.perception import FoundDots, find_dots, match_dots
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "perception"))
 
@@ -167,7 +167,7 @@ def draw_view(
 
 def seen_dots(
     camera: UnifiedCamera, centres: Array, normals: Array, radius: float, rng: np.random.Generator
-) -> tuple[Dots, npt.NDArray[np.int64]]:
+) -> tuple[FoundDots, npt.NDArray[np.int64]]:
     """Dots as `find_dots` would report them, with its errors drawn, in random order; and which is which.
 
     Errors (σ): centre 0.01 px + 0.2 px³/area; area 0.4 px² (see `dot_centres`).
@@ -185,7 +185,7 @@ def seen_dots(
     sigma = 0.01 + 0.2 / np.array(areas)
     order = rng.permutation(len(centres))
     pixels = pixels + rng.normal(size=pixels.shape) * sigma[:, None]
-    return Dots(pixels[order], np.array(areas)[order], np.array(covariances)[order]), order
+    return FoundDots(pixels[order], np.array(areas)[order], np.array(covariances)[order]), order
 
 
 def matching(count: int = 500, seed: int = 2) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from dot_scenes import Scene, dot_patches, render
 from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
-from omniservo.perception import Dots, find_dots, match_dots
+from omniservo.perception import FoundDots, find_dots, match_dots
 
 CAMERA = dot_scenes.paper_camera()
 
@@ -48,11 +48,11 @@ def seen(camera, roll=0.0, tilt=(0.0, 0.0), at=(0.0, 0.0, 0.36), signs=SIGNS, ra
         outline = camera.project(patch.outline(48))[0]
         areas.append(dot_scenes.image_area(camera, patch))
         shapes.append(0.5 * np.cov(outline.T, bias=True))
-    return Dots(pixels, np.array(areas), np.array(shapes))
+    return FoundDots(pixels, np.array(areas), np.array(shapes))
 
 
 def picked(dots, index):
-    return Dots(dots.pixels[index], dots.area_px[index], dots.covariance[index])
+    return FoundDots(dots.pixels[index], dots.area_px[index], dots.covariance[index])
 
 
 def own(n):
@@ -95,7 +95,7 @@ def test_a_reflected_picture_is_not_matched():
     view = seen(CAMERA, 30.0, (15.0, -20.0))
     flip = np.diag([-1.0, 1.0])
     pixels = view.pixels * [-1, 1] + [2 * 316.8076, 0]
-    mirrored = Dots(pixels, view.area_px, flip @ view.covariance @ flip)
+    mirrored = FoundDots(pixels, view.area_px, flip @ view.covariance @ flip)
     assert match_dots(CAMERA, seen(CAMERA), mirrored).status != "ok"
 
 
@@ -116,7 +116,7 @@ def test_pure_rotation_is_matched():
         rim = pixel + 2 * np.stack([np.cos(angle), np.sin(angle)], 1) @ np.linalg.cholesky(shape).T
         turned = CAMERA.project(turn.apply(CAMERA.unproject(rim)[0]))[0]
         rims.append(0.5 * np.cov(turned.T, bias=True))
-    match = match_dots(CAMERA, first, Dots(second, first.area_px, np.array(rims)))
+    match = match_dots(CAMERA, first, FoundDots(second, first.area_px, np.array(rims)))
     assert match.status == "ok"
     assert np.array_equal(match.pairs, own(9))
 
@@ -133,7 +133,7 @@ def test_a_dot_hidden_in_one_view_stays_unmatched(hidden):
 
 def test_a_false_dot_stays_unmatched():
     view = seen(CAMERA, 100.0, (15.0, -20.0))
-    false = Dots(
+    false = FoundDots(
         np.vstack([view.pixels, [[420.0, 330.0]]]),
         np.append(view.area_px, 30.0),
         np.concatenate([view.covariance, 2.4 * np.eye(2)[None]]),
@@ -145,8 +145,8 @@ def test_a_false_dot_stays_unmatched():
 
 def test_another_target_is_no_match():
     other = seen(CAMERA, 30.0)
-    moved = Dots(other.pixels[[4, 0, 1, 2, 3, 5, 6, 7, 8]], other.area_px, other.covariance)
-    shuffled = Dots(
+    moved = FoundDots(other.pixels[[4, 0, 1, 2, 3, 5, 6, 7, 8]], other.area_px, other.covariance)
+    shuffled = FoundDots(
         moved.pixels + np.random.default_rng(1).normal(0, 9, (9, 2)), moved.area_px, moved.covariance
     )
     match = match_dots(CAMERA, seen(CAMERA), shuffled)
@@ -170,7 +170,7 @@ def test_evenly_spaced_dots_on_one_line_are_refused(turn):
         faces = np.tile(rotation.apply([0.0, 0.0, -1.0]), (9, 1))
         outlines = [CAMERA.project(p.outline(48))[0] for p in dot_patches(where, faces, 0.009)[1::2]]
         shapes = np.array([0.5 * np.cov(outline.T, bias=True) for outline in outlines])
-        views.append(Dots(CAMERA.project(where)[0], np.full(9, 30.0), shapes))
+        views.append(FoundDots(CAMERA.project(where)[0], np.full(9, 30.0), shapes))
     assert match_dots(CAMERA, *views).status in ("no_match", "ambiguous")
 
 
@@ -205,6 +205,6 @@ def test_wrong_calls_are_refused():
     view = seen(CAMERA)
     with pytest.raises(InputError, match="noise_px"):
         match_dots(CAMERA, view, view, noise_px=0)
-    broken = Dots(np.full((9, 2), np.nan), view.area_px, view.covariance)
+    broken = FoundDots(np.full((9, 2), np.nan), view.area_px, view.covariance)
     with pytest.raises(InputError, match="dots_b.pixels"):
         match_dots(CAMERA, view, broken)

@@ -21,7 +21,7 @@ from omniservo.planning import (
 )
 from omniservo.planning.constraints.body_gap import segment_gap
 from omniservo.planning.end_poses import violation_at_end
-from omniservo.planning.problem_arrays import demands_of, image_limits
+from omniservo.planning.problem_arrays import constraints_of, image_limits
 from omniservo.verification import verify_plan
 
 TILTED = [0.1, 0.7, -0.1, 0.7]
@@ -95,7 +95,7 @@ def test_gap_is_the_distance_and_its_direction_the_gradient():
             body = Capsule(center, center + rng.normal(size=3), 0.1, 0.0)
         else:
             body = Box(center, extents, turn.as_quat(), 0.0)
-        row = demands_of(asked(body), image_limits(asked(), 0.0)).bodies[0]
+        row = constraints_of(asked(body), image_limits(asked(), 0.0)).bodies[0]
         t, h = rng.normal(size=(2, 3)) * 0.5
         *normal, gap, part = segment_gap(row, *t, *h)
         assert abs(np.linalg.norm(normal) - 1.0) < 1e-12
@@ -116,7 +116,7 @@ def test_gap_is_the_distance_and_its_direction_the_gradient():
 
 def test_a_segment_of_no_length_is_a_point():
     problem = asked(BODIES["box"])
-    row = demands_of(problem, image_limits(problem, 0.0)).bodies[0]
+    row = constraints_of(problem, image_limits(problem, 0.0)).bodies[0]
     for x in np.random.default_rng(2).normal(size=(100, 3)) * 0.1 + BODIES["box"].center:
         assert abs(segment_gap(row, *x, *x)[3] - distances(BODIES["box"], x)) < 1e-12
 

@@ -14,7 +14,7 @@ from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning import CameraPath, Plan, PlanningProblem, certify, plan_path
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.constraints.image_mask import moved_outward, prove_outside_mask
-from omniservo.planning.problem_arrays import demands_of
+from omniservo.planning.problem_arrays import constraints_of
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 4001)
@@ -84,7 +84,7 @@ def test_a_polygon_is_decided_on_either_side_of_the_truth(xi):
         truth = min(float(found), float(values.min()))
         camera = UnifiedCamera.from_dict(bare.to_dict() | {"mask": [corners.tolist()]})
         asked = PlanningProblem(camera, h, problem([]).initial_T_goal)
-        edges = demands_of(asked, camera.image_limits()).mask_edges
+        edges = constraints_of(asked, camera.image_limits()).mask_edges
         controls, errors = camera_controls(phi, t, h)
         count = float(camera_count(2, 2))
         decided += 1

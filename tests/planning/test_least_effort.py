@@ -29,13 +29,13 @@ def test_the_slope_of_a_groups_worst_constraint_is_that_of_differences(random_pr
         search = ProblemSearch.of(problem)
         family = path_family(search.ends, 3, 2)
         x = 0.1 * rng.normal(size=unknowns(family))
-        asleep = np.full(len(end_values(search.demands, family)), LOOKED_AT)
+        asleep = np.full(len(end_values(search.constraints, family)), LOOKED_AT)
         room = room_for(SAMPLES, len(problem.points))
         set_uniform_samples(family, SAMPLES)
 
-        def levels(x, demands=search.demands, family=family, asleep=asleep, room=room):
+        def levels(x, constraints=search.constraints, family=family, asleep=asleep, room=room):
             found = np.empty((SAMPLES, len(asleep)))
-            look_at_samples(demands, family, x, asleep, room, found)
+            look_at_samples(constraints, family, x, asleep, room, found)
             return found
 
         h = 1e-6
@@ -43,12 +43,12 @@ def test_the_slope_of_a_groups_worst_constraint_is_that_of_differences(random_pr
         here, row, scratch = levels(x), np.empty(len(x)), np.empty(len(asleep))
         quiet = np.full(len(asleep), ASLEEP)
         for s, group in np.argwhere(np.isfinite(here)):
-            slope_at(search.demands, family, room, s, group, here[s, group], quiet, scratch, row)
+            slope_at(search.constraints, family, room, s, group, here[s, group], quiet, scratch, row)
             ahead = np.array([a[s, group] for a, _ in steps]) - here[s, group]
             behind = here[s, group] - np.array([b[s, group] for _, b in steps])
             if np.allclose(ahead, behind, atol=1e-9):  # no other point or end of a segment takes over
                 # the dead zone's tangent turns with the point, which its slope leaves out
-                off = 2e-3 if group == len(search.demands.limits) else 1e-5
+                off = 2e-3 if group == len(search.constraints.limits) else 1e-5
                 assert np.allclose(row, (ahead + behind) / (2.0 * h), atol=off)
                 compared += 1
         assert (quiet == ASLEEP).all()
@@ -63,10 +63,10 @@ def test_a_way_back_is_clear_along_a_proven_path_alone(random_problems):
         family = path_family(search.ends, path.rotation.shape[1] - 1, path.translation.shape[1] - 1)
         x, straight = np.empty(unknowns(family)), np.zeros((1, unknowns(family)))
         controls = bernstein_from_power(path.rotation), bernstein_from_power(path.translation)
-        offsets(family, search.demands.numbers[2], *controls, x)
-        assert leads_back(search.demands, family, x, np.vstack([straight, x]))
-        assert not leads_back(search.demands, family, x, straight[:0])
-        blocked += not leads_back(search.demands, family, x, straight)
+        offsets(family, search.constraints.ell, *controls, x)
+        assert leads_back(search.constraints, family, x, np.vstack([straight, x]))
+        assert not leads_back(search.constraints, family, x, straight[:0])
+        blocked += not leads_back(search.constraints, family, x, straight)
     assert blocked > 0
 
 

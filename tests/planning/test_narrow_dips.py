@@ -40,16 +40,16 @@ PATH = dipping_path()
 LOWEST = float(np.polyval(PATH.translation[0], np.linspace(0.7, 0.8, 200_001)).min())
 
 
-def asked(**demands):
+def asked(**constraints):
     goal = {"translation": PATH.translation.sum(axis=1).tolist(), "quaternion": [0, 0, 0, 1]}
     camera = {
         "model": "unified", "fx": 300.0, "fy": 300.0, "cx": 500.0, "cy": 300.0, "xi": 0.0,
         "width": 1001, "height": 601,
     }  # fmt: skip
-    lens = camera | demands.pop("camera", {})
+    lens = camera | constraints.pop("camera", {})
     fields = {"format": "omniservo.problem/1", "camera": lens, "points": [[0.0, 0.0, 1.0]], "goal": goal}
     degrees = {"rotation": 1, "translation": 4}
-    return PlanningProblem.from_dict(fields | {"degrees": degrees, "least_distance": 0.0} | demands)
+    return PlanningProblem.from_dict(fields | {"degrees": degrees, "least_distance": 0.0} | constraints)
 
 
 def margin_of(problem, name):
@@ -108,9 +108,9 @@ def test_a_dip_that_no_look_sees_is_in_the_clearance(body):
         ),
     ],
 )
-def test_a_dip_that_no_look_sees_is_in_every_other_margin(demands, name, truth):
+def test_a_dip_that_no_look_sees_is_in_every_other_margin(constraints, name, truth):
     if name == "least_distance":  # the point is beside the camera: any lens sees it
-        demands = {"camera": {"xi": 2.0, "cx": 5e4, "width": 100_000}} | demands
-    margin = margin_of(asked(**demands), name)
+        constraints = {"camera": {"xi": 2.0, "cx": 5e4, "width": 100_000}} | constraints
+    margin = margin_of(asked(**constraints), name)
     loose = 0.5 if "visib" in name or name == "dead_zone" else 1e-3
     assert truth - loose <= margin <= truth + 1e-9

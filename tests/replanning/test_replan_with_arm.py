@@ -168,8 +168,8 @@ def test_demands_with_room_are_those_of_obstacles_that_ask_for_more(planned):
     walls = Workspace([-2, -2, -2], [2, 2, 2], (HalfSpace([1.0, 0.0, 0.0], -1.5),))
     asked = replace(problem, obstacles=obstacles, workspace=walls)
     more = widened(asked, {f"clearance obstacle {i}": 0.02 for i in range(len(obstacles))}, 0.0)
-    found = with_room(ProblemSearch.of(asked).demands, 1, 0.02)
-    for own, other in zip(found, ProblemSearch.of(more).demands, strict=True):
+    found = with_room(ProblemSearch.of(asked).constraints, 1, 0.02)
+    for own, other in zip(found, ProblemSearch.of(more).constraints, strict=True):
         for mine, theirs in zip(own, other, strict=True) if isinstance(own, tuple) else [(own, other)]:
             np.testing.assert_allclose(mine, theirs, atol=1e-12)
 

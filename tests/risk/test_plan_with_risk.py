@@ -92,7 +92,7 @@ def test_margins_of_an_exact_structure_are_those_of_the_path(paper):
     runs = Executions.of(problem, samples, np.ones(9, dtype=np.bool_))
     found = runs.margins(plan.path, np.array([c.w for c in plan.certificate.constraints]))
     certified = {c.name.split(" (")[0]: c.margin for c in plan.certificate.constraints if c.unit == "m"}
-    for g, name in enumerate(runs.demands):
+    for g, name in enumerate(runs.constraints):
         if name != IMAGE:
             assert found[0, g] == pytest.approx(certified[name], abs=2e-4), name
     np.testing.assert_allclose(found, np.repeat(found[:1], 3, axis=0))
@@ -106,7 +106,7 @@ def test_a_lens_error_that_estimate_and_servo_share_leaves_the_start_where_it_is
     asked = replace(problem, points=estimate.points, initial_T_goal=estimate.initial_T_goal)
     plan = plan_path(asked)
     runs = Executions.of(asked, samples, estimate.inliers)
-    obstacle = runs.demands.index("clearance obstacle 0")
+    obstacle = runs.constraints.index("clearance obstacle 0")
     at_start = runs._run(
         runs._response(plan.path, np.array([0.0])),
         np.ones((1, len(runs._columns())), dtype=np.bool_), runs.points, runs.camera, 1,
@@ -250,7 +250,7 @@ def test_moved_points_behind_an_obstacle_count_as_hidden():
     moved = points + np.array([0.0, 0.0, 0.6]) * rng.integers(0, 2, (200, 1, 1))
     samples = EstimateSamples(goal, moved, np.zeros((200, 0)))
     runs = Executions.of(problem, samples, np.ones(9, dtype=np.bool_))
-    margins = runs.margins(plan.path, np.empty(0))[:, runs.demands.index("occlusion obstacle 0")]
+    margins = runs.margins(plan.path, np.empty(0))[:, runs.constraints.index("occlusion obstacle 0")]
     behind = moved[:, 0, 2] > 0.9
     assert (margins[behind] < 0.0).all()
     assert (margins[~behind] > 0.0).all()

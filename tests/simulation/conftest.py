@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.robots import Arm
-from omniservo.simulation import Box, Dots, Scene, Sensor
+from omniservo.simulation import Dots, Scene, SceneBox, Sensor
 
 START = np.deg2rad([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3])
 WALL_FACE = 0.62  # [m] the wall's face, world x
@@ -14,7 +14,7 @@ DOT_RADIUS = 0.008  # [m]
 
 
 def wall(name="wall"):
-    return Box(name, RigidTransform.from_translation([WALL_FACE + 0.01, 0, 0.5]), [0.01, 1.5, 1.0])
+    return SceneBox(name, RigidTransform.from_translation([WALL_FACE + 0.01, 0, 0.5]), [0.01, 1.5, 1.0])
 
 
 def dots_on_the_wall(radius=DOT_RADIUS):

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.simulation import Ball, Box, OutsideView, Viewpoint, World
+from omniservo.simulation import Ball, OutsideView, SceneBox, Viewpoint, World
 
 VIEW = Viewpoint(eye=(2.0, -2.0, 1.0), focus=(2.0, 0.0, 0.0))
 SMALL = {"width": 120, "height": 90}
@@ -47,7 +47,7 @@ def test_lamp_throws_a_shadow_on_the_floor(make_scene):
 
 
 def test_default_viewpoint_shows_arm_obstacle_and_dots(make_scene):
-    block = Box("post", RigidTransform.from_translation([0.45, -0.3, 0.5]), [0.05] * 3, colour=(0, 0, 1))
+    block = SceneBox("post", RigidTransform.from_translation([0.45, -0.3, 0.5]), [0.05] * 3, colour=(0, 0, 1))
     world = World(make_scene(obstacles=(block,)))
     view = Viewpoint.beside(world)
     scene = world.scene

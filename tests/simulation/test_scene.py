@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.simulation import Ball, Box, Dots, Sensor
+from omniservo.simulation import Ball, Dots, SceneBox, Sensor
 
 HERE = RigidTransform.identity()
 
@@ -13,14 +13,14 @@ HERE = RigidTransform.identity()
 @pytest.mark.parametrize("extents", [[0.1, 0.1, 0.0], [0.1, -0.1, 0.1], [0.1, np.nan, 0.1], [0.1, 0.1]])
 def test_box_without_volume_is_refused(extents):
     with pytest.raises(InputError, match="box 'post': half"):
-        Box("post", HERE, extents)
+        SceneBox("post", HERE, extents)
 
 
 def test_corners_of_a_turned_box_lie_where_they_should():
     quarter = RigidTransform.from_components(
         [1, 2, 3], RigidTransform.identity().rotation.from_rotvec([0, 0, np.pi / 2])
     )
-    corners = Box("post", quarter, [0.1, 0.2, 0.3]).corners
+    corners = SceneBox("post", quarter, [0.1, 0.2, 0.3]).corners
     np.testing.assert_allclose(corners.min(axis=0), [0.8, 1.9, 2.7], atol=1e-12)
     np.testing.assert_allclose(corners.max(axis=0), [1.2, 2.1, 3.3], atol=1e-12)
     assert len(np.unique(corners.round(9), axis=0)) == 8
@@ -62,7 +62,7 @@ def test_start_outside_the_joint_range_is_refused(make_scene):
 
 
 def test_two_bodies_of_one_name_are_refused(make_scene):
-    twins = (Box("post", HERE, [0.1, 0.1, 0.1]), Ball("post", [0, 0, 0], 0.1))
+    twins = (SceneBox("post", HERE, [0.1, 0.1, 0.1]), Ball("post", [0, 0, 0], 0.1))
     with pytest.raises(InputError, match="'post' is given twice"):
         make_scene(obstacles=twins)
 

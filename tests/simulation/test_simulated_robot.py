@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.robots import Robot
-from omniservo.simulation import Box, Sensor, SimulatedRobot
+from omniservo.simulation import SceneBox, Sensor, SimulatedRobot
 
 SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])  # [rad/s]
 
@@ -165,7 +165,7 @@ def test_same_seed_gives_the_same_frames_whichever_are_looked_at(make_scene):
 def test_driving_into_an_obstacle_is_reported_and_the_obstacle_holds(make_scene):
     scene = make_scene(boards=(), dots=None)
     ahead = scene.world_T_camera(scene.start_joints).apply([0, 0, 0.05])
-    post = Box("post", RigidTransform.from_translation(ahead), [0.02, 0.06, 0.06])
+    post = SceneBox("post", RigidTransform.from_translation(ahead), [0.02, 0.06, 0.06])
     robot = SimulatedRobot(make_scene(boards=(), dots=None, obstacles=(post,)))
     gap = robot.arm_obstacle_distance()
     assert gap == pytest.approx(0.025, abs=1e-4)
@@ -181,7 +181,7 @@ def test_driving_into_an_obstacle_is_reported_and_the_obstacle_holds(make_scene)
 
 
 def test_obstacles_put_elsewhere_leave_the_motion_and_the_frames_before_as_they_were(make_scene):
-    block = Box(
+    block = SceneBox(
         "block", RigidTransform.from_translation([0.45, 0.05, 0.6]), [0.02, 0.02, 0.02], (0.0, 0.0, 0.0)
     )
     quiet = Sensor(rate=20, latency=0.03, noise=0.0, blur=0.0)
@@ -190,7 +190,9 @@ def test_obstacles_put_elsewhere_leave_the_motion_and_the_frames_before_as_they_
     for robot in (still, changed):
         robot.command(SLOW)
         robot.advance(0.11)
-    moved = Box("block", RigidTransform.from_translation([0.45, -0.15, 0.6]), [0.02] * 3, (0.0, 0.0, 0.0))
+    moved = SceneBox(
+        "block", RigidTransform.from_translation([0.45, -0.15, 0.6]), [0.02] * 3, (0.0, 0.0, 0.0)
+    )
     gap = changed.arm_obstacle_distance()
     changed.rearrange([moved])
     assert changed.arm_obstacle_distance() != pytest.approx(gap, abs=1e-3)

@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.perception import tag_picture
 from omniservo.simulation.panels_of_target import panels_of_target
 from omniservo.simulation.textures import texture, texture_kinds
-from omniservo.tasks.target import Target, TexturedFace
+from omniservo.tasks.target import TargetSection, TexturedFace
 
 KINDS = texture_kinds()
 WORLD_T_INITIAL = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_rotvec([0.3, -0.2, 1.0]))
@@ -68,7 +68,7 @@ def test_impossible_textures_are_refused(given, says):
 
 def test_tags_become_panels_whose_black_square_has_the_stated_edge():
     tag = {"id": 5, "edge": 0.08, "center": [0.1, 0.0, 0.5], "rotation_vector": [0.0, 0.4, 0.0]}
-    target = Target.model_validate({"tags": {"dictionary": "4x4_50", "panels": [tag]}})
+    target = TargetSection.model_validate({"tags": {"dictionary": "4x4_50", "panels": [tag]}})
     (panel,) = panels_of_target(target, WORLD_T_INITIAL)
     assert panel.name == "tag 5"
     dark = panel.picture < 0.5
@@ -84,7 +84,7 @@ def test_tags_become_panels_whose_black_square_has_the_stated_edge():
 
 def test_faces_become_panels_with_square_picture_elements():
     face = {"kind": "poster", "seed": 1, "size": [0.2, 0.15], "center": [0.0, 0.0, 0.5]}
-    (panel,) = panels_of_target(Target.model_validate({"textures": [face]}), WORLD_T_INITIAL)
+    (panel,) = panels_of_target(TargetSection.model_validate({"textures": [face]}), WORLD_T_INITIAL)
     assert panel.picture.shape == (768, 1024)
     np.testing.assert_array_equal(panel.picture, texture("poster", 1, 768, 1024))
     np.testing.assert_allclose(panel.world_T_panel.translation, WORLD_T_INITIAL.apply([0, 0, 0.5]))

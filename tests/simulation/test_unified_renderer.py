@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.simulation import Ball, Box, Sensor, UnifiedRenderer, World
+from omniservo.simulation import Ball, SceneBox, Sensor, UnifiedRenderer, World
 from omniservo.simulation.unified_renderer import BACKGROUND, DARK
 
 WINDOW = 9  # [px] half side of the window round a dot
@@ -120,7 +120,7 @@ def test_straight_edge_of_a_board_lies_on_the_projected_line(make_scene, xi):
     camera = UnifiedCamera(200 * (1 + xi), 200 * (1 + xi), 160, 120, xi, 320, 240)
     base = make_scene()
     pose = base.world_T_camera(base.start_joints)
-    half_plane = Box("edge", pose * RigidTransform.from_translation([0.305, 0, 0.5]), [0.3, 0.6, 0.01])
+    half_plane = SceneBox("edge", pose * RigidTransform.from_translation([0.305, 0, 0.5]), [0.3, 0.6, 0.01])
     scene = make_scene(camera=camera, boards=(half_plane,), dots=None, floor=None)
     image = UnifiedRenderer(World(scene)).render(base.start_joints)
     inside, outside = image[120, 200], image[120, 140]

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.robots import Arm
-from omniservo.simulation import Ball, Box, World
+from omniservo.simulation import Ball, SceneBox, World
 
 
 def lens_front(scene):
@@ -31,7 +31,9 @@ def test_box_put_into_the_forearm_is_reported(make_scene):
     scene = make_scene()
     elbow = scene.world_T_base * scene.arm.base_T_flange(scene.start_joints)
     middle = elbow.apply([0, 0, -0.065 - 0.05])  # a little behind the wrist
-    world = World(make_scene(obstacles=(Box("post", RigidTransform.from_translation(middle), [0.02] * 3),)))
+    world = World(
+        make_scene(obstacles=(SceneBox("post", RigidTransform.from_translation(middle), [0.02] * 3),))
+    )
     touched = world.touching(world.data_at(scene.start_joints))
     assert any("post" in pair for pair in touched)
     assert world.arm_obstacle_distance(world.data_at(scene.start_joints)) < 0.0
@@ -39,7 +41,7 @@ def test_box_put_into_the_forearm_is_reported(make_scene):
 
 def test_board_put_into_the_lens_is_reported_but_is_no_obstacle(make_scene):
     scene = make_scene()
-    plate = Box("plate", RigidTransform.from_translation(lens_front(scene)), [0.001, 0.05, 0.05])
+    plate = SceneBox("plate", RigidTransform.from_translation(lens_front(scene)), [0.001, 0.05, 0.05])
     world = World(make_scene(boards=(plate,)))
     data = world.data_at(scene.start_joints)
     assert ("camera", "plate") in world.touching(data)

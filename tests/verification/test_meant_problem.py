@@ -20,8 +20,8 @@ BODIES = [
 @pytest.fixture(scope="module")
 def case():
     """A certified plan and its problem."""
-    demands = {"clearance": 0.02, "visibility_margin": 1.0, "least_distance": 1e-3}
-    asked = sampled_plans.problem(obstacles=copy.deepcopy(BODIES), **demands)
+    constraints = {"clearance": 0.02, "visibility_margin": 1.0, "least_distance": 1e-3}
+    asked = sampled_plans.problem(obstacles=copy.deepcopy(BODIES), **constraints)
     path = sampled_plans.path(asked, (0.03, 0.0, 0.0), (0.01, 0.02, 0.0, 0.01))
     margins = sampled_plans.true_margins(asked, path)
     lines = {name: margin - sampled_plans.slack(margin) for name, (margin, _, _) in margins.items()}

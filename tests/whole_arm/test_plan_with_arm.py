@@ -142,14 +142,14 @@ def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
     for seed in range(30):
         problem, setting = random_task(arm, np.random.default_rng([3, seed]), clearance=0.0)
         bodies = setting.bodies(problem.obstacles)
-        demands = JointDemands(setting, bodies, ell=0.4)
+        constraints = JointDemands(setting, bodies, ell=0.4)
         q = setting.start
-        least = demands.pulls(q[None], np.array([0.0, 9.0, 0.3])).least[0]
+        least = constraints.pulls(q[None], np.array([0.0, 9.0, 0.3])).least[0]
         camera = setting.arm.base_T_flange(q) * setting.flange_T_camera
         for group in range(3):
             targets = np.full(3, -np.inf)
             targets[group] = least[group] + 1e-7
-            pull = demands.pulls(q[None], targets)
+            pull = constraints.pulls(q[None], targets)
             if pull.costs[0] == 0.0 or (group == 2 and least[2] > 0.25):
                 continue
             row = pull.systems[0, :, 6] / 1e-7  # one row a with residual 1e-7
@@ -160,7 +160,7 @@ def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
                     step = sign * 1e-6 * np.eye(6)[k]
                     moved = camera * RigidTransform.from_components(step[:3], Rotation.from_rotvec(step[3:]))
                     there = arm.inverse_near(moved * setting.camera_T_flange, q)
-                    values.append(demands.pulls(there[None], np.array([0.0, 9.0, 0.3])).least[0, group])
+                    values.append(constraints.pulls(there[None], np.array([0.0, 9.0, 0.3])).least[0, group])
                 numeric[k] = (values[0] - values[1]) / 2e-6
             scale = max(1.0, np.abs(numeric).max())
             checked[group] += np.abs(row - numeric).max() < 5e-3 * scale

@@ -20,7 +20,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.planning import CameraPath, Degrees, PlanningProblem, Sphere
 from omniservo.planning.paper_search import EVALUATIONS, SAMPLES, first_simplex, virtual_box
-from omniservo.planning.problem_arrays import demands_of, image_limits
+from omniservo.planning.problem_arrays import constraints_of, image_limits
 
 CALLBACKS = "Numba"
 
@@ -56,7 +56,7 @@ def search_of(problem: PlanningProblem) -> Search:
     if box is not None:
         hole = box[2] ** 2 if camera.dead_zone is not None else -1.0
         plane = np.array([box[0] ** 2, box[1] ** 2, hole])
-    demands = demands_of(problem, image_limits(problem, 0.0))
+    constraints = constraints_of(problem, image_limits(problem, 0.0))
     spheres = [
         [*o.center, (o.radius + (problem.clearance if o.clearance is None else o.clearance)) ** 2]
         for o in problem.obstacles
@@ -65,8 +65,8 @@ def search_of(problem: PlanningProblem) -> Search:
     w = np.linspace(0.0, 1.0, SAMPLES)[:, None]
     return Search(
         points=np.array(problem.points, order="C"),
-        limits=np.ascontiguousarray(demands.limits[:, :4]),
-        disc=demands.disc,
+        limits=np.ascontiguousarray(constraints.limits[:, :4]),
+        disc=constraints.disc,
         box=plane,
         spheres=np.array(spheres, dtype=np.float64).reshape(-1, 4),
         quaternion=problem.goal_quaternion,

@@ -19,7 +19,7 @@ from omniservo.estimation.status.evidence import largest_noise
 from omniservo.estimation.status.pose_evidence import variance_of
 from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.estimation.view_poses import LEAST_POINTS, PlacedViews, place_all, place_others
-from omniservo.estimation.view_scale import Length, ViewScale, checked_scale
+from omniservo.estimation.view_scale import GaugeLength, ViewScale, checked_scale
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
 
 ADJUSTING_STEPS = 100
@@ -101,7 +101,7 @@ def _checked_views(camera: UnifiedCamera, pixels: Any, visible: Any, noise: Any)
     return PlacedViews(camera, rows, bearings, seen.copy(), sigma, poses, placed, points, agree)
 
 
-def _place_by_known_points(views: PlacedViews, length: Length) -> bool:
+def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     """Place the views in which the known points tell the pose; True where at least two do."""
     if len(length.known) < LEAST_POINTS:
         return False
@@ -191,7 +191,7 @@ def residuals_of(views: PlacedViews) -> FloatArray:
     return residuals
 
 
-def _scaled(views: PlacedViews, length: Length) -> str:
+def _scaled(views: PlacedViews, length: GaugeLength) -> str:
     """Scale poses and points to the known length; return what went wrong, or nothing."""
     lost = length.indices[
         ~views.placed[length.indices] if length.of_views else np.isnan(views.points[length.indices, 0])
@@ -209,7 +209,7 @@ def _scaled(views: PlacedViews, length: Length) -> str:
 
 
 def _concluded(
-    views: PlacedViews, length: Length, scale_sigma: float, words: str, started: float
+    views: PlacedViews, length: GaugeLength, scale_sigma: float, words: str, started: float
 ) -> MultiViewEstimate:
     v, n = views.seen.shape
     order, rows = np.flatnonzero(views.placed), np.flatnonzero(~np.isnan(views.points[:, 0]))

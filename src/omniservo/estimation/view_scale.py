@@ -42,7 +42,7 @@ ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints |
 
 
 @dataclass(frozen=True, eq=False)
-class Length:
+class GaugeLength:
     """A length of the structure: the size √(Σ‖xᵢ − x̄‖²) of some points or of two camera centres."""
 
     of_views: bool
@@ -54,20 +54,20 @@ class Length:
     known: FloatArray
     """(k, 3) [m] coordinates of the points where they are known, else (0, 3)"""
 
-    def without(self, lost: IntArray) -> Length:
+    def without(self, lost: IntArray) -> GaugeLength:
         """Return the length of what is left where some of its known points have no place."""
         if not len(lost):
             return self
         kept = ~np.isin(self.indices, lost)
         known = self.known[kept]
         size = float(np.linalg.norm(known - known.mean(axis=0)))
-        return Length(self.of_views, self.indices[kept], size, known)
+        return GaugeLength(self.of_views, self.indices[kept], size, known)
 
-    def among(self, views: IntArray, points: IntArray) -> Length:
+    def among(self, views: IntArray, points: IntArray) -> GaugeLength:
         """Return the length in arrays of these views and points only, both sorted."""
         rows = views if self.of_views else points
         kept = self.without(self.indices[~np.isin(self.indices, rows)])
-        return Length(self.of_views, np.searchsorted(rows, kept.indices), kept.metres, kept.known)
+        return GaugeLength(self.of_views, np.searchsorted(rows, kept.indices), kept.metres, kept.known)
 
     def value(self, centres: FloatArray, points: FloatArray) -> float:
         """Return the length in a structure of centres (v, 3) and points (n, 3)."""
@@ -85,7 +85,7 @@ class Length:
         return np.asarray(chosen - chosen.mean(axis=0))
 
 
-def checked_scale(scale: Any, views: int, n: int) -> Length:
+def checked_scale(scale: Any, views: int, n: int) -> GaugeLength:
     """Return the length that a scale states for so many views and points.
 
     Raises:
@@ -93,10 +93,12 @@ def checked_scale(scale: Any, views: int, n: int) -> Length:
     """
     none = np.empty((0, 3))
     if scale is None:
-        return Length(True, np.array([0, 1]), None, none)
+        return GaugeLength(True, np.array([0, 1]), None, none)
     if isinstance(scale, ViewDistance):
         ends = _indices("scale: view", [scale.first, scale.second], views)
-        return Length(True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none)
+        return GaugeLength(
+            True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none
+        )
     if isinstance(scale, KnownPoints):
         points = finite_array("scale: points", scale.points, (None, 3))
         rows = _indices("scale: index", list(np.asarray(scale.indices, dtype=object).ravel()), n)
@@ -106,15 +108,15 @@ def checked_scale(scale: Any, views: int, n: int) -> Length:
         size = float(np.linalg.norm(points - points.mean(axis=0)))
         if not size > 0.0:
             raise InputError("scale: points: all at one place; different points are needed")
-        return Length(False, rows, size, owned(points))
+        return GaugeLength(False, rows, size, owned(points))
     if isinstance(scale, tuple | list):
         if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
             legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints"
             raise InputError(f"scale: {spelled(scale)} given; legal: {legal}")
         metres = finite_number("scale: metres", scale[1], above=0.0)
-        return Length(False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none)
+        return GaugeLength(False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none)
     metres = finite_number("scale", scale, above=0.0)
-    return Length(True, np.array([0, 1]), _pair_size(metres), none)
+    return GaugeLength(True, np.array([0, 1]), _pair_size(metres), none)
 
 
 def _pair_size(metres: float) -> float:

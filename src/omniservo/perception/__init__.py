@@ -2,12 +2,12 @@
 
 from omniservo.perception.dot_kind import DotKind
 from omniservo.perception.dot_tracker import DotTracker
-from omniservo.perception.dots import DotOptions, Dots
+from omniservo.perception.dots import DotOptions, FoundDots
 from omniservo.perception.feature_kind import FeatureKind, FeatureTracker, MatchedPoints
 from omniservo.perception.features import Features
 from omniservo.perception.find_dots import find_dots
 from omniservo.perception.find_features import find_features
-from omniservo.perception.find_tags import Tags, find_tags
+from omniservo.perception.find_tags import FoundTags, find_tags
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_dots import DotMatch, match_dots
 from omniservo.perception.match_features import FeatureMatch, match_features
@@ -18,17 +18,19 @@ from omniservo.perception.refine_matches import ImageMatch, refine_matches
 from omniservo.perception.tag_kind import TagKind
 from omniservo.perception.tag_picture import tag_cells, tag_picture, tag_picture_corners
 from omniservo.perception.tag_tracker import TagTracker
+from omniservo.renamed import renamed
 
 __all__ = [
     "DotKind",
     "DotMatch",
     "DotOptions",
     "DotTracker",
-    "Dots",
     "FeatureKind",
     "FeatureMatch",
     "FeatureTracker",
     "Features",
+    "FoundDots",
+    "FoundTags",
     "ImageMatch",
     "ImagePoints",
     "MatchedPoints",
@@ -36,7 +38,6 @@ __all__ = [
     "PatchTracker",
     "TagKind",
     "TagTracker",
-    "Tags",
     "find_dots",
     "find_features",
     "find_tags",
@@ -48,3 +49,5 @@ __all__ = [
     "tag_picture",
     "tag_picture_corners",
 ]
+
+__getattr__ = renamed(__name__, {"Dots": "FoundDots", "Tags": "FoundTags"})

@@ -13,7 +13,7 @@ from omniservo.geometry.arrays import FloatArray, finite_number, owned
 
 @with_field_docs
 @dataclass(frozen=True)
-class Dots:
+class FoundDots:
     """The dots of one picture, top to bottom, then left to right."""
 
     pixels: FloatArray
@@ -32,7 +32,7 @@ class Dots:
         return len(self.pixels)
 
     @classmethod
-    def none(cls) -> Dots:
+    def none(cls) -> FoundDots:
         """The dots of a picture without any."""
         return cls(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2, 2)))
 

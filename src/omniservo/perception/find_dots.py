@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_centres import circle_centres
 from omniservo.perception.dot_kernels import COLUMNS, measure_blobs
-from omniservo.perception.dots import DotOptions, Dots
+from omniservo.perception.dots import DotOptions, FoundDots
 
 SMALL_BLOCK = 41
 """[px] side of the neighbourhood whose mean is the threshold for dots up to half of it"""
@@ -29,7 +29,7 @@ MIN_SIGNAL = 5.0
 
 def find_dots(
     image: ByteArray, camera: UnifiedCamera | None = None, options: DotOptions | None = None
-) -> Dots:
+) -> FoundDots:
     """Find every whole dark ellipse on a light ground.
 
     Pixels darker than the mean around them, in two sizes of neighbourhood, give blobs; each blob gets
@@ -50,7 +50,7 @@ def find_dots(
     options = options or DotOptions()
     check_image(image, camera)
     if min(image.shape) < 9:
-        return Dots.none()
+        return FoundDots.none()
     noise = noise_of(image)
     offset = threshold_offset(noise, options)
     masks = [darker_than_mean(image, block, offset) for block in neighbourhoods(options)]
@@ -82,12 +82,12 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
     return np.asarray(rows[np.lexsort((rows[:, 0], rows[:, 1]))])
 
 
-def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> Dots:
+def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> FoundDots:
     """Turn measured rows into dots, in order, with the centre corrected where the camera is known."""
     centroids, covariance = rows[:, :2], covariances(rows)
     pixels = centroids if camera is None else circle_centres(camera, centroids, covariance)
     order = np.lexsort((pixels[:, 0], pixels[:, 1]))
-    return Dots(pixels[order], rows[order, 11], covariance[order])
+    return FoundDots(pixels[order], rows[order, 11], covariance[order])
 
 
 def blob_moments(mask: ByteArray, corner: tuple[int, int], options: DotOptions) -> FloatArray:

@@ -23,7 +23,7 @@ _INSIDE = 0.7
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
-class Tags:
+class FoundTags:
     """The tags of one picture, by id."""
 
     ids: IntArray
@@ -45,7 +45,7 @@ class Tags:
         return ImagePoints(self.corners.reshape(-1, 2), self.covariance.reshape(-1, 2, 2), ids)
 
 
-def find_tags(image: ByteArray, camera: CentralModel, dictionary: str = "tag36h11") -> Tags:
+def find_tags(image: ByteArray, camera: CentralModel, dictionary: str = "tag36h11") -> FoundTags:
     """Find every whole tag of a dictionary.
 
     Dark squares are looked for in the raw image and, with a wide field, in perspective views that cover it;
@@ -83,7 +83,7 @@ def read_tags(
     return found
 
 
-def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> Tags:
+def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> FoundTags:
     """Return located tags; those whose corners are not all seen are left out."""
     rows = [(number, located) for number, fit in found if (located := corner_pixels(camera, fit)) is not None]
     rows.sort(key=lambda row: row[0])
@@ -92,7 +92,7 @@ def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> Tags:
     once = np.isin(numbers, value[times == 1])
     corners = np.array([located[0] for _, located in rows]).reshape(-1, 4, 2)[once]
     covariance = np.array([located[1] for _, located in rows]).reshape(-1, 4, 2, 2)[once]
-    return Tags(_held(numbers[once]), owned(corners), owned(covariance), _held(value[times > 1]))
+    return FoundTags(_held(numbers[once]), owned(corners), owned(covariance), _held(value[times > 1]))
 
 
 def _read(

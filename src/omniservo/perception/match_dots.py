@@ -12,7 +12,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.perception.dot_centres import circles, tangent_ellipses
-from omniservo.perception.dots import Dots
+from omniservo.perception.dots import FoundDots
 from omniservo.perception.epipolar_kernels import score_hypotheses
 from omniservo.perception.match_kernels import register_triples
 
@@ -59,7 +59,9 @@ class _View:
     """(n,) number of the dot in its picture"""
 
 
-def match_dots(camera: UnifiedCamera, dots_a: Dots, dots_b: Dots, *, noise_px: float = 0.03) -> DotMatch:
+def match_dots(
+    camera: UnifiedCamera, dots_a: FoundDots, dots_b: FoundDots, *, noise_px: float = 0.03
+) -> DotMatch:
     """Match the dots of two pictures of one rigid target; refuse where the answer is not clear.
 
     1. Hypothesise: the size and shape of a dot's image give its distance in radii (`circles`), hence a
@@ -71,7 +73,7 @@ def match_dots(camera: UnifiedCamera, dots_a: Dots, dots_b: Dots, *, noise_px: f
     3. Decide: the best hypothesis must fit within the noise, and every one that contradicts it, exchanges
        of any two dots included, must be clearly worse.
 
-    The target may have any shape; its dots have one radius. Dots seen in only one of the pictures stay
+    The target may have any shape; its dots have one radius. FoundDots seen in only one of the pictures stay
     unmatched.
 
     Args:
@@ -253,7 +255,7 @@ def _refused(
     return DotMatch(np.zeros((0, 2), dtype=np.int64), status, residual, rival, reason)
 
 
-def _view(name: str, camera: UnifiedCamera, dots: Dots, noise: float) -> _View:
+def _view(name: str, camera: UnifiedCamera, dots: FoundDots, noise: float) -> _View:
     """Bearings, clouds and their uncertainties of the dots whose outline the camera can unproject."""
     pixels = finite_array(f"{name}.pixels", dots.pixels, (None, 2))
     covariance = finite_array(f"{name}.covariance", dots.covariance, (len(pixels), 2, 2))

@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import Entry, asked_of
+from omniservo.planning.problem_arrays import Entry, constraint_table_of
 
 _NOISE = {"m": 1e-9, "px": 1e-7, "rad": 1e-9, "1": 1e-9}
 """What rounding can make of a constraint that is just met."""
@@ -52,12 +52,12 @@ def violations_at_end(problem: PlanningProblem) -> tuple[int, list[tuple[float, 
 
 def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:
     """Return all entries, and margin and point of each at both end poses (2, e, 2)."""
-    demands, optics, entries, table = asked_of(problem)
+    constraints, optics, entries, table = constraint_table_of(problem)
     poses = (
         (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
         (problem.goal_quaternion, problem.goal_translation),
     )
-    found = [pose_margins(demands, optics, table, *pose, float(w)) for w, pose in enumerate(poses)]
+    found = [pose_margins(constraints, optics, table, *pose, float(w)) for w, pose in enumerate(poses)]
     return entries, np.array(found)
 
 

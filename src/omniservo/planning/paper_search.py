@@ -14,7 +14,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import demands_of, image_limits
+from omniservo.planning.problem_arrays import constraints_of, image_limits
 
 SAMPLES = 100
 """Samples of w, evenly on [0, 1]."""
@@ -149,9 +149,9 @@ class _ExactView:
     """The image's cones, κ‖c‖ − n·c with unit n, and the dead zone's disc, (‖p − p₀‖ − r)/f."""
 
     def __init__(self, problem: PlanningProblem) -> None:
-        demands = demands_of(problem, image_limits(problem, 0.0))
-        self._normals, self._kappas = demands.limits[:, :3], demands.limits[:, 3]
-        self._disc = demands.disc
+        constraints = constraints_of(problem, image_limits(problem, 0.0))
+        self._normals, self._kappas = constraints.limits[:, :3], constraints.limits[:, 3]
+        self._disc = constraints.disc
 
     def __call__(self, c: FloatArray) -> float:
         rho = np.sqrt(np.einsum("...i,...i->...", c, c))

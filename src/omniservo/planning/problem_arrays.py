@@ -15,7 +15,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.body_arrays import bodies_of, clearance_of, hulls_of, motion_indices, motions_of
 from omniservo.planning.certificate import margin_kinds
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.obstacles.ball_tree import BallTree
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
@@ -53,9 +53,9 @@ class Entry(NamedTuple):
     """the separating planes that prove it are stored with the plan"""
 
 
-def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
+def constraints_of(problem: PlanningProblem, limits: ImageLimits) -> Constraints:
     """Return what a path must keep; ``limits`` are the image limits to use."""
-    in_space = _demands_in_space(problem)
+    in_space = _constraints_in_space(problem)
     return in_space._replace(
         limits=limits.cones,
         disc=_disc(problem.camera, limits),
@@ -64,19 +64,19 @@ def demands_of(problem: PlanningProblem, limits: ImageLimits) -> Demands:
     )
 
 
-def searched_demands(problem: PlanningProblem) -> Demands:
+def searched_constraints(problem: PlanningProblem) -> Constraints:
     """Return what a path must keep in a search: a little more than is asked.
 
     Raises:
         InputError: the visibility margin leaves nothing of the image.
     """
-    return demands_of(problem, image_limits(problem, TIGHTER_PX))
+    return constraints_of(problem, image_limits(problem, TIGHTER_PX))
 
 
-class Asked(NamedTuple):
+class ConstraintTable(NamedTuple):
     """A problem as asked, without anything tightened."""
 
-    demands: Demands
+    constraints: Constraints
     optics: FloatArray
     """`optics_of`"""
     entries: list[Entry]
@@ -85,27 +85,27 @@ class Asked(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def asked_of(problem: PlanningProblem) -> Asked:
+def constraint_table_of(problem: PlanningProblem) -> ConstraintTable:
     """Return what the end poses and every path of a problem are judged by; kept, not to be changed.
 
     Raises:
         InputError: the visibility margin leaves nothing of the image.
     """
     limits = image_limits(problem, 0.0)
-    demands = demands_of(problem, limits)
-    entries = entries_of(problem, limits, float(demands.numbers[2]))
-    return Asked(demands, optics_of(problem), entries, entry_table(entries))
+    constraints = constraints_of(problem, limits)
+    entries = entries_of(problem, limits, constraints.ell)
+    return ConstraintTable(constraints, optics_of(problem), entries, entry_table(entries))
 
 
 @lru_cache(maxsize=2)
-def _demands_in_space(problem: PlanningProblem) -> Demands:
-    """Return a problem's demands without the image limits: kept for all that ask for them."""
+def _constraints_in_space(problem: PlanningProblem) -> Constraints:
+    """Return a problem's constraints without the image limits: kept for all that ask for them."""
     distances = np.sqrt(np.einsum("ij,ij->i", problem.points, problem.points))
     clouds, trees = _clouds(problem)
     box = np.array([[-math.inf] * 3, [math.inf] * 3])
     if problem.workspace is not None and problem.workspace.min is not None:
         box = np.array([problem.workspace.min, problem.workspace.max])
-    return Demands(
+    return Constraints(
         points=np.array(problem.points, order="C"),
         limits=np.zeros((0, 4)),
         disc=np.zeros(0),
@@ -120,7 +120,9 @@ def _demands_in_space(problem: PlanningProblem) -> Demands:
         cloud_nodes=trees.nodes,
         motions=motions_of(problem),
         box=box,
-        numbers=np.array([problem.least_distance, float(problem.occlusion), max(1e-6, distances.mean())]),
+        least_distance=float(problem.least_distance),
+        occlusion=bool(problem.occlusion),
+        ell=max(1e-6, float(distances.mean())),
     )
 
 

@@ -11,7 +11,7 @@ from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.checks import bounded_array
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.improving_plans import first_proven, looked
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
@@ -104,14 +104,14 @@ def path_near_rest(
 
 def rest_arguments(
     search: ProblemSearch, old: CameraPath, w: float, pose: RigidTransform
-) -> tuple[Demands, Ends, FloatArray, FloatArray, float, FloatArray, FloatArray, int, int]:
+) -> tuple[Constraints, Ends, FloatArray, FloatArray, float, FloatArray, FloatArray, int, int]:
     """Return the arguments of `settle_rest`: of the old degrees, or the least that leave freedom."""
     free = 2 if search.ends.departure.shape[0] == 0 else 3
     sigma, tau = (
         max(own, min(free, int(highest))) for own, highest in zip(old.degrees, search.degrees, strict=True)
     )
     return (
-        search.demands,
+        search.constraints,
         search.ends,
         *old.powers,
         w,

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.obstacles.half_space import HalfSpace
@@ -131,26 +131,27 @@ def _with_room(
     ``planes``: so many of the half-spaces in the search are obstacles.
     """
     for room in ROOMS:
-        farther = replace(search, demands=with_room(search.demands, planes, room))
+        farther = replace(search, constraints=with_room(search.constraints, planes, room))
         path = path_near_rest(farther, old, w, pose)
         if path is None:
             return
         yield path
 
 
-def with_room(demands: Demands, planes: int, room: float) -> Demands:
-    """Return demands that ask for so much more clearance [m] to every obstacle.
+def with_room(constraints: Constraints, planes: int, room: float) -> Constraints:
+    """Return constraints that ask for so much more clearance [m] to every obstacle.
 
     ``planes``: so many of the half-spaces, the first ones, are obstacles.
     """
     obstacles, bodies, clouds, sides = (
-        rows.copy() for rows in (demands.obstacles, demands.bodies, demands.clouds, demands.planes)
+        rows.copy()
+        for rows in (constraints.obstacles, constraints.bodies, constraints.clouds, constraints.planes)
     )
     obstacles[:, 4] += room
     bodies[:, 16] += room
     clouds[:, 5] += room
     sides[:planes, 3:5] += room
-    return demands._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)
+    return constraints._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)
 
 
 def _on_pose(arm: Arm, q: FloatArray, base_T_flange: FloatArray) -> FloatArray:

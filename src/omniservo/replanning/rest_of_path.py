@@ -9,7 +9,7 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.polynomial import bernstein_from_power
 from omniservo.geometry.subdivision import PROVEN, REFUTED
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.search.path_family import Ends, offsets, path_family, unknowns
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import PULL, end_values, power_path, settle
@@ -67,7 +67,7 @@ def carry_over(t: FloatArray, quaternion: FloatArray, centre: FloatArray) -> Non
 
 @kernel
 def settle_rest(
-    demands: Demands,
+    constraints: Constraints,
     ends: Ends,
     rotation: FloatArray,
     translation: FloatArray,
@@ -80,7 +80,7 @@ def settle_rest(
     """Return status, φ and t by powers: the rest of an old path from w on, or a proven one nearby.
 
     Args:
-        demands: the problem in the present camera frame.
+        constraints: the problem in the present camera frame.
         ends: its ends; φ(1) a unit quaternion, taken with the sign that is nearer to where the old path
             ends. The scalar part of φ′(0) is taken from the old path.
         rotation: the old φ by powers (4, m+1), in the old initial frame.
@@ -106,14 +106,17 @@ def settle_rest(
         goal[c] = math.copysign(math.sqrt(square), same) * ends.quaternion[c]
     if departure.shape[0] > 0:
         departure[3] = sigma * (phi[3, 1] - phi[3, 0])
-    demands, family = held(demands), held(path_family(Ends(goal, ends.translation, departure), sigma, tau))
+    constraints, family = (
+        held(constraints),
+        held(path_family(Ends(goal, ends.translation, departure), sigma, tau)),
+    )
     x = np.empty(unknowns(family))
-    offsets(family, demands.numbers[2], phi, t, x)
-    rotation, translation = power_path(family, demands.numbers[2], x)
-    status, _ = prove_path(demands, rotation, translation)
+    offsets(family, constraints.ell, phi, t, x)
+    rotation, translation = power_path(family, constraints.ell, x)
+    status, _ = prove_path(constraints, rotation, translation)
     if status == PROVEN:
         return PROVEN, rotation, translation
-    end_least = end_values(demands, family)
+    end_least = end_values(constraints, family)
     least = np.empty_like(end_least)
-    status, phi, t, _ = settle(demands, family, end_least, PULL, x, least)
+    status, phi, t, _ = settle(constraints, family, end_least, PULL, x, least)
     return PROVEN if status == PROVEN else REFUTED, phi, t

@@ -10,14 +10,14 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.planning.certificate.margin_kinds import CLEARANCE
 from omniservo.planning.certificate.seen_margins import centre_margin, smallest_at
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import place
 from omniservo.risk.servo_response import ServoResponse
 
 
 @kernel
 def executed_margins(
-    demands: Demands,
+    constraints: Constraints,
     optics: FloatArray,
     entries: FloatArray,
     frame: FloatArray,
@@ -35,7 +35,7 @@ def executed_margins(
     ``active`` (W, e + 2) says what is looked at where. ``margins`` is (K, 1, e + 2) for the smallest over all
     places, or (K, W, e + 2) for each; it comes filled with infinity.
     """
-    demands = held(demands)
+    constraints = held(constraints)
     n, count = points.shape[1], entries.shape[0]
     phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
     pose, c, turn = np.empty(14), np.empty((n, 4)), np.empty((3, 4))
@@ -58,9 +58,9 @@ def executed_margins(
                     continue
                 kind = int(entries[e, 0])
                 if kind >= CLEARANCE:
-                    row[e] = min(row[e], centre_margin(kind, int(entries[e, 1]), demands, pose))
+                    row[e] = min(row[e], centre_margin(kind, int(entries[e, 1]), constraints, pose))
                 else:
-                    row[e] = min(row[e], smallest_at(entries[e], demands, optics, pose, c, points[k])[0])
+                    row[e] = min(row[e], smallest_at(entries[e], constraints, optics, pose, c, points[k])[0])
             if frame.shape[0] > 0:
                 _see_frame(frame, c, row[count:])
 

@@ -13,7 +13,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import asked_of
+from omniservo.planning.problem_arrays import constraint_table_of
 from omniservo.risk.executed_margins import executed_margins
 from omniservo.risk.servo_response import ServoResponse, servo_response
 
@@ -30,7 +30,7 @@ IMAGE = "image"
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class Executions:
-    """Samples of the true points and camera, and what a problem demands of each."""
+    """Samples of the true points and camera, and what a problem requires of each."""
 
     problem: PlanningProblem
     points: FloatArray
@@ -50,7 +50,7 @@ class Executions:
         return cls(problem, np.ascontiguousarray(samples.points[:, rows]), samples.camera.copy())
 
     @property
-    def demands(self) -> tuple[str, ...]:
+    def constraints(self) -> tuple[str, ...]:
         """Names of what can be demanded more of: metres by the certificate's names, and `IMAGE`."""
         return tuple(dict.fromkeys(self._columns()))
 
@@ -99,17 +99,17 @@ class Executions:
         self, response: ServoResponse, active: BoolArray, points: FloatArray, camera: FloatArray, depth: int
     ) -> FloatArray:
         """Return the kernel's margins (K, depth, e + 2)."""
-        asked, frame = asked_of(self.problem), _frame(self.problem)
+        asked, frame = constraint_table_of(self.problem), _frame(self.problem)
         found = np.full((len(points), depth, len(asked.entries) + 2), math.inf)
         executed_margins(
-            asked.demands, asked.optics, asked.table, frame, response, active, points, camera, found
+            asked.constraints, asked.optics, asked.table, frame, response, active, points, camera, found
         )
         return found
 
     def _grouped(self, found: FloatArray) -> FloatArray:
         """Return the smallest of each demand (K, d) of columns (K, e + 2)."""
-        names, result = self._columns(), np.full((len(found), len(self.demands)), math.inf)
-        places_of = {name: g for g, name in enumerate(self.demands)}
+        names, result = self._columns(), np.full((len(found), len(self.constraints)), math.inf)
+        places_of = {name: g for g, name in enumerate(self.constraints)}
         for column, (name, unit) in enumerate(zip(names, self._units(), strict=True)):
             g = places_of[name]
             result[:, g] = np.minimum(result[:, g], unit * found[:, column])
@@ -117,14 +117,14 @@ class Executions:
 
     def _columns(self) -> list[str]:
         """Return the demand that each column of the kernel's result belongs to."""
-        entries = asked_of(self.problem).entries
+        entries = constraint_table_of(self.problem).entries
         return [IMAGE if e.unit in ("px", "rad", "1") else e.name for e in entries] + [IMAGE, IMAGE]
 
     def _units(self) -> list[float]:
         """Return the factor of each column to [m] or [px]; what does not change counts as infinitely far."""
         focal = min(abs(self.problem.camera.fx), abs(self.problem.camera.fy))
         factors = {"m": 1.0, "px": 1.0, "rad": focal, "1": math.inf}
-        return [factors[e.unit] for e in asked_of(self.problem).entries] + [1.0, 1.0]
+        return [factors[e.unit] for e in constraint_table_of(self.problem).entries] + [1.0, 1.0]
 
 
 def _frame(problem: PlanningProblem) -> FloatArray:

@@ -104,7 +104,7 @@ def plan_with_risk(
 
 def _most_added(search: Executions, found: SafePath) -> tuple[float, float]:
     """Return the most that was added to a distance [m], and what was to the image's margin [px]."""
-    extra = dict(zip(search.demands, found.extra.tolist(), strict=True))
+    extra = dict(zip(search.constraints, found.extra.tolist(), strict=True))
     image = extra.pop(IMAGE)
     return max(extra.values(), default=0.0), image
 
@@ -189,7 +189,7 @@ def _uncertain_margins(
             float(found.extra[g]),
             {source: float(taken[g]) for source, taken in parts.items()},
         )
-        for g, name in enumerate(check.demands)
+        for g, name in enumerate(check.constraints)
         if math.isfinite(planned[g])
     }
 

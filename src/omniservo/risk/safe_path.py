@@ -79,14 +79,14 @@ def safe_path(executions: Executions, risk: float, seed: int, planner: Planner =
     Raises:
         InputError: what planning refuses in the problem itself.
     """
-    demands = executions.demands
+    constraints = executions.constraints
     allowed = allowed_violations(risk, len(executions.points))
-    extra, proven = np.zeros(len(demands)), np.zeros(len(demands))
+    extra, proven = np.zeros(len(constraints)), np.zeros(len(constraints))
     best = SafePath(
         False,
         Plan(executions.problem, "not_found", None, None, 0.0, "certified"),
         extra,
-        np.empty((0, len(demands))),
+        np.empty((0, len(constraints))),
     )
     for _ in range(ROUNDS):
         plan = _plan(executions, extra, seed, planner)
@@ -134,7 +134,7 @@ def joint_shift(margins: FloatArray, allowed: int) -> FloatArray:
 
 def _plan(executions: Executions, extra: FloatArray, seed: int, planner: Planner) -> Plan | None:
     """Return the plan of the widened problem; None where nothing of image or workspace is left."""
-    metres = dict(zip(executions.demands, extra.tolist(), strict=True))
+    metres = dict(zip(executions.constraints, extra.tolist(), strict=True))
     try:
         return planner(widened(executions.problem, metres, metres.pop(IMAGE)), seed)
     except InputError:

@@ -14,7 +14,7 @@ from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.simulation.ray_caster import MISS, RayCaster
 from omniservo.simulation.world import World
 from omniservo.tasks import Task
-from omniservo.tasks.target import Dot, Target, TexturedFace
+from omniservo.tasks.target import Dot, TargetSection, TexturedFace
 
 _GRID = 8
 """points along a side of a textured face; a part of a face is enough"""
@@ -111,7 +111,7 @@ def _grid(face: TexturedFace) -> FloatArray:
     return np.asarray(face.transform.apply(np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))))
 
 
-def _rims(target: Target) -> FloatArray:
+def _rims(target: TargetSection) -> FloatArray:
     return np.array([_rim(dot, target.dot_radius or 0.0) for dot in target.dots])
 
 

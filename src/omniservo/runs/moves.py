@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.replanning.frame_change import seen_from
 from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.scene import Ball, Box
+from omniservo.simulation.scene import Ball, SceneBox
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
 
@@ -45,7 +45,7 @@ class Moves:
                 )
 
 
-def _moved(body: Box | Ball, by: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Box | Ball:
+def _moved(body: SceneBox | Ball, by: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> SceneBox | Ball:
     if isinstance(body, Ball):
         return replace(body, center=body.center + by)
     return replace(body, world_T_box=RigidTransform.from_translation(by) * body.world_T_box)

@@ -12,7 +12,7 @@ from omniservo.perception import tag_cells, tag_picture
 from omniservo.perception.tag_picture import QUIET_CELLS
 from omniservo.simulation.scene import Panel
 from omniservo.simulation.textures import texture
-from omniservo.tasks.target import MOST_FACES, Tag, Target, TexturedFace
+from omniservo.tasks.target import MOST_FACES, TagSection, TargetSection, TexturedFace
 
 BLACK, WHITE = 0.03, 0.88
 """Linear grey of ink and paper."""
@@ -23,7 +23,7 @@ ELEMENTS = 1024
 _SHORTEST = 16  # elements
 
 
-def panels_of_target(target: Target, world_T_initial: RigidTransform) -> tuple[Panel, ...]:
+def panels_of_target(target: TargetSection, world_T_initial: RigidTransform) -> tuple[Panel, ...]:
     """Return the panels that show a target's tags or textured faces; none for dots.
 
     Args:
@@ -38,7 +38,7 @@ def panels_of_target(target: Target, world_T_initial: RigidTransform) -> tuple[P
     )
 
 
-def _tag(tag: Tag, dictionary: str, world_T_initial: RigidTransform) -> Panel:
+def _tag(tag: TagSection, dictionary: str, world_T_initial: RigidTransform) -> Panel:
     """A tag in its white border."""
     cells = tag_picture(dictionary, tag.id, pixels_per_cell=1)
     picture = np.where(cells > 0, WHITE, BLACK)

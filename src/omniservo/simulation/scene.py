@@ -36,7 +36,7 @@ _SHORTEST = 1e-4
 
 
 @dataclass(frozen=True)
-class Box:
+class SceneBox:
     """A block that does not move."""
 
     name: str
@@ -180,10 +180,10 @@ class Scene:
     dots: Dots | None = None
     panels: tuple[Panel, ...] = ()
     """printed pictures: tags, textured faces"""
-    boards: tuple[Box, ...] = ()
+    boards: tuple[SceneBox, ...] = ()
     """what carries dots and panels or stands behind them"""
-    obstacles: tuple[Box | Ball, ...] = ()
-    surroundings: tuple[Box, ...] = ()
+    obstacles: tuple[SceneBox | Ball, ...] = ()
+    surroundings: tuple[SceneBox, ...] = ()
     """what else stands around: tables, walls"""
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
@@ -199,7 +199,7 @@ class Scene:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
 
     @property
-    def bodies(self) -> tuple[Box | Ball, ...]:
+    def bodies(self) -> tuple[SceneBox | Ball, ...]:
         """Everything that can be touched but the arm and the floor."""
         return (*self.boards, *self.obstacles, *self.surroundings)
 

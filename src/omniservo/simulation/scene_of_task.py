@@ -15,10 +15,10 @@ from omniservo.simulation.scene import (
     BOARD_COLOUR,
     OBSTACLE_COLOUR,
     SURROUNDINGS_COLOUR,
-    Box,
     Colour,
     Dots,
     Scene,
+    SceneBox,
     Sensor,
 )
 from omniservo.tasks import Block, Task
@@ -73,9 +73,9 @@ def goal_joints(task: Task, scene: Scene) -> FloatArray:
 
 def _boxes(
     kind: str, blocks: Sequence[Block], world_T_initial: RigidTransform, colour: Colour
-) -> tuple[Box, ...]:
+) -> tuple[SceneBox, ...]:
     return tuple(
-        Box(f"{kind} {i}", world_T_initial * block.transform, np.asarray(block.half_extents), colour)
+        SceneBox(f"{kind} {i}", world_T_initial * block.transform, np.asarray(block.half_extents), colour)
         for i, block in enumerate(blocks)
     )
 

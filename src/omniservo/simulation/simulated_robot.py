@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots import CameraImage, RobotState
-from omniservo.simulation.scene import Ball, Box, Scene
+from omniservo.simulation.scene import Ball, Scene, SceneBox
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import TICK, World
 
@@ -134,7 +134,7 @@ class SimulatedRobot:
             self._due -= 1.0
             self._step()
 
-    def rearrange(self, obstacles: Sequence[Box | Ball]) -> None:
+    def rearrange(self, obstacles: Sequence[SceneBox | Ball]) -> None:
         """Put the scene's obstacles elsewhere, at once; the arm moves on. Earlier exposures show them before.
 
         Args:

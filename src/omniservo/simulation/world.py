@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
 from omniservo.robots.collision.arm_bodies import MOUNTED
-from omniservo.simulation.scene import BOARD_COLOUR, Ball, Box, Colour, Dots, Panel, Scene
+from omniservo.simulation.scene import BOARD_COLOUR, Ball, Colour, Dots, Panel, Scene, SceneBox
 
 TICK = 0.001
 """Physics step [s]."""
@@ -166,8 +166,8 @@ def _let_camera_touch_wrist(spec: Any, scene: Scene) -> None:
             spec.add_pair(geomname1=bodies.model.geom(first).name, geomname2=name)
 
 
-def _add_body(spec: Any, body: Box | Ball) -> None:
-    if isinstance(body, Box):
+def _add_body(spec: Any, body: SceneBox | Ball) -> None:
+    if isinstance(body, SceneBox):
         pose, kind, size = body.world_T_box, mujoco.mjtGeom.mjGEOM_BOX, body.half_extents
     else:
         pose = RigidTransform.from_translation(body.center)

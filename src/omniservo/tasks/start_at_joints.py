@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.robots import load_arm
 from omniservo.tasks.quantities import Angle
 from omniservo.tasks.section import Section
-from omniservo.tasks.task import ArmMount, Pose, Start
+from omniservo.tasks.task import ArmMount, Pose, StartSection
 
 
 class StartJoints(Section):
@@ -28,7 +28,7 @@ class ArmAtStart(Section):
     start: StartJoints
 
 
-def start_at_joints(fields: dict[str, Any], context: dict[str, float], source: str) -> Start:
+def start_at_joints(fields: dict[str, Any], context: dict[str, float], source: str) -> StartSection:
     """Return the start of a task's file that has ``start.joints``.
 
     Args:
@@ -64,4 +64,4 @@ def start_at_joints(fields: dict[str, Any], context: dict[str, float], source: s
         translation=tuple(world_T_camera.translation.tolist()),
         quaternion=tuple(world_T_camera.rotation.as_quat().tolist()),
     )
-    return Start(world_T_camera=pose, joints_near=stated.start.joints)
+    return StartSection(world_T_camera=pose, joints_near=stated.start.joints)

@@ -33,7 +33,7 @@ class Dot(Section):
         return self.model_copy(update={"center": tuple(center.tolist()), "normal": tuple(normal.tolist())})
 
 
-class Tag(Placed):
+class TagSection(Placed):
     """One printed tag. Its frame: x right and y down in the upright print, z into the face.
 
     Without a rotation it stands upright and faces the initial camera.
@@ -53,15 +53,15 @@ def _known(name: str) -> str:
     return name
 
 
-class Tags(Section):
+class TagsSection(Section):
     """Tags of one dictionary, with their white borders."""
 
     dictionary: Annotated[str, AfterValidator(_known)]
     """its name, as ``tag36h11`` or ``4x4_50``"""
-    panels: Annotated[tuple[Tag, ...], Field(min_length=1, max_length=MOST_FACES)]
+    panels: Annotated[tuple[TagSection, ...], Field(min_length=1, max_length=MOST_FACES)]
 
     @model_validator(mode="after")
-    def _each_once_and_in_the_dictionary(self) -> Tags:
+    def _each_once_and_in_the_dictionary(self) -> TagsSection:
         ids = [tag.id for tag in self.panels]
         size = dictionary_size(self.dictionary)
         for number in ids:
@@ -73,7 +73,7 @@ class Tags(Section):
 
 
 class TexturedFace(Placed):
-    """A flat face with a picture that looks like a real surface. Its frame is that of a `Tag`."""
+    """A flat face with a picture that looks like a real surface. Its frame is that of a `TagSection`."""
 
     kind: Literal["stones", "poster", "crate"]
     """what surface"""
@@ -83,19 +83,19 @@ class TexturedFace(Placed):
     """width along x, height along y [m]"""
 
 
-class Target(Framed):
+class TargetSection(Framed):
     """Dots, tags or textured faces: exactly one of the three; all places in its one frame."""
 
     dot_radius: PositiveLength | None = None
     """[m]; stands with dots"""
     dots: Annotated[tuple[Dot, ...], Field(min_length=1, max_length=400)] = ()
-    tags: Tags | None = None
+    tags: TagsSection | None = None
     textures: Annotated[tuple[TexturedFace, ...], Field(min_length=1, max_length=MOST_FACES)] = ()
     boards: tuple[Block, ...] = ()
     """the bodies that carry dots, tags or faces, or stand behind them"""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Target:
+    def _one_kind(self) -> TargetSection:
         if bool(self.dots) + (self.tags is not None) + bool(self.textures) != 1:
             raise ValueError("give exactly one of dots, tags, textures")
         if bool(self.dots) != (self.dot_radius is not None):

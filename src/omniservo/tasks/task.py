@@ -21,7 +21,7 @@ from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.placed import FramedBlock
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
 from omniservo.tasks.section import Section
-from omniservo.tasks.target import Target
+from omniservo.tasks.target import TargetSection
 
 FORMAT = "omniservo.task/1"
 """The task format that this version reads."""
@@ -57,7 +57,7 @@ class Pose(Section):
         return RigidTransform.from_components(np.asarray(self.translation), rotation)
 
 
-class Sensor(Section):
+class SensorSection(Section):
     """How the camera delivers images."""
 
     rate: Annotated[FiniteFloat, Field(gt=0, le=1000)] = 30.0
@@ -108,7 +108,7 @@ class ArmMount(Section):
         return rows
 
 
-class Start(Section):
+class StartSection(Section):
     """Where the camera is at the beginning; a file may state the arm's ``joints`` alone in its place."""
 
     world_T_camera: Pose
@@ -162,20 +162,20 @@ class Scale(Section):
         return self
 
 
-class Workspace(Section):
+class WorkspaceSection(Section):
     """A box that the camera centre must not leave, in the initial camera frame."""
 
     min: Point
     max: Point
 
     @model_validator(mode="after")
-    def _ordered(self) -> Workspace:
+    def _ordered(self) -> WorkspaceSection:
         if any(a >= b for a, b in zip(self.min, self.max, strict=True)):
             raise ValueError("every coordinate of min must be smaller than that of max")
         return self
 
 
-class Degrees(Section):
+class DegreesSection(Section):
     """Highest polynomial degrees of the path."""
 
     rotation: Annotated[int, Field(ge=1, le=8)] = 2
@@ -203,8 +203,8 @@ class Planning(Section):
     least_distance: PositiveLength = 0.02
     """camera centre to every target point [m]; 20 mm where the file says nothing"""
     occlusion: bool = False
-    workspace: Workspace | None = None
-    degrees: Degrees = Degrees()
+    workspace: WorkspaceSection | None = None
+    degrees: DegreesSection = DegreesSection()
     risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
     """probability that the executed path leaves any of these unmet because the estimate is uncertain: margins
     are widened for it; where absent the estimate is planned with as if it were exact"""
@@ -260,10 +260,10 @@ class Task(Section):
     summary: Annotated[str, Field(max_length=200)]
     camera: Any
     """a UnifiedCamera once loaded; in the file: a preset's name, a calibration file, or a camera"""
-    sensor: Sensor = Sensor()
+    sensor: SensorSection = SensorSection()
     arm: ArmMount
-    start: Start
-    target: Target
+    start: StartSection
+    target: TargetSection
     obstacles: tuple[FramedBlock, ...] = ()
     """the bodies that are really there, known to the planner as ``planning.obstacles`` says"""
     surroundings: tuple[FramedBlock, ...] = ()

@@ -16,9 +16,9 @@ from omniservo.errors import Blocked, InputError, NotFinite
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning import CameraPath, Plan, PlanningProblem
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.obstacles.obstacle import Obstacle
-from omniservo.planning.problem_arrays import searched_demands
+from omniservo.planning.problem_arrays import searched_constraints
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.replanning import replan, replan_with_arm
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
@@ -69,7 +69,7 @@ class _Known:
     """What is known now, prepared for all that is asked of it."""
 
     problem: PlanningProblem
-    demands: Demands
+    constraints: Constraints
     """of a camera path"""
     bodies: ArmBodies | None
     """the arm among the obstacles; None: no arm"""
@@ -294,7 +294,7 @@ class Replanner:
             self._around is None or not self._around.move_surroundings(self._solids)
         ):
             self._around = self._arm.setting.bodies(problem.obstacles)
-        return _Known(problem, searched_demands(problem), self._around)
+        return _Known(problem, searched_constraints(problem), self._around)
 
     def _law(self, fork: _Fork, path: CameraPath, joints: JointPath | None) -> RestOfLaw | None:
         """Return how another way is gone from there; None: the joints are too fast for it."""
@@ -339,7 +339,7 @@ class Replanner:
         self, known: _Known, path: CameraPath, joints: JointPath | None, begin: float, end: float
     ) -> bool:
         """Return whether a part of a way is proven for what is known."""
-        if prove_path(known.demands, *path.part(begin, end).powers)[0] != PROVEN:
+        if prove_path(known.constraints, *path.part(begin, end).powers)[0] != PROVEN:
             return False
         if self._arm is None or known.bodies is None or joints is None:
             return True

@@ -1,6 +1,6 @@
 """From a camera path that the arm cannot follow to one nearby that it can, at samples of w.
 
-Levenberg–Marquardt on squared hinges as in `omniservo.planning.search.descent`, with the arm's demands beside
+Levenberg–Marquardt on squared hinges as in `omniservo.planning.search.descent`, with the arm's beside
 the camera's: at every sample the joints are known, and J⁻¹ turns their slopes into slopes of the camera's
 pose. Joints follow the path by Newton's iteration from where they were before the step, so that they stay on
 their branch.
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
-from omniservo.planning.search.path_family import Family, set_samples, unknowns
+from omniservo.planning.search.path_family import PathFamily, set_samples, unknowns
 from omniservo.planning.search.settle import PULL
 from omniservo.robots.collision.posture_gaps import PostureGaps
 from omniservo.whole_arm.arm_equations import add_arm, camera_equations, follow_poses
@@ -53,20 +53,20 @@ class ArmDescent:
 
     def __init__(
         self,
-        demands: Demands,
-        family: Family,
+        constraints: Constraints,
+        family: PathFamily,
         setting: ArmSetting,
         joint_demands: JointDemands,
         seen: PostureGaps,
     ) -> None:
         """Join a problem's arrays and the arm's demands; ``seen`` knows postures near the first ones."""
-        self._demands, self._family, self._setting, self._joint_demands = (
-            demands,
+        self._constraints, self._family, self._setting, self._joint_demands = (
+            constraints,
             family,
             setting,
             joint_demands,
         )
-        self._ell = float(demands.numbers[2])
+        self._ell = constraints.ell
         self._base_T_initial = setting.base_T_initial.as_matrix()
         self._camera_T_flange = inverse(setting.flange_T_camera)
         self._camera_ends = self._end_values()
@@ -89,7 +89,7 @@ class ArmDescent:
         camera = np.maximum(0.0, np.minimum(higher * 0.03, 0.5 * self._camera_ends))
         arm = np.maximum(0.0, np.minimum(higher * TARGETS, 0.5 * end_least))
         set_samples(self._family, places)
-        room = room_for(len(places), self._demands.points.shape[0])
+        room = room_for(len(places), self._constraints.points.shape[0])
         if len(joints) != self._seen.count:
             self._seen = self._joint_demands.seen(len(joints))
         now = self._look(x, camera, arm, joints, room)
@@ -125,7 +125,7 @@ class ArmDescent:
         room: Room,
     ) -> Look | None:
         """Return what there is at x; None where the arm cannot follow from the joints of before."""
-        cost, least, normal = camera_equations(self._demands, self._family, x, camera, PULL, room)
+        cost, least, normal = camera_equations(self._constraints, self._family, x, camera, PULL, room)
         followed = self._followed(room.poses[: len(joints)], joints)
         if followed is None:
             return None
@@ -143,8 +143,8 @@ class ArmDescent:
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""
         set_samples(self._family, np.array([0.0, 1.0]))
-        targets = np.full(groups(self._demands), -np.inf)
-        room = room_for(2, self._demands.points.shape[0])
+        targets = np.full(groups(self._constraints), -np.inf)
+        room = room_for(2, self._constraints.points.shape[0])
         offsets = np.zeros(unknowns(self._family))
-        _, least, _ = camera_equations(self._demands, self._family, offsets, targets, 0.0, room)
+        _, least, _ = camera_equations(self._constraints, self._family, offsets, targets, 0.0, room)
         return least

@@ -7,16 +7,16 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.search.descent import Room, linearise, spread
-from omniservo.planning.search.path_family import Family
+from omniservo.planning.search.path_family import PathFamily
 from omniservo.robots.kinematics.chain import Chain
 from omniservo.robots.path_following.step_kernels import settle
 
 
 @kernel
 def add_arm(
-    family: Family, ell: float, room: Room, costs: FloatArray, systems: FloatArray, normal: FloatArray
+    family: PathFamily, ell: float, room: Room, costs: FloatArray, systems: FloatArray, normal: FloatArray
 ) -> None:
     """Add the systems (m, 6, 7) of the first m samples to the normal equations (nx, nx+1), where they cost.
 
@@ -83,8 +83,8 @@ def lead_onto(chain: Chain, goals: FloatArray, leap: float, carried: bool, joint
 
 
 def camera_equations(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     x: FloatArray,
     targets: FloatArray,
     pull: float,
@@ -92,5 +92,5 @@ def camera_equations(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Return cost, smallest g of every group and normal equations (nx, nx+1) of the camera's constraints."""
     least, normal = np.empty_like(targets), np.empty((len(x), len(x) + 1))
-    cost = float(linearise(demands, family, x, targets, pull, room, least, normal))
+    cost = float(linearise(constraints, family, x, targets, pull, room, least, normal))
     return cost, least, normal

@@ -1,4 +1,4 @@
-"""What a posture leaves of the arm's demands, and how a motion of the camera changes it."""
+"""What a posture leaves of the arm's constraints, and how a motion of the camera changes it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omniservo.robots.arm import LENGTH_SCALE
 from omniservo.robots.collision.posture_gaps import PostureGaps
 from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.whole_arm.arm_setting import ArmSetting
-from omniservo.whole_arm.pull_kernel import Asked, Pulls, measured_pulls, write_pulls
+from omniservo.whole_arm.pull_kernel import JointConstraints, Pulls, measured_pulls, write_pulls
 
 GROUPS = 3
 """joint limits, singularity, clearance"""
@@ -29,7 +29,7 @@ class JointDemands:
     def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
         """Prepare; ``ell`` [m] makes gaps comparable with angles."""
         self._bodies, arm, reserve = bodies, setting.arm, setting.limit_reserve
-        self._asked = Asked(
+        self._asked = JointConstraints(
             twist_matrix(setting.flange_T_camera, LENGTH_SCALE),
             arm.joint_range + reserve * np.array([1.0, -1.0]),
             np.array([setting.singular_value]),

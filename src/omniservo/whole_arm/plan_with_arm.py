@@ -152,8 +152,8 @@ class ArmPlanner:
         """as given"""
         self.search = ProblemSearch.of(problem, self._seed)
         """the camera's own"""
-        self._demands = self.search.demands
-        self._ell = float(self._demands.numbers[2])
+        self._constraints = self.search.constraints
+        self._ell = self._constraints.ell
         self._joint_demands = JointDemands(setting, bodies, self._ell)
         self._seen = self._joint_demands.seen(len(_PLACES))
         self._base_T_initial = setting.base_T_initial.as_matrix()
@@ -364,7 +364,7 @@ class ArmPlanner:
             return None  # what fails where the path ends cannot be helped on its way there
         controls = _controls(path.rotation, sigma), _controls(path.translation, tau)
         offsets(family, self._ell, *controls, x)
-        descent = ArmDescent(self._demands, family, self._setting, self._joint_demands, self._seen)
+        descent = ArmDescent(self._constraints, family, self._setting, self._joint_demands, self._seen)
         places, joints, until, higher = _PLACES, begin.joints, begin.until, 1.0
         start = begin.ends[0] if self._setting.start is None else self._setting.start
         best = None
@@ -378,7 +378,7 @@ class ArmPlanner:
             path = CameraPath(*power_path(family, self._ell, x))
             followed = self._follow(path, start, aim)
             now = _Attempt(path, self._judged(followed.best), followed, aim)
-            status, w = prove_path(self._demands, *path.powers)
+            status, w = prove_path(self._constraints, *path.powers)
             before, until = until, now.judged.until
             if status == PROVEN and until >= (begin.until if best is None else best.judged.until):
                 best = now

@@ -19,7 +19,7 @@ LIMITS, SINGULARITY, CLEARANCE = range(3)
 """Places in ``targets`` and ``least``."""
 
 
-class Asked(NamedTuple):
+class JointConstraints(NamedTuple):
     """What a posture has to keep."""
 
     to_camera: FloatArray
@@ -51,7 +51,7 @@ def measured_pulls(
     shapes: Shapes,
     frames: FloatArray,
     postures: Postures,
-    asked: Asked,
+    asked: JointConstraints,
     joints: FloatArray,
     targets: FloatArray,
     pulls: Pulls,
@@ -70,7 +70,7 @@ def write_pulls(
     chain: Chain,
     shapes: Shapes,
     postures: Postures,
-    asked: Asked,
+    asked: JointConstraints,
     joints: FloatArray,
     posture: IntArray,
     pair: IntArray,

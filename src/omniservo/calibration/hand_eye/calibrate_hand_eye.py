@@ -24,7 +24,7 @@ from omniservo.calibration.hand_eye.loop import LoopState, linearise
 from omniservo.calibration.hand_eye.robot_noise import LoopSolution, solve_loop
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.calibration.hand_eye.seen_view import SeenView, together, usable_views
-from omniservo.calibration.hand_eye.start import Start, start
+from omniservo.calibration.hand_eye.start import HandEyeStart, start
 from omniservo.calibration.hand_eye.wrong_views import robust_step
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
@@ -131,7 +131,7 @@ def _fit(
 
 
 def _agreed(
-    camera: UnifiedCamera, views: list[SeenView], first: Start, noise_px: float
+    camera: UnifiedCamera, views: list[SeenView], first: HandEyeStart, noise_px: float
 ) -> tuple[LoopState, BoolArray] | Refusal:
     """Return what most views agree with, and which (n,) are wrong beside that.
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.hand_eye.hand_eye import HandEyeStatus
-from omniservo.calibration.hand_eye.start import Start, closed_form, start
+from omniservo.calibration.hand_eye.start import HandEyeStart, closed_form, start
 from omniservo.geometry.arrays import FloatArray
 
 LEAST_VIEWS = 4
@@ -71,7 +71,7 @@ def judge_rotations(base_T_tool: Sequence[RigidTransform]) -> Refusal | None:
 
 
 def judge_start(
-    first: Start | None, base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
+    first: HandEyeStart | None, base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
 ) -> Refusal | None:
     """Refuse a start that most views do not agree with; say whether inverted poses would."""
     if first is not None and first.misfit < _MISFIT / _BETTER:

@@ -19,7 +19,7 @@ _METHODS = (cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_DANIILIDIS)
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class HandEyeStart:
     """Both unknown poses, roughly."""
 
     tool_T_camera: RigidTransform
@@ -47,7 +47,7 @@ def closed_form(base_T_tool: FloatArray, camera_T_board: FloatArray, method: int
     return np.block([[R, t], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
-def start(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> Start | None:
+def start(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> HandEyeStart | None:
     """Return the closed form whose board stands still for most views; None where all fail.
 
     Args:
@@ -74,7 +74,7 @@ def start(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
     if best is None:
         return None
     misfit, X, board, chosen = best
-    return Start(RigidTransform.from_matrix(X), RigidTransform.from_matrix(board), chosen, misfit)
+    return HandEyeStart(RigidTransform.from_matrix(X), RigidTransform.from_matrix(board), chosen, misfit)
 
 
 def _judged(

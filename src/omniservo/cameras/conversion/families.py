@@ -29,7 +29,7 @@ Basis = Callable[[FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True)
-class Family:
+class FitFamily:
     """One way to fit a class of cameras."""
 
     kind: type[CentralModel]
@@ -204,13 +204,13 @@ _DOUBLE_SPHERE = tuple(
 _OCAM = tuple((b,) for b in (-0.3, -0.15, 0.01, 0.15))
 
 FAMILIES = (
-    Family(UnifiedCamera, _XI, _unified_basis, 3, _unified_plane, _build_unified, tangential=True),
-    Family(UnifiedCamera, _XI, _one(_plain_plane), 1, _plain_plane, _build_unified),
-    Family(KannalaBrandt, ((),), _kannala_brandt_basis, 4, _kannala_brandt_plane, _build_kannala_brandt),
-    Family(
+    FitFamily(UnifiedCamera, _XI, _unified_basis, 3, _unified_plane, _build_unified, tangential=True),
+    FitFamily(UnifiedCamera, _XI, _one(_plain_plane), 1, _plain_plane, _build_unified),
+    FitFamily(KannalaBrandt, ((),), _kannala_brandt_basis, 4, _kannala_brandt_plane, _build_kannala_brandt),
+    FitFamily(
         ExtendedUnified, _EXTENDED, _one(_extended_plane), 2, _extended_plane, _build_extended, skew=False
     ),
-    Family(
+    FitFamily(
         DoubleSphere,
         _DOUBLE_SPHERE,
         _one(_double_sphere_plane),
@@ -219,8 +219,8 @@ FAMILIES = (
         _build_double_sphere,
         skew=False,
     ),
-    Family(Pinhole, ((),), _pinhole_basis, 3, _pinhole_plane, _build_pinhole, tangential=True),
-    Family(Pinhole, ((),), _pinhole_basis, 6, _pinhole_plane, _build_pinhole, tangential=True),
-    Family(OcamPolynomial, _OCAM, _one(_ocam_plane), 5, _ocam_plane, _build_ocam),
+    FitFamily(Pinhole, ((),), _pinhole_basis, 3, _pinhole_plane, _build_pinhole, tangential=True),
+    FitFamily(Pinhole, ((),), _pinhole_basis, 6, _pinhole_plane, _build_pinhole, tangential=True),
+    FitFamily(OcamPolynomial, _OCAM, _one(_ocam_plane), 5, _ocam_plane, _build_ocam),
 )
 """A class may have several; the one that leaves least is taken."""

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from omniservo.cameras.conversion.equivalence import lens_of
-from omniservo.cameras.conversion.families import Family
+from omniservo.cameras.conversion.families import FitFamily
 from omniservo.cameras.conversion.least_maximum import least_maximum
 from omniservo.cameras.conversion.residual import rim_pixels, used_pixels
 from omniservo.cameras.models import Pinhole
@@ -59,7 +59,7 @@ def field_of(model: CentralModel) -> Field:
     return Field(pixels[near], rays[near], local, p[0], _is_symmetric(model))
 
 
-def fitted(field: Field, family: Family, model: CentralModel) -> CentralModel | None:
+def fitted(field: Field, family: FitFamily, model: CentralModel) -> CentralModel | None:
     """Return the family's camera that leaves the smallest largest residual [px], or None where none fits.
 
     From every starting shape the scale and the radial coefficients follow from linear least squares; the best
@@ -82,7 +82,7 @@ def fitted(field: Field, family: Family, model: CentralModel) -> CentralModel | 
 class _Free:
     """The numbers that a fit changes: (fx, fy, cx, cy[, skew], shape…) in the field's own scale."""
 
-    def __init__(self, field: Field, family: Family) -> None:
+    def __init__(self, field: Field, family: FitFamily) -> None:
         self.field, self.family = field, family
         self.scale = math.sqrt(abs(field.local[0, 0] * field.local[1, 1]))
         self.skewed = family.skew and field.local[0, 1] != 0.0

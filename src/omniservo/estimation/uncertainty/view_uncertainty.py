@@ -9,7 +9,7 @@ import numpy as np
 from omniservo.cameras import UnifiedCamera
 from omniservo.estimation.refinement.bundle_adjustment import linearise
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.estimation.view_scale import Length
+from omniservo.estimation.view_scale import GaugeLength
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 FAR_POINT_DAMPING = 1e-10
@@ -49,7 +49,7 @@ class ViewUncertainty:
         seen: BoolArray,
         poses: FloatArray,
         points: FloatArray,
-        length: Length,
+        length: GaugeLength,
     ) -> ViewUncertainty | None:
         """Return the law at a minimum; None where the views do not determine it.
 

@@ -17,7 +17,7 @@ from omniservo.planning.certificate.distorted_margins import distorted_margins
 from omniservo.planning.certificate.path_ends import ends_off
 from omniservo.planning.certificate.separators import separators_of
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import asked_of
+from omniservo.planning.problem_arrays import constraint_table_of
 
 ENDS_MEET = 1e-9
 """A path starts at the identity and ends at the goal within this, in m and in the unit quaternion; so does an
@@ -34,9 +34,9 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
             end at the goal, or its degrees exceed the problem's: it is no path of this problem.
     """
     _check_path(problem, path)
-    demands, optics, entries, asked = asked_of(problem)
+    constraints, optics, entries, asked = constraint_table_of(problem)
     rotation, translation = path.powers
-    table = margins.path_margins(demands, optics, asked, rotation, translation)
+    table = margins.path_margins(constraints, optics, asked, rotation, translation)
     found = [
         ConstraintMargin(
             f"{e.name} (point {int(row[2])})" if e.about_point else e.name,
@@ -49,13 +49,13 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
     statuses = [int(status) for status in table[:, 3]]
     polygon: FloatArray | None = None
     if problem.camera.is_distorted:
-        more, more_statuses, polygon = distorted_margins(problem, demands, rotation, translation)
+        more, more_statuses, polygon = distorted_margins(problem, constraints, rotation, translation)
         found += more
         statuses += more_statuses
     refuted, proven = REFUTED in statuses, all(s == PROVEN for s in statuses)
     verdict: Verdict = "refuted" if refuted else "certified" if proven else "undecided"
-    worst = worst_of(problem, found, float(demands.numbers[2]))
-    separators = separators_of(demands, entries, table, translation)
+    worst = worst_of(problem, found, constraints.ell)
+    separators = separators_of(constraints, entries, table, translation)
     return verdict, Certificate(tuple(found), worst, polygon, separators)
 
 

@@ -17,11 +17,11 @@ from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import ConstraintMargin
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.image_mask import prove_outside_masks
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import demands_of
+from omniservo.planning.problem_arrays import constraints_of
 
 LOOKS = 256
 """The path is looked at so many times, evenly."""
@@ -34,14 +34,14 @@ FINE_PX = 0.2
 
 
 def distorted_margins(
-    problem: PlanningProblem, demands: Demands, rotation: FloatArray, translation: FloatArray
+    problem: PlanningProblem, constraints: Constraints, rotation: FloatArray, translation: FloatArray
 ) -> tuple[list[ConstraintMargin], list[int], FloatArray | None]:
     """Return the margins "visibility polygon", "dead_zone" and of masks, their statuses, and the polygon.
 
     The polygon lies inside the region that the image shows, so a margin is not as large as the truth
     allows where the path uses what the polygon leaves out; what only the polygon forbids is UNDECIDED.
     """
-    controls = camera_controls(rotation, translation, demands.points)
+    controls = camera_controls(rotation, translation, constraints.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
     margin_px, found, statuses, polygon = problem.image_margin, [], [], None
     for name, seen in _seen_margins(problem, CameraPath(rotation, translation)):
@@ -51,7 +51,7 @@ def distorted_margins(
                 limits = _limits_of(problem, name, margin_px + margin)
             except InputError:
                 return None
-            kept = demands_of(problem, limits)
+            kept = constraints_of(problem, limits)
             if name.startswith(_MASK):
                 edges, firsts = kept.mask_edges, kept.mask_firsts
                 return limits if prove_outside_masks(*controls, count, edges, firsts)[0] == PROVEN else None

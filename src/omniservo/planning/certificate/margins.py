@@ -19,7 +19,7 @@ from omniservo.planning.certificate.margin_kinds import (
 )
 from omniservo.planning.certificate.proven_margins import prove_space, prove_view
 from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import place
 
 LOOKS = 32
@@ -34,7 +34,13 @@ PARABOLAS = 5
 
 @kernel
 def refine(
-    entry: FloatArray, demands: Demands, optics: FloatArray, phi: FloatArray, t: FloatArray, j: int, w: float
+    entry: FloatArray,
+    constraints: Constraints,
+    optics: FloatArray,
+    phi: FloatArray,
+    t: FloatArray,
+    j: int,
+    w: float,
 ) -> tuple[float, float]:
     """Return (margin, w) of the smallest margin of point j near w.
 
@@ -42,7 +48,7 @@ def refine(
     places move closer together.
     """
     scratch = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1])), np.empty(14), np.empty((1, 4))
-    turn, point = np.empty((3, 4)), demands.points[j : j + 1]
+    turn, point = np.empty((3, 4)), constraints.points[j : j + 1]
     values, places = np.empty(4), np.empty(4)
     best, at, width = math.inf, w, 0.25 / LOOKS
     for _ in range(PARABOLAS):
@@ -58,7 +64,7 @@ def refine(
             set_basis(scratch[1], 0, places[k])
             place(phi, t, scratch[0][0], scratch[1][0], point, scratch[2], scratch[3], turn)
             scratch[2][13] = places[k]
-            values[k] = smallest_at(entry, demands, optics, scratch[2], scratch[3], point)[0]
+            values[k] = smallest_at(entry, constraints, optics, scratch[2], scratch[3], point)[0]
             if values[k] < best:
                 best, at = values[k], places[k]
         width *= 0.2
@@ -67,7 +73,7 @@ def refine(
 
 @inlined
 def look(
-    demands: Demands,
+    constraints: Constraints,
     optics: FloatArray,
     entries: FloatArray,
     phi: FloatArray,
@@ -76,7 +82,7 @@ def look(
 ) -> None:
     """Write (margin, w, point) of every entry's smallest margin at LOOKS + 1 places into ``table`` (e, 4)."""
     count = entries.shape[0]
-    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
+    pose, c, turn = np.empty(14), np.empty((constraints.points.shape[0], 4)), np.empty((3, 4))
     rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
     for e in range(count):
         table[e, 0] = math.inf
@@ -84,20 +90,24 @@ def look(
         w = step / LOOKS
         set_basis(rotation_basis, 0, w)
         set_basis(translation_basis, 0, w)
-        place(phi, t, rotation_basis[0], translation_basis[0], demands.points, pose, c, turn)
+        place(phi, t, rotation_basis[0], translation_basis[0], constraints.points, pose, c, turn)
         pose[13] = w
         for e in range(count):
             if entries[e, 0] == CLEARANCE:  # there may be thousands
-                margin, about = sphere_margin(demands.obstacles, int(entries[e, 1]), pose), 0
+                margin, about = sphere_margin(constraints.obstacles, int(entries[e, 1]), pose), 0
             else:
-                margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+                margin, about = smallest_at(entries[e], constraints, optics, pose, c, constraints.points)
             if not margin >= table[e, 0]:
                 table[e, 0], table[e, 1], table[e, 2] = margin, w, about
 
 
 @kernel
 def path_margins(
-    demands: Demands, optics: FloatArray, entries: FloatArray, rotation: FloatArray, translation: FloatArray
+    constraints: Constraints,
+    optics: FloatArray,
+    entries: FloatArray,
+    rotation: FloatArray,
+    translation: FloatArray,
 ) -> FloatArray:
     """Return a row (margin, w, point, status) for every entry (e, 4) on the path given by powers.
 
@@ -105,26 +115,26 @@ def path_margins(
     UNDECIDED. Where status is not PROVEN the margin is the smallest one seen.
 
     Args:
-        demands: the problem.
+        constraints: the problem.
         optics: ξ, the circle's radius on the plane m̄ before any margin, the least singular value of K's 2×2
             block [px], the visibility margin [px], the domain's angle [rad].
         entries: (e, 4): kind, index, scale, first step below the smallest margin seen.
         rotation: (4, σ+1), highest power first.
         translation: (3, τ+1) [m], highest power first.
     """
-    demands = held(demands)
+    constraints = held(constraints)
     table = np.empty((entries.shape[0], 4))
     phi, centre = bernstein_from_power(rotation), bernstein_from_power(translation)
-    look(demands, optics, entries, phi, centre, table)
+    look(constraints, optics, entries, phi, centre, table)
     square, raised = squares(translation)
     size = magnitude(translation)
-    controls, errors = camera_controls(rotation, translation, demands.points)
+    controls, errors = camera_controls(rotation, translation, constraints.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
     for e in range(entries.shape[0]):
         entry, row = entries[e], table[e]
         row[3] = UNDECIDED
         if 0.0 < row[1] < 1.0:
-            row[0], row[1] = refine(entry, demands, optics, phi, centre, int(row[2]), row[1])
+            row[0], row[1] = refine(entry, constraints, optics, phi, centre, int(row[2]), row[1])
         step, zero_tried = entry[3], False
         for _ in range(TRIES):
             target = row[0] - step
@@ -133,16 +143,16 @@ def path_margins(
             else:
                 step *= 4.0
             if entry[0] <= MASK:
-                status, w, j = prove_view(entry, target, demands, optics, controls, errors, count)
+                status, w, j = prove_view(entry, target, constraints, optics, controls, errors, count)
             else:
                 status, w, j = prove_space(
-                    entry, target, demands, rotation, centre, translation, square, raised, size
+                    entry, target, constraints, rotation, centre, translation, square, raised, size
                 )
             if status == PROVEN:
                 row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
                 break
             if status == REFUTED:
-                seen, w = refine(entry, demands, optics, phi, centre, j, w)
+                seen, w = refine(entry, constraints, optics, phi, centre, j, w)
                 if seen < row[0]:
                     row[0], row[1], row[2] = seen, w, j
                 if target == 0.0 and row[0] < (-1e-9 if entry[0] <= MASK else 0.0):
@@ -152,7 +162,7 @@ def path_margins(
 
 @kernel
 def pose_margins(
-    demands: Demands,
+    constraints: Constraints,
     optics: FloatArray,
     entries: FloatArray,
     quaternion: FloatArray,
@@ -160,17 +170,17 @@ def pose_margins(
     w: float,
 ) -> FloatArray:
     """Return a row (margin, point) for every entry at a pose: unit quaternion (4,), t (3,) [m], w."""
-    demands = held(demands)
+    constraints = held(constraints)
     phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
     for i in range(4):
         phi[i, 0] = quaternion[i]
     for i in range(3):
         t[i, 0] = translation[i]
-    pose, c, turn = np.empty(14), np.empty((demands.points.shape[0], 4)), np.empty((3, 4))
-    place(phi, t, one, one, demands.points, pose, c, turn)
+    pose, c, turn = np.empty(14), np.empty((constraints.points.shape[0], 4)), np.empty((3, 4))
+    place(phi, t, one, one, constraints.points, pose, c, turn)
     pose[13] = w
     table = np.empty((entries.shape[0], 2))
     for e in range(entries.shape[0]):
-        margin, about = smallest_at(entries[e], demands, optics, pose, c, demands.points)
+        margin, about = smallest_at(entries[e], constraints, optics, pose, c, constraints.points)
         table[e, 0], table[e, 1] = margin, about
     return table

@@ -27,7 +27,7 @@ from omniservo.planning.certificate.seen_margins import mask_polygon
 from omniservo.planning.constraints.cloud import prove_cloud_clear
 from omniservo.planning.constraints.cloud_sight import prove_cloud_sights
 from omniservo.planning.constraints.collision import prove_outside_ball
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.free_side import prove_free_side
 from omniservo.planning.constraints.image_mask import moved_outward, prove_outside_mask
 from omniservo.planning.constraints.least_distance import prove_least_distance
@@ -57,7 +57,7 @@ def circle_cosine(xi: float, radius: float) -> float:
 def prove_view(
     entry: FloatArray,
     margin: float,
-    demands: Demands,
+    constraints: Constraints,
     optics: FloatArray,
     controls: FloatArray,
     errors: FloatArray,
@@ -66,18 +66,18 @@ def prove_view(
     """Decide an EDGE, CIRCLE, DOMAIN, DISC or MASK entry moved inward by ``margin``: status, w, point."""
     kind = int(entry[0])
     if kind == MASK:
-        grown = moved_outward(mask_polygon(demands, int(entry[1])), margin + SLACK_PX, optics[0])
+        grown = moved_outward(mask_polygon(constraints, int(entry[1])), margin + SLACK_PX, optics[0])
         return prove_outside_mask(controls, errors, count, grown)
     limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
     if kind == DISC:
         for i in range(7):
-            disc[i] = demands.disc[i]
+            disc[i] = constraints.disc[i]
         disc[5] += margin + SLACK_PX
         if disc[5] <= 0.0:
             return PROVEN, 0.0, 0
     elif kind == EDGE:
         for i in range(4):
-            limits[0, i] = demands.limits[int(entry[1]), i]
+            limits[0, i] = constraints.limits[int(entry[1]), i]
         inward = (margin + SLACK_PX) / entry[2]
         limits[0, 2] += inward
         limits[0, 3] -= inward * optics[0]
@@ -103,7 +103,7 @@ def prove_view(
 def prove_space(
     entry: FloatArray,
     margin: float,
-    demands: Demands,
+    constraints: Constraints,
     rotation: FloatArray,
     centre: FloatArray,
     translation: FloatArray,
@@ -114,24 +114,26 @@ def prove_space(
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
     kind, index = int(entry[0]), int(entry[1])
     if kind == CLOUD_SIGHT:
-        return prove_cloud_sights(demands, index, margin, translation, centre, size)
+        return prove_cloud_sights(constraints, index, margin, translation, centre, size)
     if kind in (FREE_SIDE, BODY, BODY_SIGHT):
-        return prove_solid(kind, index, margin, demands, centre, translation, size)
+        return prove_solid(kind, index, margin, constraints, centre, translation, size)
     if kind == LEAST:
-        return prove_least_distance(square, raised, size, demands.points, demands.numbers[0] + margin)
+        return prove_least_distance(
+            square, raised, size, constraints.points, constraints.least_distance + margin
+        )
     if kind == SIGHT:
-        o = demands.obstacles[index]
-        return prove_clear_sights(centre, size, demands.points, o, o[3] + margin)
+        o = constraints.obstacles[index]
+        return prove_clear_sights(centre, size, constraints.points, o, o[3] + margin)
     status, w = PROVEN, 0.0
     if kind == CLOUD:
-        status, w = prove_cloud_clear(demands, index, margin, translation, square, raised, size)
+        status, w = prove_cloud_clear(constraints, index, margin, translation, square, raised, size)
     elif kind == CLEARANCE:
-        o = demands.obstacles[index]
+        o = constraints.obstacles[index]
         if o[4] + margin > 0.0:
             status, w = prove_outside_ball(square, raised, size, o, o[4] + margin)
     elif kind == WALL:
         side, axis = index // 3, index % 3
-        bound = demands.box[side, axis] + (margin if side == 0 else -margin)
+        bound = constraints.box[side, axis] + (margin if side == 0 else -margin)
         status, w = prove_wall(centre, size, side, axis, bound)
     else:
         status, w = prove_rotation(rotation, ROTATION_FLOOR + margin)
@@ -143,25 +145,25 @@ def prove_solid(
     kind: int,
     index: int,
     margin: float,
-    demands: Demands,
+    constraints: Constraints,
     centre: FloatArray,
     translation: FloatArray,
     size: float,
 ) -> tuple[int, float, int]:
     """Decide a FREE_SIDE, BODY or BODY_SIGHT entry with ``margin`` to spare: status, w, point."""
-    motions = demands.motions
+    motions = constraints.motions
     if kind == FREE_SIDE:
-        plane = demands.planes[index]
+        plane = constraints.planes[index]
         path, largest = seen_from_body(centre, translation, size, motions, plane[5])
         status, w = prove_free_side(path, largest, plane, margin)
         return status, w, 0
-    body, hulls, planes = demands.bodies[index], demands.hulls, np.empty((0, 5))
+    body, hulls, planes = constraints.bodies[index], constraints.hulls, np.empty((0, 5))
     path, largest = seen_from_body(centre, translation, size, motions, body[17])
     if kind == BODY:
         status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[16] + margin, planes)
         return status, w, 0
-    for j in range(demands.points.shape[0]):
-        h = point_from_body(demands.points[j], motions, body[17])
+    for j in range(constraints.points.shape[0]):
+        h = point_from_body(constraints.points[j], motions, body[17])
         status, w, _ = separate(path, largest, h, body, hulls, body[15] + margin, planes)
         if status != PROVEN:
             return status, w, j

@@ -23,8 +23,8 @@ from omniservo.planning.certificate.margin_kinds import (
 )
 from omniservo.planning.constraints.cloud import cloud_margin
 from omniservo.planning.constraints.cloud_sight import cloud_sight_margin
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.dead_zone import disc_margin
-from omniservo.planning.constraints.demands import Demands
 from omniservo.planning.constraints.free_side import free_side_gap
 from omniservo.planning.constraints.image_mask import mask_margin
 from omniservo.planning.constraints.motion import displacement
@@ -34,19 +34,25 @@ from omniservo.planning.constraints.visibility import OUTSIDE
 
 
 @kernel
-def mask_polygon(demands: Demands, index: int) -> FloatArray:
+def mask_polygon(constraints: Constraints, index: int) -> FloatArray:
     """Return the edges (k, 5) of one polygon of the mask."""
-    return demands.mask_edges[demands.mask_firsts[index] : demands.mask_firsts[index + 1]]
+    return constraints.mask_edges[constraints.mask_firsts[index] : constraints.mask_firsts[index + 1]]
 
 
 @kernel
 def camera_margin(
-    kind: int, limit: FloatArray, scale: float, demands: Demands, optics: FloatArray, c: FloatArray, j: int
+    kind: int,
+    limit: FloatArray,
+    scale: float,
+    constraints: Constraints,
+    optics: FloatArray,
+    c: FloatArray,
+    j: int,
 ) -> float:
     """Return what an EDGE, CIRCLE, DOMAIN, DISC or LEAST entry leaves to camera point j of c (n, 4)."""
     x, y, z, rho = c[j, 0], c[j, 1], c[j, 2], 1.0 / c[j, 3]
     if kind == LEAST:
-        return float(rho - demands.numbers[0])
+        return float(rho - constraints.least_distance)
     if kind == DOMAIN:
         return float(optics[4] - math.atan2(math.sqrt(x * x + y * y), z))
     d = z + optics[0] * rho
@@ -55,29 +61,29 @@ def camera_margin(
     if kind == EDGE:
         return float((limit[3] * rho - limit[0] * x - limit[1] * y - limit[2] * z) / d * scale)
     if kind == DISC:
-        return disc_margin(demands.disc, x, y, z)
+        return disc_margin(constraints.disc, x, y, z)
     return float((optics[1] - math.sqrt(x * x + y * y) / d) * optics[2] - optics[3])
 
 
 @inlined
-def centre_margin(kind: int, index: int, demands: Demands, pose: FloatArray) -> float:
+def centre_margin(kind: int, index: int, constraints: Constraints, pose: FloatArray) -> float:
     """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY or CLOUD entry leaves at a pose (14,)."""
     if kind == ROTATION:
         return float(pose[12] - ROTATION_FLOOR)
     if kind == WALL:
         side, axis = index // 3, index % 3
-        gap = float(pose[9 + axis] - demands.box[side, axis])
+        gap = float(pose[9 + axis] - constraints.box[side, axis])
         return gap if side == 0 else -gap
     if kind == FREE_SIDE:
-        x, y, z = centre_from_body(pose, demands.motions, demands.planes[index, 5])
-        return free_side_gap(x, y, z, demands.planes[index])
+        x, y, z = centre_from_body(pose, constraints.motions, constraints.planes[index, 5])
+        return free_side_gap(x, y, z, constraints.planes[index])
     if kind == BODY:
-        body = demands.bodies[index]
-        x, y, z = centre_from_body(pose, demands.motions, body[17])
-        return float(solid_gap(body, hull_of(body, demands.hulls), x, y, z, x, y, z)[3] - body[16])
+        body = constraints.bodies[index]
+        x, y, z = centre_from_body(pose, constraints.motions, body[17])
+        return float(solid_gap(body, hull_of(body, constraints.hulls), x, y, z, x, y, z)[3] - body[16])
     if kind == CLOUD:
-        return cloud_margin(demands, index, pose)
-    return sphere_margin(demands.obstacles, index, pose)
+        return cloud_margin(constraints, index, pose)
+    return sphere_margin(constraints.obstacles, index, pose)
 
 
 @leaf
@@ -97,7 +103,7 @@ def centre_from_body(pose: FloatArray, motions: FloatArray, motion: float) -> tu
 @kernel
 def smallest_at(
     entry: FloatArray,
-    demands: Demands,
+    constraints: Constraints,
     optics: FloatArray,
     pose: FloatArray,
     c: FloatArray,
@@ -109,19 +115,19 @@ def smallest_at(
     """
     kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
     if kind >= CLEARANCE:
-        return centre_margin(kind, index, demands, pose), 0
+        return centre_margin(kind, index, constraints, pose), 0
     least, about = math.inf, 0
     if kind == SIGHT:
-        o = demands.obstacles[index]
+        o = constraints.obstacles[index]
         for j in range(points.shape[0]):
             value = sight_offset(pose[9], pose[10], pose[11], points[j], o)[3]
             if value < least:
                 least, about = value, j
         return least - float(o[3]), about
     if kind == BODY_SIGHT:
-        body = demands.bodies[index]
-        hull = hull_of(body, demands.hulls)
-        mx, my, mz = displacement(demands.motions, body[17], pose[13])
+        body = constraints.bodies[index]
+        hull = hull_of(body, constraints.hulls)
+        mx, my, mz = displacement(constraints.motions, body[17], pose[13])
         x, y, z = pose[9] - mx, pose[10] - my, pose[11] - mz
         for j in range(points.shape[0]):
             hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
@@ -130,12 +136,12 @@ def smallest_at(
                 least, about = value, j
         return least - float(body[15]), about
     if kind == CLOUD_SIGHT:
-        return cloud_sight_margin(demands, index, pose, points)
+        return cloud_sight_margin(constraints, index, pose, points)
     if kind == MASK:
-        return mask_margin(mask_polygon(demands, index), optics[0], c)
-    limit = demands.limits[index]
+        return mask_margin(mask_polygon(constraints, index), optics[0], c)
+    limit = constraints.limits[index]
     for j in range(points.shape[0]):
-        value = camera_margin(kind, limit, scale, demands, optics, c, j)
+        value = camera_margin(kind, limit, scale, constraints, optics, c, j)
         if value < least:
             least, about = value, j
     return least, about

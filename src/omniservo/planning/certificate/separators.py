@@ -8,14 +8,14 @@ from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.certificate.certificate import Separator
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
 from omniservo.planning.constraints.separation import MOST_PLANES, separate
 from omniservo.planning.problem_arrays import Entry
 
 
 def separators_of(
-    demands: Demands, entries: list[Entry], table: FloatArray, translation: FloatArray
+    constraints: Constraints, entries: list[Entry], table: FloatArray, translation: FloatArray
 ) -> tuple[Separator, ...]:
     """Return the planes that prove each margin of ``table`` (rows of `margins.path_margins`)."""
     proven = [
@@ -29,13 +29,13 @@ def separators_of(
     planes = np.empty((MOST_PLANES, 5))
     found = []
     for entry, margin in proven:
-        body, motions = demands.bodies[entry.about], demands.motions
+        body, motions = constraints.bodies[entry.about], constraints.motions
         path, largest = seen_from_body(centre, translation, size, motions, body[17])
-        for point in range(len(demands.points)) if entry.about_point else (None,):
+        for point in range(len(constraints.points)) if entry.about_point else (None,):
             h = np.empty((3, 0))
             if point is not None:
-                h = point_from_body(demands.points[point], motions, body[17])
+                h = point_from_body(constraints.points[point], motions, body[17])
             reach = float(body[16 if point is None else 15]) + margin
-            count = separate(path, largest, h, body, demands.hulls, reach, planes)[2]
+            count = separate(path, largest, h, body, constraints.hulls, reach, planes)[2]
             found.append(Separator(entry.name, point, frozen(planes[:count])))
     return tuple(found)

@@ -26,7 +26,7 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.bernstein_path import squares
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
@@ -44,15 +44,15 @@ class _Balls(NamedTuple):
 
 
 @kernel
-def cloud_points(demands: Demands, index: int) -> FloatArray:
+def cloud_points(constraints: Constraints, index: int) -> FloatArray:
     """Return the points (p, 3) of cloud ``index``, in the order of its tree."""
-    return demands.cloud_points[int(demands.clouds[index, 2]) : int(demands.clouds[index, 3])]
+    return constraints.cloud_points[int(constraints.clouds[index, 2]) : int(constraints.clouds[index, 3])]
 
 
 @kernel
-def cloud_nodes(demands: Demands, index: int) -> FloatArray:
+def cloud_nodes(constraints: Constraints, index: int) -> FloatArray:
     """Return the tree (k, 7) of cloud ``index``."""
-    return demands.cloud_nodes[int(demands.clouds[index, 0]) : int(demands.clouds[index, 1])]
+    return constraints.cloud_nodes[int(constraints.clouds[index, 0]) : int(constraints.clouds[index, 1])]
 
 
 @leaf
@@ -130,17 +130,17 @@ def _off_balls(piece: Piece, balls: _Balls) -> tuple[int, int]:
 
 
 @kernel
-def cloud_margin(demands: Demands, index: int, pose: FloatArray) -> float:
+def cloud_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
     """Return what the clearance of cloud ``index`` leaves at a pose (14,)."""
-    mx, my, mz = displacement(demands.motions, demands.clouds[index, 6], pose[13])
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[13])
     t = pose[9] - mx, pose[10] - my, pose[11] - mz
-    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
-    return float(nearest_point(points, nodes, t, t, math.inf)[1] - demands.clouds[index, 5])
+    points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
+    return float(nearest_point(points, nodes, t, t, math.inf)[1] - constraints.clouds[index, 5])
 
 
 @kernel
 def prove_cloud_clear(
-    demands: Demands,
+    constraints: Constraints,
     index: int,
     margin: float,
     translation: FloatArray,
@@ -152,12 +152,12 @@ def prove_cloud_clear(
 
     Where the cloud moves, of t − m: its powers round once more, and their squares twice.
     """
-    reach, motion = demands.clouds[index, 5] + margin, int(demands.clouds[index, 6])
+    reach, motion = constraints.clouds[index, 5] + margin, int(constraints.clouds[index, 6])
     if reach <= 0.0:
         return PROVEN, 0.0
-    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     if motion >= 0:
-        powers = less_motion(translation, demands.motions[motion])
+        powers = less_motion(translation, constraints.motions[motion])
         square, raised = squares(powers)
         size = magnitude(powers)
     return prove_off_cloud(square, raised, size, points, nodes, reach)
@@ -165,11 +165,11 @@ def prove_cloud_clear(
 
 @inlined
 def prove_clouds_clear(
-    demands: Demands, translation: FloatArray, square: FloatArray, raised: FloatArray, size: float
+    constraints: Constraints, translation: FloatArray, square: FloatArray, raised: FloatArray, size: float
 ) -> tuple[int, float]:
     """Decide the clearance of every cloud."""
-    for i in range(demands.clouds.shape[0]):
-        status, w = prove_cloud_clear(demands, i, 0.0, translation, square, raised, size)
+    for i in range(constraints.clouds.shape[0]):
+        status, w = prove_cloud_clear(constraints, i, 0.0, translation, square, raised, size)
         if status != PROVEN:
             return status, w
     return PROVEN, 0.0
@@ -177,7 +177,7 @@ def prove_clouds_clear(
 
 @kernel
 def push_off_clouds(
-    demands: Demands,
+    constraints: Constraints,
     poses: FloatArray,
     first: int,
     targets: FloatArray,
@@ -186,14 +186,14 @@ def push_off_clouds(
     costs: FloatArray,
 ) -> None:
     """Push the centre off the nearest point: g = (‖t − p‖ − reach)/max(reach, ℓ/20) (see `push`)."""
-    for i in range(demands.clouds.shape[0]):
-        group, reach = first + i, demands.clouds[i, 5]
+    for i in range(constraints.clouds.shape[0]):
+        group, reach = first + i, constraints.clouds[i, 5]
         if reach <= 0.0 or targets[group] == ASLEEP:
             continue
-        points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
-        unit = max(reach, 0.05 * demands.numbers[2])
+        points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
+        unit = max(reach, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(demands.motions, demands.clouds[i, 6], poses[s, 13])
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, 13])
             t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
             limit = reach + unit * max(targets[group], least[group])
             k, distance = nearest_point(points, nodes, t, t, limit)

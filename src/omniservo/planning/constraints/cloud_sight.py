@@ -28,7 +28,7 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.push import ASLEEP, push_centre
@@ -186,11 +186,11 @@ def _sees_past_moving(piece: Piece, sights: _Sights) -> tuple[int, int]:
 
 @kernel
 def cloud_sight_margin(
-    demands: Demands, index: int, pose: FloatArray, targets: FloatArray
+    constraints: Constraints, index: int, pose: FloatArray, targets: FloatArray
 ) -> tuple[float, int]:
     """Return what cloud ``index`` leaves to the lines of sight at a pose (14,), and to which target least."""
-    mx, my, mz = displacement(demands.motions, demands.clouds[index, 6], pose[13])
-    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[13])
+    points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     t = pose[9] - mx, pose[10] - my, pose[11] - mz
     least, about = math.inf, 0
     for j in range(targets.shape[0]):
@@ -198,21 +198,26 @@ def cloud_sight_margin(
         k, distance = nearest_point(points, nodes, t, h, least)
         if k >= 0:
             least, about = distance, j
-    return least - float(demands.clouds[index, 4]), about
+    return least - float(constraints.clouds[index, 4]), about
 
 
 @inlined
 def prove_cloud_sights(
-    demands: Demands, index: int, margin: float, translation: FloatArray, centre: FloatArray, size: float
+    constraints: Constraints,
+    index: int,
+    margin: float,
+    translation: FloatArray,
+    centre: FloatArray,
+    size: float,
 ) -> tuple[int, float, int]:
     """Decide the lines of sight past cloud ``index`` with ``margin`` to spare: status, w, target point."""
-    radius, motion = demands.clouds[index, 4] + margin, int(demands.clouds[index, 6])
-    points, nodes = cloud_points(demands, index), cloud_nodes(demands, index)
+    radius, motion = constraints.clouds[index, 4] + margin, int(constraints.clouds[index, 6])
+    points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     if motion < 0:
-        return prove_sights_past_cloud(centre, size, demands.points, points, nodes, radius)
-    for j in range(demands.points.shape[0]):
-        h = demands.points[j]
-        status, w = _prove_moving_sight(translation, demands.motions[motion], h, points, nodes, radius)
+        return prove_sights_past_cloud(centre, size, constraints.points, points, nodes, radius)
+    for j in range(constraints.points.shape[0]):
+        h = constraints.points[j]
+        status, w = _prove_moving_sight(translation, constraints.motions[motion], h, points, nodes, radius)
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0
@@ -220,12 +225,12 @@ def prove_cloud_sights(
 
 @inlined
 def prove_unclouded(
-    demands: Demands, translation: FloatArray, centre: FloatArray, size: float
+    constraints: Constraints, translation: FloatArray, centre: FloatArray, size: float
 ) -> tuple[int, float]:
     """Decide every line of sight past every cloud; a cloud of radius 0 hides nothing."""
-    for i in range(demands.clouds.shape[0]):
-        if demands.clouds[i, 4] > 0.0:
-            status, w, _ = prove_cloud_sights(demands, i, 0.0, translation, centre, size)
+    for i in range(constraints.clouds.shape[0]):
+        if constraints.clouds[i, 4] > 0.0:
+            status, w, _ = prove_cloud_sights(constraints, i, 0.0, translation, centre, size)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -233,7 +238,7 @@ def prove_unclouded(
 
 @kernel
 def push_sights_off_clouds(
-    demands: Demands,
+    constraints: Constraints,
     poses: FloatArray,
     first: int,
     targets: FloatArray,
@@ -243,20 +248,20 @@ def push_sights_off_clouds(
 ) -> None:
     """Push every line of sight off the point nearest to it: g = (distance − r)/max(r, ℓ/20) (see `push`)."""
     h = np.empty(3)
-    for i in range(demands.clouds.shape[0]):
-        group, radius = first + i, demands.clouds[i, 4]
+    for i in range(constraints.clouds.shape[0]):
+        group, radius = first + i, constraints.clouds[i, 4]
         if radius <= 0.0 or targets[group] == ASLEEP:
             continue
-        points, nodes = cloud_points(demands, i), cloud_nodes(demands, i)
-        unit = max(radius, 0.05 * demands.numbers[2])
+        points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
+        unit = max(radius, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(demands.motions, demands.clouds[i, 6], poses[s, 13])
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, 13])
             t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
-            for j in range(demands.points.shape[0]):
+            for j in range(constraints.points.shape[0]):
                 h[0], h[1], h[2] = (
-                    demands.points[j, 0] - mx,
-                    demands.points[j, 1] - my,
-                    demands.points[j, 2] - mz,
+                    constraints.points[j, 0] - mx,
+                    constraints.points[j, 1] - my,
+                    constraints.points[j, 2] - mz,
                 )
                 limit = radius + unit * max(targets[group], least[group])
                 k, distance = nearest_point(points, nodes, t, (h[0], h[1], h[2]), limit)

@@ -15,7 +15,7 @@ from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.planning.constraints.cloud import push_off_clouds
 from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.free_side import push_to_free_side
 from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
@@ -25,7 +25,7 @@ from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.constraints.separation import push_off_bodies
 from omniservo.planning.constraints.visibility import push_into_image
 from omniservo.planning.constraints.workspace import push_into_box
-from omniservo.planning.search.path_family import Family, path_controls
+from omniservo.planning.search.path_family import PathFamily, path_controls
 
 STALLED = 1e-3
 """Relative gain of a step below which a descent ends."""
@@ -71,20 +71,20 @@ def room_for(samples: int, points: int) -> Room:
 
 
 @kernel
-def groups(demands: Demands) -> int:
+def groups(constraints: Constraints) -> int:
     """Return how many targets there are.
 
     Limits, dead zone, least distance, spheres' clearances and sights, walls, bodies' clearances and sights,
     half-spaces, polygons of the mask, clouds' clearances and sights.
     """
-    hiding = demands.obstacles.shape[0] + demands.bodies.shape[0] + demands.clouds.shape[0]
-    alone = demands.planes.shape[0] + demands.mask_firsts.shape[0] - 1
-    return int(demands.limits.shape[0] + 2 * hiding + alone + 8)
+    hiding = constraints.obstacles.shape[0] + constraints.bodies.shape[0] + constraints.clouds.shape[0]
+    alone = constraints.planes.shape[0] + constraints.mask_firsts.shape[0] - 1
+    return int(constraints.limits.shape[0] + 2 * hiding + alone + 8)
 
 
 @inlined
 def push_all(
-    demands: Demands,
+    constraints: Constraints,
     poses: FloatArray,
     camera_points: FloatArray,
     targets: FloatArray,
@@ -93,35 +93,37 @@ def push_all(
     costs: FloatArray,
 ) -> None:
     """Let every family push at all samples; ``targets``, ``least`` in the order of `groups`."""
-    k, m = demands.limits.shape[0], demands.obstacles.shape[0]
-    points, obstacles, ell = demands.points, demands.obstacles, demands.numbers[2]
-    push_into_image(demands.limits, demands.disc, camera_points, targets, least, systems, costs)
-    push_from_points(points, demands.numbers[0], poses, ell, k + 1, targets, least, systems, costs)
+    k, m = constraints.limits.shape[0], constraints.obstacles.shape[0]
+    points, obstacles, ell = constraints.points, constraints.obstacles, constraints.ell
+    push_into_image(constraints.limits, constraints.disc, camera_points, targets, least, systems, costs)
+    push_from_points(points, constraints.least_distance, poses, ell, k + 1, targets, least, systems, costs)
     push_from_obstacles(obstacles, poses, ell, k + 2, targets, least, systems, costs)
-    if demands.numbers[1] > 0.0:
+    if constraints.occlusion:
         push_sight(points, obstacles, poses, ell, k + 2 + m, targets, least, systems, costs)
-    push_into_box(demands.box, poses, ell, k + 2 + 2 * m, targets, least, systems, costs)
-    first, bodies = k + 8 + 2 * m, demands.bodies
+    push_into_box(constraints.box, poses, ell, k + 2 + 2 * m, targets, least, systems, costs)
+    first, bodies = k + 8 + 2 * m, constraints.bodies
     if bodies.shape[0] > 0:
-        hidden = points if demands.numbers[1] > 0.0 else points[:0]
-        hulls, motions = demands.hulls, demands.motions
+        hidden = points if constraints.occlusion else points[:0]
+        hulls, motions = constraints.hulls, constraints.motions
         push_off_bodies(bodies, hulls, motions, hidden, poses, ell, first, targets, least, systems, costs)
     first += 2 * bodies.shape[0]
-    push_to_free_side(demands.planes, demands.motions, poses, ell, first, targets, least, systems, costs)
-    first += demands.planes.shape[0]
-    edges, firsts = demands.mask_edges, demands.mask_firsts
+    push_to_free_side(
+        constraints.planes, constraints.motions, poses, ell, first, targets, least, systems, costs
+    )
+    first += constraints.planes.shape[0]
+    edges, firsts = constraints.mask_edges, constraints.mask_firsts
     push_off_masks(edges, firsts, camera_points, first, targets, least, systems, costs)
     first += firsts.shape[0] - 1
-    if demands.clouds.shape[0] > 0:
-        push_off_clouds(demands, poses, first, targets, least, systems, costs)
-        if demands.numbers[1] > 0.0:
-            first += demands.clouds.shape[0]
-            push_sights_off_clouds(demands, poses, first, targets, least, systems, costs)
+    if constraints.clouds.shape[0] > 0:
+        push_off_clouds(constraints, poses, first, targets, least, systems, costs)
+        if constraints.occlusion:
+            first += constraints.clouds.shape[0]
+            push_sights_off_clouds(constraints, poses, first, targets, least, systems, costs)
 
 
 @kernel
 def spread(
-    family: Family,
+    family: PathFamily,
     ell: float,
     index: int,
     system: FloatArray,
@@ -161,7 +163,7 @@ def spread(
 
 
 @kernel
-def _add_blocks(family: Family, index: int, first: int, room: FloatArray, normal: FloatArray) -> None:
+def _add_blocks(family: PathFamily, index: int, first: int, room: FloatArray, normal: FloatArray) -> None:
     """Spread a sample's block ``room[6:]`` over the inner controls from ``first`` on, lower triangle only."""
     inner = family.rotation_form.shape[0]
     last = normal.shape[1] - 1
@@ -178,7 +180,7 @@ def _add_blocks(family: Family, index: int, first: int, room: FloatArray, normal
 
 
 @kernel
-def _block(family: Family, index: int, i: int, inner: int) -> tuple[int, int, float, int]:
+def _block(family: PathFamily, index: int, i: int, inner: int) -> tuple[int, int, float, int]:
     """Return row in the 7-block, height, basis value, row among the unknowns of free control i."""
     if i < inner:
         basis = family.rotation_basis
@@ -205,8 +207,8 @@ def clear(values: FloatArray) -> None:
 
 @kernel
 def linearise(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     x: FloatArray,
     targets: FloatArray,
     pull: float,
@@ -218,7 +220,7 @@ def linearise(
 
     Of their matrix only the lower triangle counts.
     """
-    ell, count = demands.numbers[2], family.samples[0]
+    ell, count = constraints.ell, family.samples[0]
     phi, t = path_controls(family, ell, x)
     poses, turns, camera_points = room.poses[:count], room.turns, room.camera_points[:count]
     systems, costs = room.systems, room.costs
@@ -226,11 +228,11 @@ def linearise(
     clear(normal)
     for s in range(count):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
-        place(phi, t, rb, tb, demands.points, poses[s], camera_points[s], turns[s])
+        place(phi, t, rb, tb, constraints.points, poses[s], camera_points[s], turns[s])
         poses[s, 13] = family.places[s]
         clear(systems[s])
         costs[s] = 0.0
-    push_all(demands, poses, camera_points, targets, least, systems, costs)
+    push_all(constraints, poses, camera_points, targets, least, systems, costs)
     cost = add_bending(family, x, pull, normal)
     for s in range(count):
         if costs[s] > 0.0:
@@ -240,7 +242,7 @@ def linearise(
 
 
 @kernel
-def add_bending(family: Family, x: FloatArray, pull: float, normal: FloatArray) -> float:
+def add_bending(family: PathFamily, x: FloatArray, pull: float, normal: FloatArray) -> float:
     """Add pull · W to the normal matrix and −pull · W x to its right side; return pull · xᵀWx/2."""
     inner = family.rotation_form.shape[0]
     last = normal.shape[1] - 1
@@ -298,8 +300,8 @@ def solve_damped(normal: FloatArray, damping: float, factor: FloatArray, step: F
 
 @inlined
 def descend(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     x: FloatArray,
     targets: FloatArray,
     pull: float,
@@ -313,8 +315,8 @@ def descend(
     normal, tried = np.empty((size, size + 1)), np.empty((size, size + 1))
     tried_least, factor = np.empty_like(least), np.empty((size, size))
     step, trial = np.empty(size), np.empty(size)
-    room = held(room_for(family.samples[0], demands.points.shape[0]))
-    cost, damping = linearise(demands, family, x, targets, pull, room, least, normal), DAMPING
+    room = held(room_for(family.samples[0], constraints.points.shape[0]))
+    cost, damping = linearise(constraints, family, x, targets, pull, room, least, normal), DAMPING
     awake = np.empty_like(targets)
     for i in range(targets.shape[0]):
         awake[i] = ASLEEP if least[i] > PLENTY else targets[i]
@@ -325,7 +327,7 @@ def descend(
             break
         for i in range(size):
             trial[i] = x[i] + step[i]
-        tried_cost = linearise(demands, family, trial, awake, pull, room, tried_least, tried)
+        tried_cost = linearise(constraints, family, trial, awake, pull, room, tried_least, tried)
         if tried_cost < cost:
             stalled = cost - tried_cost < STALLED * cost
             for i in range(size):

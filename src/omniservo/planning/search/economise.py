@@ -8,13 +8,13 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.subdivision import PROVEN, REFUTED
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import PLENTY, Room, fill, groups, room_for
 from omniservo.planning.search.effort_steps import bend, step_to_least_effort
 from omniservo.planning.search.path_family import (
     MAX_SAMPLES,
-    Family,
+    PathFamily,
     add_sample,
     family_like,
     path_energy,
@@ -56,7 +56,7 @@ SHORTER, SHORTEST = 0.7, 0.1
 
 
 @kernel
-def add_apart(family: Family, w: float) -> bool:
+def add_apart(family: PathFamily, w: float) -> bool:
     """Add a sample at w; False where there is no room, or one that is less than APART away."""
     for s in range(family.samples[0]):
         if abs(family.places[s] - w) < APART:
@@ -66,9 +66,9 @@ def add_apart(family: Family, w: float) -> bool:
 
 @inlined
 def add_lows(
-    demands: Demands,
-    family: Family,
-    between: Family,
+    constraints: Constraints,
+    family: PathFamily,
+    between: PathFamily,
     x: FloatArray,
     kept: FloatArray,
     room: Room,
@@ -82,7 +82,7 @@ def add_lows(
     count, added, bottom = between.samples[0], False, math.inf
     levels = np.empty((count, kept.shape[0]))
     fill(asleep, LOOKED_AT)
-    look_at_samples(demands, between, x, asleep, room, levels)
+    look_at_samples(constraints, between, x, asleep, room, levels)
     for i in range(kept.shape[0]):
         lowest = math.inf
         for s in range(count):
@@ -101,14 +101,14 @@ def add_lows(
 
 
 @kernel
-def leads_back(demands: Demands, family: Family, x: FloatArray, optima: FloatArray) -> bool:
+def leads_back(constraints: Constraints, family: PathFamily, x: FloatArray, optima: FloatArray) -> bool:
     """Tell whether nothing seems to be in the way from the path x straight to one of ``optima`` (m, nx).
 
     Its least effort nearby is then taken for that one's. The samples of ``family`` are replaced.
     """
     set_uniform_samples(family, LOOKS)
-    room = held(room_for(LOOKS, demands.points.shape[0]))
-    asleep, trial = np.empty(groups(demands)), np.empty_like(x)
+    room = held(room_for(LOOKS, constraints.points.shape[0]))
+    asleep, trial = np.empty(groups(constraints)), np.empty_like(x)
     levels = np.empty((LOOKS, asleep.shape[0]))
     fill(asleep, LOOKED_AT)
     for i in range(optima.shape[0]):
@@ -117,7 +117,7 @@ def leads_back(demands: Demands, family: Family, x: FloatArray, optima: FloatArr
             if clear_way:
                 for k in range(x.shape[0]):
                     trial[k] = x[k] + part * (optima[i, k] - x[k])
-                look_at_samples(demands, family, trial, asleep, room, levels)
+                look_at_samples(constraints, family, trial, asleep, room, levels)
                 clear_way = levels.min() >= 0.0
         if clear_way:
             return True
@@ -126,12 +126,12 @@ def leads_back(demands: Demands, family: Family, x: FloatArray, optima: FloatArr
 
 @inlined
 def economise(
-    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, beat: float
+    constraints: Constraints, family: PathFamily, ends: FloatArray, x: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray, float]:
     """Lower the bending energy of a proven path in place, as far as it stays proven.
 
     Args:
-        demands: the problem.
+        constraints: the problem.
         family: where to move.
         ends: `settle.end_values`.
         x: offsets of a proven path; of the better path where status is PROVEN, else unchanged.
@@ -140,16 +140,16 @@ def economise(
     Returns:
         PROVEN or REFUTED (no better path was proven), φ and t by powers, and the energy at x.
     """
-    ell, found = demands.numbers[2], x.copy()
+    ell, found = constraints.ell, x.copy()
     before = path_energy(family, ell, x)
-    status, rotation, translation = _bend_and_prove(demands, family, ends, x, beat)
+    status, rotation, translation = _bend_and_prove(constraints, family, ends, x, beat)
     part = 1.0 if path_energy(family, ell, x) < beat else 0.0
     while status != PROVEN and part > SHORTEST:
         part *= SHORTER
         for i in range(x.shape[0]):
             x[i] = found[i] + part * (x[i] - found[i])
         rotation, translation = power_path(family, ell, x)
-        status, _ = prove_path(demands, rotation, translation)
+        status, _ = prove_path(constraints, rotation, translation)
     energy = path_energy(family, ell, x)
     if status == PROVEN and energy < before:
         return PROVEN, rotation, translation, energy
@@ -160,15 +160,15 @@ def economise(
 
 @inlined
 def _bend_and_prove(
-    demands: Demands, family: Family, ends: FloatArray, x: FloatArray, beat: float
+    constraints: Constraints, family: PathFamily, ends: FloatArray, x: FloatArray, beat: float
 ) -> tuple[int, FloatArray, FloatArray]:
     """Step to the least effort at the samples, and again with more of them, until the path is proven.
 
     More samples leave no less effort: where a path is not below ``beat`` with some, x is left alone. A path
     that has jumped over something between samples starts again with samples there.
     """
-    ell, size, left, beat = demands.numbers[2], x.shape[0], LEFT, NOTABLY * beat
-    room = held(room_for(MAX_SAMPLES, demands.points.shape[0]))
+    ell, size, left, beat = constraints.ell, x.shape[0], LEFT, NOTABLY * beat
+    room = held(room_for(MAX_SAMPLES, constraints.points.shape[0]))
     normal, hessian = np.empty((size, size + 1)), np.empty((size, size))
     bend(family, x, np.empty(size), normal)
     asleep, found = np.empty_like(ends), x.copy()
@@ -181,11 +181,11 @@ def _bend_and_prove(
             x[:], hessian[:], fine = found, normal[:, :size], LOOSE
             fill(asleep, LOOKED_AT)
         kept = capped_targets(ends, left)
-        missing = step_to_least_effort(demands, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
+        missing = step_to_least_effort(constraints, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
         if missing == math.inf or path_energy(family, ell, x) >= beat:
             x[:] = found
             break
-        added, lowest = add_lows(demands, family, between, x, kept, room, asleep)
+        added, lowest = add_lows(constraints, family, between, x, kept, room, asleep)
         if max(missing, -lowest) > JUMPED:
             returns += 1
             if not added or returns > RETURNS:
@@ -196,7 +196,7 @@ def _bend_and_prove(
             fine = FINE
             continue
         rotation, translation = power_path(family, ell, x)
-        status, w = prove_path(demands, rotation, translation)
+        status, w = prove_path(constraints, rotation, translation)
         if status == PROVEN:
             break
         fill(asleep, LOOKED_AT)

@@ -13,10 +13,10 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.quadratic_program import quadratic_step
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import Room, add_bending, clear
-from omniservo.planning.search.path_family import Family
+from omniservo.planning.search.path_family import PathFamily
 from omniservo.planning.search.worst_rows import look_at_samples, slope_at
 
 STEPS = 30
@@ -154,7 +154,7 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 
 
 @kernel
-def bend(family: Family, x: FloatArray, gradient: FloatArray, normal: FloatArray) -> float:
+def bend(family: PathFamily, x: FloatArray, gradient: FloatArray, normal: FloatArray) -> float:
     """Return E/2; write its gradient (nx,) and its Hessian into ``normal`` (nx, nx+1)."""
     clear(normal)
     energy = add_bending(family, x, 1.0, normal)
@@ -174,8 +174,8 @@ def price_of(multipliers: FloatArray, gradient: FloatArray) -> float:
 
 @kernel
 def linearise_rows(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     room: Room,
     levels: FloatArray,
     kept: FloatArray,
@@ -192,7 +192,7 @@ def linearise_rows(
     for r in range(count):
         s, group = rows.sample[r], rows.group[r]
         right[r] = kept[group] - levels[s, group]
-        slope_at(demands, family, room, s, group, levels[s, group], quiet, scratch, rows.slope[r])
+        slope_at(constraints, family, room, s, group, levels[s, group], quiet, scratch, rows.slope[r])
 
 
 @inlined
@@ -204,8 +204,8 @@ def learn_curvature(hessian: FloatArray, step: FloatArray, change: FloatArray, p
 
 @inlined
 def as_far_as_it_pays(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     kept: FloatArray,
     asleep: FloatArray,
     room: Room,
@@ -227,7 +227,7 @@ def as_far_as_it_pays(
     part, normal = 1.0, np.empty((x.shape[0], x.shape[0] + 1))
     for _ in range(HALVINGS):
         tried = bend(family, trial, gradient, normal)
-        look_at_samples(demands, family, trial, asleep, room, levels)
+        look_at_samples(constraints, family, trial, asleep, room, levels)
         violated = shortfall(levels, levels.shape[0], kept)
         merit = tried - energy + price * (violated - short)
         if violated <= max(short, ASTRAY) and merit <= -1e-4 * part * gain:
@@ -240,8 +240,8 @@ def as_far_as_it_pays(
 
 @inlined
 def step_to_least_effort(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     kept: FloatArray,
     asleep: FloatArray,
     room: Room,
@@ -253,7 +253,7 @@ def step_to_least_effort(
     """Lower the energy from x in place, keeping g ≥ ``kept`` (groups,) at the samples.
 
     Args:
-        demands: the problem.
+        constraints: the problem.
         family: where to move, and the samples.
         kept: what is left of each group at least.
         asleep: see `look_at_samples`.
@@ -270,13 +270,13 @@ def step_to_least_effort(
     gradient, whole, change, step, trial = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
     normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.full(kept.shape[0], ASLEEP)
     levels, right, scratch = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS), np.empty_like(kept)
-    look_at_samples(demands, family, x, asleep, room, levels)
+    look_at_samples(constraints, family, x, asleep, room, levels)
     energy, active, plain = bend(family, x, gradient, normal), 0, 0.0
     short = shortfall(levels, samples, kept)
     for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
         add_constraint_slopes(rows, active, 1.0, change)
-        linearise_rows(demands, family, room, levels, kept, quiet, rows, count, right, scratch)
+        linearise_rows(constraints, family, room, levels, kept, quiet, rows, count, right, scratch)
         add_constraint_slopes(rows, active, -1.0, change)
         learn_curvature(hessian, step, change, plain)
         multipliers = rows.multiplier[:count]
@@ -291,7 +291,20 @@ def step_to_least_effort(
         if energy + FARTHER * (bend(family, trial, whole, normal) - energy) > beat:
             return math.inf
         part, tried, violated = as_far_as_it_pays(
-            demands, family, kept, asleep, room, x, step, trial, levels, gradient, energy, short, price, gain
+            constraints,
+            family,
+            kept,
+            asleep,
+            room,
+            x,
+            step,
+            trial,
+            levels,
+            gradient,
+            energy,
+            short,
+            price,
+            gain,
         )
         if part == 0.0:
             break

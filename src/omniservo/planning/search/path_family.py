@@ -33,7 +33,7 @@ class Ends(NamedTuple):
     """φ′(0) (4,), then t′(0) (3,) [m] per unit w; (0,) where they are free"""
 
 
-class Family(NamedTuple):
+class PathFamily(NamedTuple):
     """Paths of one degree between the same ends, and where a descent looks at them."""
 
     rotation_base: FloatArray
@@ -57,7 +57,7 @@ class Family(NamedTuple):
 
 
 @kernel
-def path_family(ends: Ends, sigma: int, tau: int) -> Family:
+def path_family(ends: Ends, sigma: int, tau: int) -> PathFamily:
     """Return the family of degrees σ, τ, both at least 2 where a departure is given, without samples."""
     phi, t, energy = np.zeros((4, sigma + 1)), np.zeros((3, tau + 1)), np.empty(2)
     phi[3, 0] = 1.0
@@ -73,7 +73,7 @@ def path_family(ends: Ends, sigma: int, tau: int) -> Family:
         for c in range(3):
             move[c] = ends.departure[4 + c]
     energy[0], energy[1] = least_bent(ends.quaternion, turn, phi), least_bent(ends.translation, move, t)
-    return Family(
+    return PathFamily(
         phi,
         t,
         energy,
@@ -87,10 +87,10 @@ def path_family(ends: Ends, sigma: int, tau: int) -> Family:
 
 
 @kernel
-def family_like(family: Family, samples: int) -> Family:
+def family_like(family: PathFamily, samples: int) -> PathFamily:
     """Return the same paths with ``samples`` evenly spaced samples of their own."""
     other = held(
-        Family(
+        PathFamily(
             family.rotation_base,
             family.translation_base,
             family.base_energy,
@@ -107,7 +107,7 @@ def family_like(family: Family, samples: int) -> Family:
 
 
 @kernel
-def add_sample(family: Family, w: float) -> bool:
+def add_sample(family: PathFamily, w: float) -> bool:
     """Add a sample at w; False where there is no room."""
     index = family.samples[0]
     if index == MAX_SAMPLES:
@@ -120,7 +120,7 @@ def add_sample(family: Family, w: float) -> bool:
 
 
 @kernel
-def set_samples(family: Family, places: FloatArray) -> None:
+def set_samples(family: PathFamily, places: FloatArray) -> None:
     """Replace the samples by those at places (m,), as many as there is room for."""
     family.samples[0] = 0
     for w in places:
@@ -128,7 +128,7 @@ def set_samples(family: Family, places: FloatArray) -> None:
 
 
 @kernel
-def set_uniform_samples(family: Family, count: int) -> None:
+def set_uniform_samples(family: PathFamily, count: int) -> None:
     """Replace the samples by ``count`` ones evenly inside (0, 1)."""
     family.samples[0] = 0
     for i in range(count):
@@ -136,13 +136,13 @@ def set_uniform_samples(family: Family, count: int) -> None:
 
 
 @kernel
-def unknowns(family: Family) -> int:
+def unknowns(family: PathFamily) -> int:
     """Return how many offsets there are: without a departure 4(σ−1) + 3(τ−1)."""
     return int(4 * family.rotation_form.shape[0] + 3 * family.translation_form.shape[0])
 
 
 @kernel
-def path_controls(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def path_controls(family: PathFamily, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the control points of φ (4, σ+1) and t (3, τ+1) [m] for the offsets x."""
     phi, t = family.rotation_base.copy(), family.translation_base.copy()
     turns, moves = family.rotation_form.shape[0], family.translation_form.shape[0]
@@ -158,7 +158,7 @@ def path_controls(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray
 
 
 @kernel
-def offsets(family: Family, ell: float, phi: FloatArray, t: FloatArray, x: FloatArray) -> None:
+def offsets(family: PathFamily, ell: float, phi: FloatArray, t: FloatArray, x: FloatArray) -> None:
     """Write the offsets of a path of the family's degrees from its control points, see `path_controls`."""
     turns, moves = family.rotation_form.shape[0], family.translation_form.shape[0]
     first = phi.shape[1] - 1 - turns
@@ -172,7 +172,7 @@ def offsets(family: Family, ell: float, phi: FloatArray, t: FloatArray, x: Float
 
 
 @kernel
-def path_energy(family: Family, ell: float, x: FloatArray) -> float:
+def path_energy(family: PathFamily, ell: float, x: FloatArray) -> float:
     """Return ∫‖t″‖² dw / ℓ² + ∫‖φ″‖² dw at the offsets x."""
     turns, moves = family.rotation_form.shape[0], family.translation_form.shape[0]
     energy: float = family.base_energy[0] + family.base_energy[1] / (ell * ell)

@@ -10,9 +10,9 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.problem_arrays import searched_demands
+from omniservo.planning.problem_arrays import searched_constraints
 from omniservo.planning.search.path_family import Ends
 from omniservo.planning.search.search import ENERGY, FLOOR, NUMBER, TRIED, WORST, search, starts_in_all
 
@@ -45,7 +45,7 @@ class Found:
 class ProblemSearch:
     """Arrays in, a path and a verdict out."""
 
-    demands: Demands
+    constraints: Constraints
     ends: Ends
     degrees: IntArray
     phase: float
@@ -59,7 +59,7 @@ class ProblemSearch:
             InputError: the visibility margin leaves nothing of the image.
         """
         return cls(
-            searched_demands(problem),
+            searched_constraints(problem),
             ends_of(problem),
             np.array([problem.degrees.rotation, problem.degrees.translation], dtype=np.int64),
             (seed * GOLDEN_ANGLE) % (2.0 * math.pi),
@@ -75,7 +75,7 @@ class ProblemSearch:
     ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
         """Return what `search` does for the starts begin ≤ number < end."""
         window = np.array([begin, end], dtype=np.int64)
-        return search(self.demands, self.ends, self.degrees, window, self.phase, economised, beat)
+        return search(self.constraints, self.ends, self.degrees, window, self.phase, economised, beat)
 
     def run(self, begin: int, end: int, economised: int, beat: float = math.inf) -> Found:
         """Try the starts begin ≤ number < end, see `search`."""

@@ -8,7 +8,7 @@ from omniservo.planning.bernstein_path import ROTATION_FLOOR, camera_controls, c
 from omniservo.planning.constraints.cloud import prove_clouds_clear
 from omniservo.planning.constraints.cloud_sight import prove_unclouded
 from omniservo.planning.constraints.collision import prove_collision_free
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.free_side import prove_free_sides
 from omniservo.planning.constraints.image_mask import prove_outside_masks
 from omniservo.planning.constraints.least_distance import prove_least_distance
@@ -20,51 +20,53 @@ from omniservo.planning.constraints.workspace import prove_workspace
 
 
 @kernel
-def prove_path(demands: Demands, rotation: FloatArray, translation: FloatArray) -> tuple[int, float]:
-    """Decide every constraint of ``demands`` for the path given by powers (4, σ+1), (3, τ+1).
+def prove_path(constraints: Constraints, rotation: FloatArray, translation: FloatArray) -> tuple[int, float]:
+    """Decide every constraint of ``constraints`` for the path given by powers (4, σ+1), (3, τ+1).
 
     Returns PROVEN, or REFUTED or UNDECIDED by the first constraint that is not proven, with its w.
     """
     square, raised = squares(translation)
     size = magnitude(translation)
-    status, w = prove_collision_free(square, raised, size, demands.obstacles)
+    status, w = prove_collision_free(square, raised, size, constraints.obstacles)
     if status != PROVEN:
         return status, w
-    controls, errors = camera_controls(rotation, translation, demands.points)
+    controls, errors = camera_controls(rotation, translation, constraints.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
-    status, w, _, _ = prove_visible(controls, errors, count, demands.limits, demands.disc)
+    status, w, _, _ = prove_visible(controls, errors, count, constraints.limits, constraints.disc)
     if status != PROVEN:
         return status, w
-    status, w, _ = prove_outside_masks(controls, errors, count, demands.mask_edges, demands.mask_firsts)
+    status, w, _ = prove_outside_masks(
+        controls, errors, count, constraints.mask_edges, constraints.mask_firsts
+    )
     if status != PROVEN:
         return status, w
-    status, w, _ = prove_least_distance(square, raised, size, demands.points, demands.numbers[0])
+    status, w, _ = prove_least_distance(square, raised, size, constraints.points, constraints.least_distance)
     if status != PROVEN:
         return status, w
     centre = bernstein_from_power(translation)
-    status, w = prove_workspace(centre, size, demands.box)
+    status, w = prove_workspace(centre, size, constraints.box)
     if status != PROVEN:
         return status, w
-    if demands.planes.shape[0] > 0:
-        status, w = prove_free_sides(centre, translation, size, demands.planes, demands.motions)
+    if constraints.planes.shape[0] > 0:
+        status, w = prove_free_sides(centre, translation, size, constraints.planes, constraints.motions)
         if status != PROVEN:
             return status, w
-    if demands.bodies.shape[0] > 0:
-        hidden = demands.points if demands.numbers[1] > 0.0 else demands.points[:0]
-        bodies, hulls, motions = demands.bodies, demands.hulls, demands.motions
+    if constraints.bodies.shape[0] > 0:
+        hidden = constraints.points if constraints.occlusion else constraints.points[:0]
+        bodies, hulls, motions = constraints.bodies, constraints.hulls, constraints.motions
         status, w = prove_bodies_clear(centre, translation, size, bodies, hulls, motions, hidden)
         if status != PROVEN:
             return status, w
-    if demands.numbers[1] > 0.0:
-        status, w = prove_unoccluded(centre, size, demands.points, demands.obstacles)
+    if constraints.occlusion:
+        status, w = prove_unoccluded(centre, size, constraints.points, constraints.obstacles)
         if status != PROVEN:
             return status, w
-    if demands.clouds.shape[0] > 0:
-        status, w = prove_clouds_clear(demands, translation, square, raised, size)
+    if constraints.clouds.shape[0] > 0:
+        status, w = prove_clouds_clear(constraints, translation, square, raised, size)
         if status != PROVEN:
             return status, w
-        if demands.numbers[1] > 0.0:
-            status, w = prove_unclouded(demands, translation, centre, size)
+        if constraints.occlusion:
+            status, w = prove_unclouded(constraints, translation, centre, size)
             if status != PROVEN:
                 return status, w
     return prove_rotation(rotation, ROTATION_FLOOR)

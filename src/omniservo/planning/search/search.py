@@ -8,9 +8,9 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, REFUTED
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.search.economise import economise, leads_back
-from omniservo.planning.search.path_family import Ends, Family, path_energy, path_family, unknowns
+from omniservo.planning.search.path_family import Ends, PathFamily, path_energy, path_family, unknowns
 from omniservo.planning.search.settle import PULL, end_values, settle
 
 FEW = 12
@@ -29,7 +29,7 @@ starts were tried, counted from the first of all: only one more where not even t
 
 
 @inlined
-def start_offsets(family: Family, ell: float, index: int, phase: float) -> FloatArray:
+def start_offsets(family: PathFamily, ell: float, index: int, phase: float) -> FloatArray:
     """Return the offsets of start ``index``: 0 the straight line, then sideways detours all round, growing.
 
     A detour offsets every inner control point across t(1), or in any direction where the camera mostly turns
@@ -103,7 +103,7 @@ def scheduled(ends: Ends, degrees: IntArray, number: int) -> tuple[int, int]:
 
 @kernel
 def search(
-    demands: Demands,
+    constraints: Constraints,
     ends: Ends,
     degrees: IntArray,
     window: IntArray,
@@ -114,7 +114,7 @@ def search(
     """Return status, φ and t by powers, and facts: the first proven path or the best of a few, or an attempt.
 
     Args:
-        demands: the problem.
+        constraints: the problem.
         ends: what all paths start and end with.
         degrees: highest σ and τ (2,).
         window: the starts to try, window[0] ≤ number < window[1]; see `scheduled`.
@@ -126,10 +126,10 @@ def search(
     Returns:
         PROVEN or REFUTED (not found); (4, σ+1); (3, τ+1) [m], highest power first; facts (7,), see `NUMBER`.
     """
-    demands = held(demands)
-    ell, proven = demands.numbers[2], 0
+    constraints = held(constraints)
+    ell, proven = constraints.ell, 0
     family = held(path_family(ends, degrees[0], degrees[1]))
-    end_least, floor = end_values(demands, family), path_energy(family, ell, np.zeros(unknowns(family)))
+    end_least, floor = end_values(constraints, family), path_energy(family, ell, np.zeros(unknowns(family)))
     facts = np.array([0.0, 0.5, math.inf, math.inf, floor, -math.inf, 0.0])
     least, until = np.empty_like(end_least), window[1] if smallest(end_least) >= 0.0 else window[0] + 1
     rotation, translation = np.empty((4, 0)), np.empty((3, 0))
@@ -141,7 +141,7 @@ def search(
             family, last = held(path_family(ends, min(degree, degrees[0]), min(degree, degrees[1]))), degree
             optima, known = np.empty((economised, unknowns(family))), 0
         x = start_offsets(family, ell, start, phase)
-        status, turn, move, w = settle(demands, family, end_least, PULL, x, least)
+        status, turn, move, w = settle(constraints, family, end_least, PULL, x, least)
         if status != PROVEN:
             if proven == 0 and smallest(least) >= facts[WORST]:
                 rotation, translation = turn, move
@@ -149,9 +149,9 @@ def search(
             continue
         proven += 1
         found = energy = path_energy(family, ell, x)
-        if economised > 0 and x.shape[0] > 0 and not leads_back(demands, family, x, optima[:known]):
+        if economised > 0 and x.shape[0] > 0 and not leads_back(constraints, family, x, optima[:known]):
             status, better_turn, better_move, energy = economise(
-                demands, family, end_least, x, min(beat, facts[ENERGY])
+                constraints, family, end_least, x, min(beat, facts[ENERGY])
             )
             if status == PROVEN:
                 turn, move, optima[known] = better_turn, better_move, x

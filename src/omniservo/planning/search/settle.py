@@ -12,10 +12,10 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import power_from_bernstein
 from omniservo.geometry.subdivision import PROVEN, REFUTED
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.search.descent import descend, fill, groups, linearise, reached, room_for
 from omniservo.planning.search.path_family import (
-    Family,
+    PathFamily,
     add_sample,
     path_controls,
     set_uniform_samples,
@@ -40,24 +40,24 @@ HIGHER = 1.5
 
 
 @kernel
-def power_path(family: Family, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def power_path(family: PathFamily, ell: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the power coefficients of φ and t for the offsets x."""
     phi, t = path_controls(family, ell, x)
     return power_from_bernstein(phi), power_from_bernstein(t)
 
 
 @inlined
-def end_values(demands: Demands, family: Family) -> FloatArray:
+def end_values(constraints: Constraints, family: PathFamily) -> FloatArray:
     """Return the smallest g of every group at the two end poses, which no path can improve."""
     family.samples[0] = 0
     add_sample(family, 0.0)
     add_sample(family, 1.0)
     size = unknowns(family)
-    least = np.empty(groups(demands))
+    least = np.empty(groups(constraints))
     targets = np.empty(least.shape[0])
     fill(targets, -math.inf)
-    room = held(room_for(2, demands.points.shape[0]))
-    linearise(demands, family, np.zeros(size), targets, 0.0, room, least, np.empty((size, size + 1)))
+    room = held(room_for(2, constraints.points.shape[0]))
+    linearise(constraints, family, np.zeros(size), targets, 0.0, room, least, np.empty((size, size + 1)))
     return least
 
 
@@ -72,12 +72,17 @@ def capped_targets(ends: FloatArray, target: float) -> FloatArray:
 
 @inlined
 def settle(
-    demands: Demands, family: Family, ends: FloatArray, pull: float, x: FloatArray, least: FloatArray
+    constraints: Constraints,
+    family: PathFamily,
+    ends: FloatArray,
+    pull: float,
+    x: FloatArray,
+    least: FloatArray,
 ) -> tuple[int, FloatArray, FloatArray, float]:
     """Descend from x in place and prove, with every place where the proof fails as a further sample.
 
     Args:
-        demands: the problem.
+        constraints: the problem.
         family: where to move.
         ends: `end_values`.
         pull: weight of the bending energy.
@@ -87,7 +92,7 @@ def settle(
     Returns:
         status, φ and t by powers, and the w where the proof failed.
     """
-    ell = demands.numbers[2]
+    ell = constraints.ell
     fill(least, -math.inf)
     set_uniform_samples(family, SAMPLES)
     target, status, w = TARGET, REFUTED, 0.5
@@ -95,11 +100,11 @@ def settle(
     for _ in range(ROUNDS):
         targets = capped_targets(ends, target)
         if x.shape[0] > 0:
-            descend(demands, family, x, targets, pull, least)
+            descend(constraints, family, x, targets, pull, least)
             rotation, translation = power_path(family, ell, x)
             if not reached(least, targets, 1e-3):
                 return REFUTED, rotation, translation, w
-        status, w = prove_path(demands, rotation, translation)
+        status, w = prove_path(constraints, rotation, translation)
         if status == PROVEN or x.shape[0] == 0:
             return status, rotation, translation, w
         if status == REFUTED:

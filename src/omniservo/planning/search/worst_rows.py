@@ -8,11 +8,11 @@ import math
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.planning.constraints.demands import Demands
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import place
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import Room, fill, push_all
-from omniservo.planning.search.path_family import Family, path_controls
+from omniservo.planning.search.path_family import PathFamily, path_controls
 
 TOUCH = 1e-8
 """A group is pushed so little to learn its slope."""
@@ -23,8 +23,8 @@ LOOKED_AT = -math.inf
 
 @kernel
 def look_at_samples(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     x: FloatArray,
     asleep: FloatArray,
     room: Room,
@@ -34,26 +34,26 @@ def look_at_samples(
 
     ``asleep`` (groups,) is ASLEEP for groups to leave out, whose level is ∞, and LOOKED_AT for the others.
     """
-    phi, t = path_controls(family, demands.numbers[2], x)
+    phi, t = path_controls(family, constraints.ell, x)
     for s in range(family.samples[0]):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
-        place(phi, t, rb, tb, demands.points, room.poses[s], room.camera_points[s], room.turns[s])
+        place(phi, t, rb, tb, constraints.points, room.poses[s], room.camera_points[s], room.turns[s])
         room.poses[s, 13] = family.places[s]
         fill(levels[s], math.inf)
-        _push_at(demands, room, s, asleep, levels[s])
+        _push_at(constraints, room, s, asleep, levels[s])
 
 
 @kernel
-def _push_at(demands: Demands, room: Room, s: int, targets: FloatArray, least: FloatArray) -> None:
+def _push_at(constraints: Constraints, room: Room, s: int, targets: FloatArray, least: FloatArray) -> None:
     """Let every family push at sample s alone."""
     poses, points = room.poses[s : s + 1], room.camera_points[s : s + 1]
-    push_all(demands, poses, points, targets, least, room.systems[s : s + 1], room.costs[s : s + 1])
+    push_all(constraints, poses, points, targets, least, room.systems[s : s + 1], room.costs[s : s + 1])
 
 
 @kernel
 def slope_at(
-    demands: Demands,
-    family: Family,
+    constraints: Constraints,
+    family: PathFamily,
     room: Room,
     s: int,
     group: int,
@@ -71,9 +71,9 @@ def slope_at(
         system[a, 6] = 0.0
     least[group] = math.inf
     quiet[group] = level + TOUCH
-    _push_at(demands, room, s, quiet, least)
+    _push_at(constraints, room, s, quiet, least)
     quiet[group] = ASLEEP
-    ell, turns, moves = demands.numbers[2], family.rotation_form.shape[0], family.translation_form.shape[0]
+    ell, turns, moves = constraints.ell, family.rotation_form.shape[0], family.translation_form.shape[0]
     first_turn = family.rotation_basis.shape[1] - 1 - turns
     first_move = family.translation_basis.shape[1] - 1 - moves
     for c in range(7):

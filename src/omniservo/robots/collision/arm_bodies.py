@@ -20,7 +20,7 @@ from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, s
 from omniservo.robots.collision.gap_search import widen
 from omniservo.robots.collision.mounted_pairs import mounted_pairs
 from omniservo.robots.collision.read_shapes import first_joints_between, read_shapes
-from omniservo.robots.collision.shapes import Scene, Shapes
+from omniservo.robots.collision.shapes import PlacedShapes, Shapes
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.tracking_tube import Tube
 
@@ -107,7 +107,7 @@ class ArmBodies:
         self.pairs = self.shapes.pairs
         """(p, 2) of shapes that may meet; the second is carried by more joints"""
         shown = self._data
-        self.scene = Scene(
+        self.scene = PlacedShapes(
             frames=np.zeros((arm.dof + 1, 3, 4)),
             anchors=shown.xanchor,
             directions=shown.xaxis,

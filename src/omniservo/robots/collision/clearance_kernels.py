@@ -13,7 +13,7 @@ from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.polynomial import copy_into
 from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece, rounding
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import Scene, Shapes
+from omniservo.robots.collision.shapes import PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain, carry
 
 CLEAR, MEASURE, TOO_CLOSE, UNDECIDED = range(4)
@@ -57,7 +57,7 @@ class Work(NamedTuple):
 
 
 @kernel
-def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, work: Work) -> int:
+def prove_pieces(chain: Chain, shapes: Shapes, scene: PlacedShapes, asked: FloatArray, work: Work) -> int:
     """Halve pieces of a joint path until all pairs are clear on them; return why it stops.
 
     On a part of the path a pair is clear if in its middle the two are farther apart than what is asked (p,)
@@ -109,7 +109,7 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: Scene, asked: FloatArray, 
 
 
 @inlined
-def place_all(chain: Chain, shapes: Shapes, q: FloatArray, scene: Scene) -> None:
+def place_all(chain: Chain, shapes: Shapes, q: FloatArray, scene: PlacedShapes) -> None:
     """Bring everything to where it is at the joints q (n,)."""
     carry(chain, q, scene.frames)
     for j in range(q.shape[0]):
@@ -142,7 +142,7 @@ def place_shape(
 @inlined
 def _bound(
     shapes: Shapes,
-    scene: Scene,
+    scene: PlacedShapes,
     asked: FloatArray,
     pairs: IntArray,
     turns: FloatArray,
@@ -191,7 +191,7 @@ def _bound(
 @inlined
 def _search(
     shapes: Shapes,
-    scene: Scene,
+    scene: PlacedShapes,
     pairs: IntArray,
     needed: FloatArray,
     gaps: FloatArray,

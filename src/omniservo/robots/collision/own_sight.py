@@ -19,7 +19,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
 from omniservo.robots.collision.arm_bodies import ArmBodies
 from omniservo.robots.collision.gap_kernels import TAPERED, middle_of_piece
-from omniservo.robots.collision.shapes import Scene
+from omniservo.robots.collision.shapes import PlacedShapes
 from omniservo.robots.collision.sight_kernel import LEFT, POINT, SHAPE, Sights, nearest_to_sights
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.joint_path import JointPath
@@ -167,7 +167,7 @@ class _Lines:
         self._data = mujoco.MjData(bodies.model)
         self._chain, self._scene = (
             arm.chain,
-            Scene(
+            PlacedShapes(
                 frames=np.zeros((arm.dof + 1, 3, 4)),
                 anchors=np.empty((arm.dof, 3)),
                 directions=np.empty((arm.dof, 3)),

@@ -13,12 +13,12 @@ from omniservo.robots.collision.arm_bodies import ArmBodies
 from omniservo.robots.collision.clearance_kernels import place_all
 from omniservo.robots.collision.gap_kernels import lower_gaps
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import Scene, Shapes
+from omniservo.robots.collision.shapes import PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain
 
 
 class Postures(NamedTuple):
-    """A scene for each of m postures; see `Scene`."""
+    """A scene for each of m postures; see `PlacedShapes`."""
 
     anchors: FloatArray
     """(m, n, 3)"""
@@ -140,7 +140,7 @@ def _write_bounds(
     simplex, every, none = np.empty((4, 7)), np.arange(bounds.shape[1]), np.empty((0, 0))
     for i in range(joints.shape[0]):
         places, axes, normals = postures.places[i], postures.axes[i], postures.normals[i]
-        scene = Scene(frames, postures.anchors[i], postures.directions[i], places, axes, none, normals)
+        scene = PlacedShapes(frames, postures.anchors[i], postures.directions[i], places, axes, none, normals)
         place_all(chain, shapes, joints[i], held(scene))
         lower_gaps(
             shapes.pairs,

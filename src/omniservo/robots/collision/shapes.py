@@ -34,7 +34,7 @@ class Shapes(NamedTuple):
     """(p,) the first joint whose turn can bring the two nearer"""
 
 
-class Scene(NamedTuple):
+class PlacedShapes(NamedTuple):
     """Where everything is in one posture."""
 
     frames: FloatArray

@@ -13,7 +13,7 @@ from omniservo.geometry.kernel import kernel, leaf
 from omniservo.robots.collision.clearance_kernels import place_all
 from omniservo.robots.collision.gap_kernels import rounding
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import Scene, Shapes
+from omniservo.robots.collision.shapes import PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain
 
 SHAPE, POINT, LEFT = range(3)
@@ -46,7 +46,7 @@ class Sights(NamedTuple):
 def nearest_to_sights(
     chain: Chain,
     shapes: Shapes,
-    scene: Scene,
+    scene: PlacedShapes,
     sights: Sights,
     q: FloatArray,
     turns: FloatArray,

@@ -6,7 +6,7 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning.constraints.hull_gap import Hull
 
 
-class Demands(NamedTuple):
+class Constraints(NamedTuple):
     """Everything that a proof, the search or a margin needs to know of a problem."""
 
     points: FloatArray
@@ -39,5 +39,9 @@ class Demands(NamedTuple):
     """of all trees (N, 7), see `ball_tree`; rows in it count from the cloud's own first"""
     box: FloatArray
     """workspace (2, 3): least and greatest camera centre [m]; ±∞ where free"""
-    numbers: FloatArray
-    """(3,): least distance [m], 1 where occlusion counts, mean distance of the target points ℓ [m]"""
+    least_distance: float
+    """The camera centre keeps so far from every target point [m]."""
+    occlusion: bool
+    """Whether obstacles must not stand between the camera and a target point."""
+    ell: float
+    """ℓ, the mean distance of the target points [m]: what lengths are divided by in the search."""
