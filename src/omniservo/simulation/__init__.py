@@ -2,7 +2,9 @@
 
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
 from omniservo.simulation.scene import Ball, Box, Dots, Panel, Scene, Sensor
+from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.simulated_robot import SimulatedRobot
+from omniservo.simulation.take_picture import take_picture
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
 
@@ -18,4 +20,6 @@ __all__ = [
     "UnifiedRenderer",
     "Viewpoint",
     "World",
+    "scene_of_task",
+    "take_picture",
 ]
