@@ -24,7 +24,7 @@ def main() -> None:
     plan = omniservo.plan_path(problem)
     print(plan.status, f"{1e3 * plan.least_clearance([0]):.1f} mm to the ball")
 
-    # The goal image ends the servo. With an image that was taken there, not the plan, errors of the plan end.
+    # The servo ends on what was seen at the goal, not where the plan ends: errors of the plan do not stay.
     goal_pixels = camera.project(initial_T_goal.inv().apply(points))[0]
     # A twist acts while the next image is waited for: half a period late, on average.
     options = omniservo.TrackerOptions(delay=PERIOD / 2)

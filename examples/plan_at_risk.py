@@ -44,6 +44,7 @@ def main() -> None:
 
     plain = omniservo.plan_path(problem)
     samples = Executions.of(problem, estimate.sample(rng, 2000, camera=camera), rows)
+    # Each sample is executed at even places of the path, and at w = 0.5, where the ball is nearest.
     violated = (samples.margins(plain.path, np.array([0.5])) < 0.0).any(axis=1).mean()
     print(f"taken as exact: {plain.status}, {1e3 * plain.least_clearance([0]):.1f} mm planned")
     print(f"  violated by {100 * violated:.0f}% of samples")
