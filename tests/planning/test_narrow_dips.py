@@ -85,7 +85,7 @@ def test_a_dip_that_no_look_sees_is_in_the_clearance(body):
 
 
 @pytest.mark.parametrize(
-    ("demands", "name", "truth"),
+    ("constraints", "name", "truth"),
     [
         ({"workspace": {"min": [-0.8, -1, -1], "max": [1, 1, 1]}}, "workspace x min", LOWEST + 0.8),
         (

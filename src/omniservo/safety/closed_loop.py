@@ -130,8 +130,8 @@ def servo(
     features: FeatureTracker,
     visibility: VisibilityFilter,
     *,
-    on_step: Callable[[Step], None],
     time_limit: float,
+    on_step: Callable[[Step], None] = lambda step: None,
     posture: Posture | None = None,
 ) -> ServoStop | None:
     """Drive the robot until the controller is done; the robot stands still on return.
@@ -141,8 +141,8 @@ def servo(
         controller: turns points into camera twists.
         features: finds the points near their predicted places.
         visibility: keeps the points in view.
-        on_step: called after every command; what it raises stops the robot.
         time_limit: of the whole servo [s].
+        on_step: called after every command; what it raises stops the robot.
         posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
 
     What stops it latches in the supervisor: nothing moves the robot again until `Supervisor.release`.

@@ -1,0 +1,60 @@
+"""Drive a robot of your own: any class with read, image, command and stop, here an arm that moves as told.
+
+In place of a controller's connection this one adds up its joint velocities, and its images are rendered. The
+Supervisor and loop that drive the simulated arm drive it along a planned path. Prints how that ended.
+"""
+
+import numpy as np
+
+import omniservo
+from omniservo.perception import DotTracker
+from omniservo.robots import CameraImage, RobotState
+from omniservo.safety import Supervisor, VisibilityFilter, servo
+from omniservo.servoing import RestToRestLaw
+from omniservo.simulation import Scene, UnifiedRenderer, World, scene_of_task
+from omniservo.tasks import load_task
+
+CAMERA = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)
+PERIOD = 0.2  # [s] between images
+
+
+class MyRobot:
+    def __init__(self, scene: Scene) -> None:
+        self.time, self.joints, self.velocities = 0.0, np.array(scene.start_joints), np.zeros(6)
+        self.renderer, self.newest = UnifiedRenderer(World(scene)), CameraImage(-np.inf, np.zeros((0, 0)))
+
+    def read(self) -> RobotState:
+        return RobotState(self.time, self.joints.copy(), self.velocities.copy())
+
+    def image(self) -> CameraImage:
+        if self.time >= self.newest.time + PERIOD:  # exposed now, on the clock of `read`
+            noise = np.random.default_rng(round(1e3 * self.time))
+            self.newest = CameraImage(self.time, self.renderer.photograph(self.joints, noise))
+        return self.newest
+
+    def command(self, joint_velocities: np.ndarray) -> None:
+        self.velocities = np.array(joint_velocities)
+
+    def stop(self) -> None:
+        self.velocities = np.zeros(6)
+
+    def wait(self, duration: float) -> None:  # with a real robot: time.sleep
+        self.joints, self.time = self.joints + duration * self.velocities, self.time + duration
+
+
+def main() -> None:
+    task = load_task("paper-example-1", camera=CAMERA)
+    scene, goal = scene_of_task(task), task.teach.initial_T_goal.transform
+    problem = omniservo.PlanningProblem(CAMERA, [dot.center for dot in task.target.dots], goal)
+    options = omniservo.TrackerOptions(gain=1.5, delay=PERIOD / 2, settled_frames=5)
+    plan = omniservo.plan_path(problem)
+    tracker = omniservo.PathTracker(plan, CAMERA, options=options, time_law=RestToRestLaw(2.5))
+    robot = MyRobot(scene)
+    supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.wait)
+    stop = servo(supervisor, tracker, DotTracker(CAMERA), VisibilityFilter(CAMERA), time_limit=10.0)
+    off = (scene.world_T_camera(scene.start_joints) * goal).inv() * scene.world_T_camera(robot.joints)
+    print(f"servo {stop or 'done'}, {1e3 * np.linalg.norm(off.translation):.2f} mm from the goal")
+
+
+if __name__ == "__main__":
+    main()
