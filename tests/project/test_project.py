@@ -5,6 +5,8 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import defaultdict
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -51,6 +53,47 @@ def test_every_rooms_public_names_exist():
             module = __import__(f"omniservo.{room.name}", fromlist=["__all__"])
             for name in getattr(module, "__all__", []):
                 assert hasattr(module, name), f"omniservo.{room.name}.{name}"
+
+
+MOVED = [
+    *(
+        ("omniservo.planning", name, f"omniservo.{room}", name)
+        for room, names in {
+            "whole_arm": ["ArmPlan", "ArmSetting", "plan_with_arm"],
+            "risk": ["Executions", "RiskPlan", "plan_arm_with_risk", "plan_links_at_risk", "plan_with_risk"],
+            "replanning": ["replan", "replan_with_arm"],
+        }.items()
+        for name in names
+    ),
+    *(("omniservo.calibration", n, "omniservo.camera_files", n) for n in ("load_camera", "save_camera")),
+    ("omniservo.robots", "handy_mount", "omniservo.robots", "suggested_mount"),
+    ("omniservo.simulation", "Box", "omniservo.simulation", "SceneBox"),
+    ("omniservo.perception", "Tags", "omniservo.perception", "FoundTags"),
+]
+
+
+@pytest.mark.parametrize(("old_room", "old", "room", "name"), MOVED)
+def test_names_of_before_work_with_a_warning(old_room, old, room, name):
+    with pytest.warns(DeprecationWarning, match=f"{old_room}.{old} is called .*{name} now"):
+        found = getattr(import_module(old_room), old)
+    assert found is getattr(import_module(room), name)
+
+
+def test_a_name_that_never_was_is_no_attribute():
+    with pytest.raises(AttributeError, match="has no attribute 'plan_with_legs'"):
+        import_module("omniservo.planning").plan_with_legs  # noqa: B018
+
+
+def test_no_two_public_classes_share_a_name():
+    """The verifier's own aside: it shares nothing with the rest, names included or not."""
+    files = defaultdict(list)
+    for path in (ROOT / "src" / "omniservo").rglob("*.py"):
+        if "verification" not in path.parts:
+            for node in ast.parse(path.read_text()).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    files[node.name].append(path.name)
+    assert len(files) > 200
+    assert {name: where for name, where in files.items() if len(where) > 1} == {}
 
 
 def test_the_readme_starts_with_the_two_commands():

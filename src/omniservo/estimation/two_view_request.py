@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from omniservo.estimation.uncertainty.two_view_uncertainty import KnownLength, Lens
+from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, ScaleLength
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -31,9 +31,9 @@ class TwoViewRequest(NamedTuple):
         """Return the members' windows (m,) [px]; None: they err alone."""
         return None if self.windows is None else self.windows[members]
 
-    def length(self, members: BoolArray) -> KnownLength:
+    def length(self, members: BoolArray) -> ScaleLength:
         """Return what fixes the scale, among the members."""
         if self.between is None:
-            return KnownLength(None, self.metres or 1.0)
+            return ScaleLength(None, self.metres or 1.0)
         places = int(members[: self.between[0]].sum()), int(members[: self.between[1]].sum())
-        return KnownLength(places, self.metres or 1.0)
+        return ScaleLength(places, self.metres or 1.0)

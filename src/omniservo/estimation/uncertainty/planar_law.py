@@ -9,7 +9,7 @@ import numpy as np
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.planar_motion import UNKNOWNS, PlanarBlocks, PlanarMotion
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.estimation.uncertainty.two_view_uncertainty import KnownLength, Lens, Noise, Solution
+from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, Noise, ScaleLength, Solution
 from omniservo.geometry.arrays import FloatArray
 
 
@@ -20,7 +20,7 @@ def planar_law(
     blocks: PlanarBlocks,
     noise: Noise,
     windows: FloatArray | None,
-    length: KnownLength,
+    length: ScaleLength,
     lens: Lens,
 ) -> JointUncertainty | None:
     """Return the law of x = (t, δ, h₁ … hₙ) in metres; None where the motion is not determined.

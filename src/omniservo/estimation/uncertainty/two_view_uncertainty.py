@@ -47,7 +47,7 @@ class Noise(NamedTuple):
         return self._replace(variance=self.variance * shared_error_factor(response, members.pixels, windows))
 
 
-class KnownLength(NamedTuple):
+class ScaleLength(NamedTuple):
     """What fixes the scale."""
 
     between: tuple[int, int] | None
@@ -102,7 +102,7 @@ def two_view_uncertainty(
     solution: Solution,
     noise: Noise,
     together: Noise,
-    length: KnownLength,
+    length: ScaleLength,
     lens: Lens,
 ) -> JointUncertainty:
     """Return the law of x in metres.
@@ -158,7 +158,7 @@ def _stretched(
     response: LinearResponse,
     solution: Solution,
     noise: Noise,
-    length: KnownLength,
+    length: ScaleLength,
 ) -> FloatArray:
     """Return the rows (k, 6 + 3n) [m] that stretch the law over what the likelihood leaves.
 
@@ -182,7 +182,7 @@ def _stretched(
 
 
 def _structure(
-    members: Matches, rotation: FloatArray, translation: FloatArray, length: KnownLength
+    members: Matches, rotation: FloatArray, translation: FloatArray, length: ScaleLength
 ) -> tuple[FloatArray, float]:
     """Return the linear structure (n, 3) [m] under a motion, and the length of t [m]."""
     points = np.empty((len(members.pixels), 3))
