@@ -3,6 +3,7 @@
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import Certificate, ConstraintMargin, Separator
 from omniservo.planning.certificate.certify import certify
+from omniservo.planning.degrees import Degrees
 from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
@@ -12,8 +13,9 @@ from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
-from omniservo.planning.planning_problem import Degrees, PlanningProblem, Workspace
+from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.widened import widened_evenly
+from omniservo.planning.workspace import Workspace
 from omniservo.planning.worst_moment import worst_moment
 from omniservo.renamed import renamed
 

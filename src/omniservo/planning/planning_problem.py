@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,96 +16,16 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
+from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array
+from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
-from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.problem_file import MOST_POINTS, problem_fields, read_problem
 from omniservo.planning.quick_poses import quaternion_of
-
-MOST_POINTS = 100_000
-"""Target points, and obstacles, that a problem may have."""
-
-MOST_HALF_SPACES = 1000
-"""Half-spaces that a workspace may have."""
-
-HIGHEST_DEGREE = 16
-"""Highest degree of rotation and translation: every binomial coefficient that they need is an exact float."""
-
-
-@with_field_docs
-@dataclass(frozen=True)
-class Degrees:
-    """Highest polynomial degrees that a path may have."""
-
-    rotation: int = 2
-    """σ, 1 to 16"""
-    translation: int = 2
-    """τ, 1 to 16"""
-
-    def __post_init__(self) -> None:
-        for name in ("rotation", "translation"):
-            value = getattr(self, name)
-            number = finite_number(f"degrees.{name}", value, minimum=1, maximum=HIGHEST_DEGREE)
-            if number != int(number):
-                raise InputError(f"degrees.{name}: {number:g} given; a whole number is needed")
-            object.__setattr__(self, name, int(number))
-
-
-@with_field_docs
-@dataclass(frozen=True, eq=False)
-class Workspace:
-    """Where the camera centre stays, in the initial camera frame: a box, half-spaces, or both.
-
-    Raises:
-        InputError: nothing given, only one of min and max, min ≥ max, or what `HalfSpace` refuses.
-    """
-
-    min: FloatArray | None = None
-    """(3,) [m], read-only; None where there is no box"""
-    max: FloatArray | None = None
-    """(3,) [m], read-only"""
-    half_spaces: tuple[HalfSpace, ...] = ()
-    """free is normal·t ≥ offset: no clearance is added, so theirs must be None; nor do they move"""
-
-    def __post_init__(self) -> None:
-        self._check_half_spaces()
-        if self.min is not None and self.max is not None:
-            self._check_box(self.min, self.max)
-        elif self.min is not None or self.max is not None:
-            missing = "min" if self.min is None else "max"
-            raise InputError(f"workspace.{missing}: missing; legal: min and max, or neither")
-        elif not self.half_spaces:
-            raise InputError("workspace: empty; legal: min and max, half_spaces, or all three")
-
-    def _check_box(self, low: FloatArray, high: FloatArray) -> None:
-        low, high = bounded_array("workspace.min", low, (3,)), bounded_array("workspace.max", high, (3,))
-        for axis in range(3):
-            if not low[axis] < high[axis]:
-                raise InputError(
-                    f"workspace: min {low[axis]:g}, max {high[axis]:g} given on axis {'xyz'[axis]}; "
-                    "legal: min < max"
-                )
-        object.__setattr__(self, "min", low)
-        object.__setattr__(self, "max", high)
-
-    def _check_half_spaces(self) -> None:
-        half_spaces = tuple(self.half_spaces)
-        if len(half_spaces) > MOST_HALF_SPACES:
-            raise InputError(
-                f"workspace.half_spaces: {len(half_spaces)} given; legal: at most {MOST_HALF_SPACES}"
-            )
-        for i, side in enumerate(half_spaces):
-            if not isinstance(side, HalfSpace):
-                what = type(side).__name__
-            elif side.clearance is not None or side.motion is not None:
-                what = "with a clearance" if side.motion is None else "with a motion"
-            else:
-                continue
-            raise InputError(
-                f"workspace.half_spaces[{i}]: {what} given; legal: a HalfSpace without clearance and motion"
-            )
-        object.__setattr__(self, "half_spaces", half_spaces)
+from omniservo.planning.size_notices import size_notices
+from omniservo.planning.workspace import Workspace
 
 
 @with_field_docs
@@ -133,7 +54,7 @@ class PlanningProblem:
     occlusion: bool = False
     """no obstacle between camera and any target point"""
     workspace: Workspace | None = None
-    degrees: Degrees = Degrees()
+    degrees: Degrees = field(default_factory=Degrees)
     initial_velocity: FloatArray | None = None
     """twist that the path starts with (6,), (linear [m], angular [rad]) per unit of w, in the initial camera
     frame, read-only; None: any. It takes one degree more to leave a path as much freedom as without"""
@@ -227,8 +148,6 @@ class PlanningProblem:
     @cached_property
     def notices(self) -> tuple[str, ...]:
         """What is odd in it, though legal: bodies that look as if their unit were another; a line each."""
-        from omniservo.planning.size_notices import size_notices
-
         return size_notices(self)
 
     @classmethod
@@ -238,9 +157,7 @@ class PlanningProblem:
         Raises:
             InputError: not readable, or a field is missing, unknown or not legal.
         """
-        from omniservo.planning.problem_file import load_problem
-
-        return load_problem(path)
+        return read_problem(cls, read_document(path), Path(path).parent, str(path))
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any], *, folder: str | Path | None = None) -> PlanningProblem:
@@ -249,14 +166,10 @@ class PlanningProblem:
         Raises:
             InputError: a field is missing, unknown or not legal.
         """
-        from omniservo.planning.problem_file import problem_from_fields
-
-        return problem_from_fields(fields, None if folder is None else Path(folder), "problem")
+        return read_problem(cls, fields, None if folder is None else Path(folder), "problem")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of a problem file, with the camera in it: complete by itself."""
-        from omniservo.planning.problem_file import problem_fields
-
         return problem_fields(self)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
@@ -265,6 +178,4 @@ class PlanningProblem:
         Raises:
             InputError: the file exists and ``force`` is False, or cannot be written.
         """
-        from omniservo.planning.problem_file import save_problem
-
-        save_problem(self, path, force=force)
+        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n", force=force)

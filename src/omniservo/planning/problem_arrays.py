@@ -21,7 +21,8 @@ from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.obstacles.sphere import Sphere
-from omniservo.planning.planning_problem import PlanningProblem, Workspace
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.workspace import Workspace
 
 TIGHTER_PX = 3e-7
 """Plans are searched with limits so much further inward: more than proving the margin 0 needs."""

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.camera_files import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, spelled, spelled_name
-from omniservo.files import file_inside, read_document, write_whole
+from omniservo.files import file_inside
 from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.obstacles.obstacle_fields import obstacle_fields, obstacles_from_fields, only_fields
-from omniservo.planning.planning_problem import (
-    MOST_HALF_SPACES,
-    MOST_POINTS,
-    Degrees,
-    PlanningProblem,
-    Workspace,
-)
 from omniservo.planning.stated_quaternion import ROTATION_FIELDS, stated_quaternion
+from omniservo.planning.workspace import MOST_HALF_SPACES, Workspace
+
+if TYPE_CHECKING:
+    from omniservo.planning.planning_problem import PlanningProblem
+
+P = TypeVar("P")
 
 FORMAT = "omniservo.problem/1"
+
+MOST_POINTS = 100_000
+"""Target points, and obstacles, that a problem may have."""
 
 _REQUIRED = ("format", "camera", "points", "goal")
 OPTIONAL = (
@@ -41,26 +44,8 @@ OPTIONAL = (
 """Fields that a problem file may have, and a file of obstacles."""
 
 
-def load_problem(path: str | Path) -> PlanningProblem:
-    """Return the problem of a JSON or YAML file.
-
-    Raises:
-        InputError: not readable, or a field is missing, unknown or not legal.
-    """
-    return problem_from_fields(read_document(path), Path(path).parent, str(path))
-
-
-def save_problem(problem: PlanningProblem, path: str | Path, *, force: bool = False) -> None:
-    """Write a problem as JSON, whole or not at all.
-
-    Raises:
-        InputError: the file exists and ``force`` is False, or cannot be written.
-    """
-    write_whole(path, json.dumps(problem_fields(problem), indent=1) + "\n", force=force)
-
-
-def problem_from_fields(fields: Any, folder: Path | None, source: str) -> PlanningProblem:
-    """Return the problem of a file's fields; every message starts with ``source`` and the field.
+def read_problem(make: Callable[..., P], fields: Any, folder: Path | None, source: str) -> P:
+    """Return the problem, made by ``make``, of a file's fields; messages start with ``source`` and the field.
 
     Raises:
         InputError: a field is missing, unknown or not legal.
@@ -80,7 +65,7 @@ def problem_from_fields(fields: Any, folder: Path | None, source: str) -> Planni
         if fields.get("initial_velocity") is not None:
             given["initial_velocity"] = fields["initial_velocity"]
         initial_T_goal, quaternion = _goal(fields["goal"])
-        problem = PlanningProblem(
+        problem = make(
             camera=_camera(fields["camera"], folder),
             points=_listed("points", fields["points"], MOST_POINTS),
             initial_T_goal=initial_T_goal,

@@ -10,7 +10,8 @@ from omniservo.planning.checks import LARGEST
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
-from omniservo.planning.planning_problem import PlanningProblem, Workspace
+from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.workspace import Workspace
 
 
 def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) -> PlanningProblem:

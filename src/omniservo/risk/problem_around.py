@@ -10,7 +10,7 @@ from omniservo.files import read_document
 from omniservo.planning.obstacles.obstacle_fields import only_fields
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_file import FORMAT as PROBLEM_FORMAT
-from omniservo.planning.problem_file import OPTIONAL, problem_from_fields
+from omniservo.planning.problem_file import OPTIONAL, read_problem
 
 FORMAT = "omniservo.obstacles/1"
 """A problem file without camera, points and goal."""
@@ -54,7 +54,7 @@ def problem_around(
         },
     }
     kept = {} if clearance is None else {"clearance": clearance}
-    return problem_from_fields({**own, **given, **kept}, Path(obstacles).parent, source)
+    return read_problem(PlanningProblem, {**own, **given, **kept}, Path(obstacles).parent, source)
 
 
 NOT_METRIC = (
