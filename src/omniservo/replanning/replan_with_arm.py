@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.constraints.body_gap import REACH
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan
@@ -148,7 +149,7 @@ def with_room(constraints: Constraints, planes: int, room: float) -> Constraints
         for rows in (constraints.obstacles, constraints.bodies, constraints.clouds, constraints.planes)
     )
     obstacles[:, 4] += room
-    bodies[:, 16] += room
+    bodies[:, REACH] += room
     clouds[:, 5] += room
     sides[:planes, 3:5] += room
     return constraints._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)

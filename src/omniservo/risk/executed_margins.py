@@ -11,7 +11,7 @@ from omniservo.geometry.kernel import kernel, leaf
 from omniservo.planning.certificate.margin_kinds import CLEARANCE
 from omniservo.planning.certificate.seen_margins import centre_margin, smallest_at
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.constraints.place import place
+from omniservo.planning.constraints.place import AT, place
 from omniservo.risk.servo_response import ServoResponse
 
 
@@ -42,7 +42,7 @@ def executed_margins(
     for i in range(response.places.shape[0]):
         if not active[i].any():
             continue
-        pose[13] = response.places[i]
+        pose[AT] = response.places[i]
         for k in range(points.shape[0]):
             for a in range(4):
                 phi[a, 0] = response.quaternions[i, a]

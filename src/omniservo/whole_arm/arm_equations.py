@@ -8,6 +8,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.place import TX
 from omniservo.planning.search.descent import Room, linearise, spread
 from omniservo.planning.search.path_family import PathFamily
 from omniservo.robots.kinematics.chain import Chain
@@ -45,7 +46,7 @@ def follow_poses(
                 for j in range(4):
                     moved = base_T_initial[i, 3] if j == 3 else 0.0
                     for c in range(3):
-                        moved += base_T_initial[i, c] * poses[s, 9 + c if j == 3 else 3 * c + j]
+                        moved += base_T_initial[i, c] * poses[s, TX + c if j == 3 else 3 * c + j]
                     goals[s, i, k] += moved * camera_T_flange[j, k]
     return bool(lead_onto(chain, goals, leap, False, joints))
 

@@ -20,7 +20,7 @@ from omniservo.planning.certificate.margin_kinds import (
 from omniservo.planning.certificate.proven_margins import prove_space, prove_view
 from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.constraints.place import place
+from omniservo.planning.constraints.place import AT, place
 
 LOOKS = 32
 """The path is looked at so many times, evenly, before every minimum is refined."""
@@ -91,7 +91,7 @@ def look(
         set_basis(rotation_basis, 0, w)
         set_basis(translation_basis, 0, w)
         place(phi, t, rotation_basis[0], translation_basis[0], constraints.points, pose, c, turn)
-        pose[13] = w
+        pose[AT] = w
         for e in range(count):
             if entries[e, 0] == CLEARANCE:  # there may be thousands
                 margin, about = sphere_margin(constraints.obstacles, int(entries[e, 1]), pose), 0
@@ -178,7 +178,7 @@ def pose_margins(
         t[i, 0] = translation[i]
     pose, c, turn = np.empty(14), np.empty((constraints.points.shape[0], 4)), np.empty((3, 4))
     place(phi, t, one, one, constraints.points, pose, c, turn)
-    pose[13] = w
+    pose[AT] = w
     table = np.empty((entries.shape[0], 2))
     for e in range(entries.shape[0]):
         margin, about = smallest_at(entries[e], constraints, optics, pose, c, constraints.points)

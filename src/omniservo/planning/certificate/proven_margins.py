@@ -24,6 +24,7 @@ from omniservo.planning.certificate.margin_kinds import (
     WALL,
 )
 from omniservo.planning.certificate.seen_margins import mask_polygon
+from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.cloud import prove_cloud_clear
 from omniservo.planning.constraints.cloud_sight import prove_cloud_sights
 from omniservo.planning.constraints.collision import prove_outside_ball
@@ -158,13 +159,13 @@ def prove_solid(
         status, w = prove_free_side(path, largest, plane, margin)
         return status, w, 0
     body, hulls, planes = constraints.bodies[index], constraints.hulls, np.empty((0, 5))
-    path, largest = seen_from_body(centre, translation, size, motions, body[17])
+    path, largest = seen_from_body(centre, translation, size, motions, body[MOTION])
     if kind == BODY:
-        status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[16] + margin, planes)
+        status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[REACH] + margin, planes)
         return status, w, 0
     for j in range(constraints.points.shape[0]):
-        h = point_from_body(constraints.points[j], motions, body[17])
-        status, w, _ = separate(path, largest, h, body, hulls, body[15] + margin, planes)
+        h = point_from_body(constraints.points[j], motions, body[MOTION])
+        status, w, _ = separate(path, largest, h, body, hulls, body[RADIUS] + margin, planes)
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0

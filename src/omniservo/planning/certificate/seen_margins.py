@@ -21,6 +21,7 @@ from omniservo.planning.certificate.margin_kinds import (
     SIGHT,
     WALL,
 )
+from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.cloud import cloud_margin
 from omniservo.planning.constraints.cloud_sight import cloud_sight_margin
 from omniservo.planning.constraints.constraints import Constraints
@@ -29,6 +30,7 @@ from omniservo.planning.constraints.free_side import free_side_gap
 from omniservo.planning.constraints.image_mask import mask_margin
 from omniservo.planning.constraints.motion import displacement
 from omniservo.planning.constraints.occlusion import sight_offset
+from omniservo.planning.constraints.place import AT, NORM, TX, TY, TZ
 from omniservo.planning.constraints.solid_gap import hull_of, solid_gap
 from omniservo.planning.constraints.visibility import OUTSIDE
 
@@ -69,18 +71,18 @@ def camera_margin(
 def centre_margin(kind: int, index: int, constraints: Constraints, pose: FloatArray) -> float:
     """Return what a CLEARANCE, WALL, ROTATION, FREE_SIDE, BODY or CLOUD entry leaves at a pose (14,)."""
     if kind == ROTATION:
-        return float(pose[12] - ROTATION_FLOOR)
+        return float(pose[NORM] - ROTATION_FLOOR)
     if kind == WALL:
         side, axis = index // 3, index % 3
-        gap = float(pose[9 + axis] - constraints.box[side, axis])
+        gap = float(pose[TX + axis] - constraints.box[side, axis])
         return gap if side == 0 else -gap
     if kind == FREE_SIDE:
         x, y, z = centre_from_body(pose, constraints.motions, constraints.planes[index, 5])
         return free_side_gap(x, y, z, constraints.planes[index])
     if kind == BODY:
         body = constraints.bodies[index]
-        x, y, z = centre_from_body(pose, constraints.motions, body[17])
-        return float(solid_gap(body, hull_of(body, constraints.hulls), x, y, z, x, y, z)[3] - body[16])
+        x, y, z = centre_from_body(pose, constraints.motions, body[MOTION])
+        return float(solid_gap(body, hull_of(body, constraints.hulls), x, y, z, x, y, z)[3] - body[REACH])
     if kind == CLOUD:
         return cloud_margin(constraints, index, pose)
     return sphere_margin(constraints.obstacles, index, pose)
@@ -89,15 +91,15 @@ def centre_margin(kind: int, index: int, constraints: Constraints, pose: FloatAr
 @leaf
 def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
     """Return what the clearance of a sphere leaves at a pose (13,)."""
-    x, y, z = pose[9] - obstacles[index, 0], pose[10] - obstacles[index, 1], pose[11] - obstacles[index, 2]
+    x, y, z = pose[TX] - obstacles[index, 0], pose[TY] - obstacles[index, 1], pose[TZ] - obstacles[index, 2]
     return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
 
 
 @leaf
 def centre_from_body(pose: FloatArray, motions: FloatArray, motion: float) -> tuple[float, float, float]:
     """Return t − m of a pose (14,)."""
-    x, y, z = displacement(motions, motion, pose[13])
-    return pose[9] - x, pose[10] - y, pose[11] - z
+    x, y, z = displacement(motions, motion, pose[AT])
+    return pose[TX] - x, pose[TY] - y, pose[TZ] - z
 
 
 @kernel
@@ -120,21 +122,21 @@ def smallest_at(
     if kind == SIGHT:
         o = constraints.obstacles[index]
         for j in range(points.shape[0]):
-            value = sight_offset(pose[9], pose[10], pose[11], points[j], o)[3]
+            value = sight_offset(pose[TX], pose[TY], pose[TZ], points[j], o)[3]
             if value < least:
                 least, about = value, j
         return least - float(o[3]), about
     if kind == BODY_SIGHT:
         body = constraints.bodies[index]
         hull = hull_of(body, constraints.hulls)
-        mx, my, mz = displacement(constraints.motions, body[17], pose[13])
-        x, y, z = pose[9] - mx, pose[10] - my, pose[11] - mz
+        mx, my, mz = displacement(constraints.motions, body[MOTION], pose[AT])
+        x, y, z = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
         for j in range(points.shape[0]):
             hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
             value = solid_gap(body, hull, x, y, z, hx, hy, hz)[3]
             if value < least:
                 least, about = value, j
-        return least - float(body[15]), about
+        return least - float(body[RADIUS]), about
     if kind == CLOUD_SIGHT:
         return cloud_sight_margin(constraints, index, pose, points)
     if kind == MASK:

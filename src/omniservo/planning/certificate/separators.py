@@ -8,6 +8,7 @@ from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.certificate.certificate import Separator
+from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
 from omniservo.planning.constraints.separation import MOST_PLANES, separate
@@ -30,12 +31,12 @@ def separators_of(
     found = []
     for entry, margin in proven:
         body, motions = constraints.bodies[entry.about], constraints.motions
-        path, largest = seen_from_body(centre, translation, size, motions, body[17])
+        path, largest = seen_from_body(centre, translation, size, motions, body[MOTION])
         for point in range(len(constraints.points)) if entry.about_point else (None,):
             h = np.empty((3, 0))
             if point is not None:
-                h = point_from_body(constraints.points[point], motions, body[17])
-            reach = float(body[16 if point is None else 15]) + margin
+                h = point_from_body(constraints.points[point], motions, body[MOTION])
+            reach = float(body[REACH if point is None else RADIUS]) + margin
             count = separate(path, largest, h, body, constraints.hulls, reach, planes)[2]
             found.append(Separator(entry.name, point, frozen(planes[:count])))
     return tuple(found)

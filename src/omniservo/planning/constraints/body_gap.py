@@ -13,6 +13,10 @@ from omniservo.geometry.kernel import leaf
 BODY_SIZE = 24
 """Numbers of a row."""
 
+EXTENT, RADIUS, REACH, MOTION, CORNERS, FACES, EDGES = 12, 15, 16, 17, 18, 20, 22
+"""Where in a row: half extents e (3,), radius r, reach r + clearance [m], motion, and of a mesh the first and
+the end of its corners, faces and edges."""
+
 _TOUCHING = 1e-14
 """Below this part of the distances involved, a gap's direction is only rounding."""
 
@@ -20,7 +24,7 @@ _TOUCHING = 1e-14
 @leaf
 def is_solid(body: FloatArray) -> bool:
     """Tell whether a body has volume: a point hides nothing."""
-    return bool(body[15] > 0.0 or body[12] > 0.0)
+    return bool(body[RADIUS] > 0.0 or body[EXTENT] > 0.0)
 
 
 @leaf
@@ -122,7 +126,7 @@ def segment_gap(
     """
     p = in_body_frame(body, tx - body[0], ty - body[1], tz - body[2])
     d = in_body_frame(body, hx - tx, hy - ty, hz - tz)
-    e = float(body[12]), float(body[13]), float(body[14])
+    e = float(body[EXTENT]), float(body[EXTENT + 1]), float(body[EXTENT + 2])
     s = nearest_part(p, d, e)
     x, y, z = excess(p[0] + s * d[0], e[0]), excess(p[1] + s * d[1], e[1]), excess(p[2] + s * d[2], e[2])
     gap = math.sqrt(x * x + y * y + z * z)

@@ -28,6 +28,7 @@ from omniservo.geometry.subdivision import (
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
+from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
@@ -132,8 +133,8 @@ def _off_balls(piece: Piece, balls: _Balls) -> tuple[int, int]:
 @kernel
 def cloud_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
     """Return what the clearance of cloud ``index`` leaves at a pose (14,)."""
-    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[13])
-    t = pose[9] - mx, pose[10] - my, pose[11] - mz
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[AT])
+    t = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     return float(nearest_point(points, nodes, t, t, math.inf)[1] - constraints.clouds[index, 5])
 
@@ -193,8 +194,8 @@ def push_off_clouds(
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
         unit = max(reach, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, 13])
-            t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, AT])
+            t = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
             limit = reach + unit * max(targets[group], least[group])
             k, distance = nearest_point(points, nodes, t, t, limit)
             if k < 0:

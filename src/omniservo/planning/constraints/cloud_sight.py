@@ -31,6 +31,7 @@ from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, fart
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
+from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
@@ -189,9 +190,9 @@ def cloud_sight_margin(
     constraints: Constraints, index: int, pose: FloatArray, targets: FloatArray
 ) -> tuple[float, int]:
     """Return what cloud ``index`` leaves to the lines of sight at a pose (14,), and to which target least."""
-    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[13])
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[AT])
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
-    t = pose[9] - mx, pose[10] - my, pose[11] - mz
+    t = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
     least, about = math.inf, 0
     for j in range(targets.shape[0]):
         h = targets[j, 0] - mx, targets[j, 1] - my, targets[j, 2] - mz
@@ -255,8 +256,8 @@ def push_sights_off_clouds(
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
         unit = max(radius, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, 13])
-            t = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, AT])
+            t = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
             for j in range(constraints.points.shape[0]):
                 h[0], h[1], h[2] = (
                     constraints.points[j, 0] - mx,

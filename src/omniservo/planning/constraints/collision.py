@@ -7,6 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
@@ -58,9 +59,9 @@ def push_from_obstacles(
         unit = max(reach, 0.05 * ell)
         for s in range(poses.shape[0]):
             x, y, z = (
-                poses[s, 9] - obstacles[i, 0],
-                poses[s, 10] - obstacles[i, 1],
-                poses[s, 11] - obstacles[i, 2],
+                poses[s, TX] - obstacles[i, 0],
+                poses[s, TY] - obstacles[i, 1],
+                poses[s, TZ] - obstacles[i, 2],
             )
             distance = math.sqrt(x * x + y * y + z * z)
             g = (distance - reach) / unit

@@ -6,6 +6,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.motion import displacement, seen_from_body
+from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
@@ -61,8 +62,8 @@ def push_to_free_side(
         f = 1.0 / max(plane[4], 0.05 * ell)
         x, y, z = f * plane[0], f * plane[1], f * plane[2]
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(motions, plane[5], poses[s, 13])
-            g = f * free_side_gap(poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz, plane)
+            mx, my, mz = displacement(motions, plane[5], poses[s, AT])
+            g = f * free_side_gap(poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz, plane)
             least[group] = min(least[group], g)
             if g < targets[group]:
                 push_centre(systems, costs, s, poses, x, y, z, targets[group] - g)

@@ -6,6 +6,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.constraints.collision import prove_outside_ball
+from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
@@ -40,7 +41,7 @@ def push_from_points(
     target, lowest = targets[group], least[group]
     for s in range(poses.shape[0]):
         for j in range(points.shape[0]):
-            x, y, z = poses[s, 9] - points[j, 0], poses[s, 10] - points[j, 1], poses[s, 11] - points[j, 2]
+            x, y, z = poses[s, TX] - points[j, 0], poses[s, TY] - points[j, 1], poses[s, TZ] - points[j, 2]
             square = x * x + y * y + z * z
             far = distance + ell * max(target, lowest)
             if square >= far * far:

@@ -28,6 +28,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
+from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre_often
 from omniservo.planning.constraints.visibility import sum_of_controls
 
@@ -207,7 +208,7 @@ def push_sight(
         ox, oy, oz, unit = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2], max(radius, 0.05 * ell)
         target, lowest = targets[group], least[group]
         for s in range(poses.shape[0]):
-            tx, ty, tz = poses[s, 9], poses[s, 10], poses[s, 11]
+            tx, ty, tz = poses[s, TX], poses[s, TY], poses[s, TZ]
             px, py, pz = tx - ox, ty - oy, tz - oz
             xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             bx, by, bz, cost = 0.0, 0.0, 0.0, 0.0

@@ -5,6 +5,9 @@ import math
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
 
+TX, TY, TZ, NORM, AT = range(9, 14)
+"""A pose is a row (14,): the rotation R row by row, the camera centre t [m], ‖φ‖², and the w it is at."""
+
 
 @leaf
 def place(
@@ -26,9 +29,9 @@ def place(
         total = 0.0
         for k in range(translation_basis.shape[0]):
             total += translation_basis[k] * t[c, k]
-        pose[9 + c] = total
-    pose[12] = x * x + y * y + z * z + w * w
-    f = 2.0 / max(pose[12], 1e-12)
+        pose[TX + c] = total
+    pose[NORM] = x * x + y * y + z * z + w * w
+    f = 2.0 / max(pose[NORM], 1e-12)
     pose[0], pose[1], pose[2] = 1.0 - f * (y * y + z * z), f * (x * y - z * w), f * (x * z + y * w)
     pose[3], pose[4], pose[5] = f * (x * y + z * w), 1.0 - f * (x * x + z * z), f * (y * z - x * w)
     pose[6], pose[7], pose[8] = f * (x * z - y * w), f * (y * z + x * w), 1.0 - f * (x * x + y * y)
@@ -36,7 +39,7 @@ def place(
     turn[1, 0], turn[1, 1], turn[1, 2], turn[1, 3] = -f * z, f * w, f * x, -f * y
     turn[2, 0], turn[2, 1], turn[2, 2], turn[2, 3] = f * y, -f * x, f * w, -f * z
     for j in range(points.shape[0]):
-        a, b, c = points[j, 0] - pose[9], points[j, 1] - pose[10], points[j, 2] - pose[11]
+        a, b, c = points[j, 0] - pose[TX], points[j, 1] - pose[TY], points[j, 2] - pose[TZ]
         camera_points[j, 0] = pose[0] * a + pose[3] * b + pose[6] * c
         camera_points[j, 1] = pose[1] * a + pose[4] * b + pose[7] * c
         camera_points[j, 2] = pose[2] * a + pose[5] * b + pose[8] * c

@@ -28,9 +28,10 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
-from omniservo.planning.constraints.body_gap import is_solid
+from omniservo.planning.constraints.body_gap import EXTENT, MOTION, RADIUS, REACH, is_solid
 from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
+from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.planning.constraints.visibility import sum_of_controls
@@ -160,7 +161,9 @@ def _extent(body: FloatArray, h: FloatArray) -> float:
     for c in range(3):
         for k in range(h.shape[1]):
             far = max(far, abs(h[c, k]))
-    return float(far + abs(body[0]) + abs(body[1]) + abs(body[2]) + body[12] + body[13] + body[14])
+    return float(
+        far + abs(body[0]) + abs(body[1]) + abs(body[2]) + body[EXTENT] + body[EXTENT + 1] + body[EXTENT + 2]
+    )
 
 
 @leaf
@@ -193,13 +196,13 @@ def prove_bodies_clear(
     planes, nothing = np.empty((0, 5)), np.empty((3, 0))
     for i in range(bodies.shape[0]):
         body = bodies[i]
-        path, largest = seen_from_body(centre, translation, size, motions, body[17])
-        status, w, _ = separate(path, largest, nothing, body, hulls, body[16], planes)
+        path, largest = seen_from_body(centre, translation, size, motions, body[MOTION])
+        status, w, _ = separate(path, largest, nothing, body, hulls, body[REACH], planes)
         if status != PROVEN:
             return status, w
         for j in range(points.shape[0]):
-            h = point_from_body(points[j], motions, body[17])
-            status, w, _ = separate(path, largest, h, body, hulls, body[15], planes)
+            h = point_from_body(points[j], motions, body[MOTION])
+            status, w, _ = separate(path, largest, h, body, hulls, body[RADIUS], planes)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -228,13 +231,13 @@ def push_off_bodies(
     for i in range(m):
         body, hull = bodies[i], hull_of(bodies[i], hulls)
         for kind in range(2 if points.shape[0] > 0 else 1):
-            group, reach = first + i + m * kind, body[16 - kind]
+            group, reach = first + i + m * kind, body[REACH] if kind == 0 else body[RADIUS]
             if targets[group] == ASLEEP or (reach <= 0.0 and not is_solid(body)):
                 continue
             unit = max(reach, 0.05 * ell)
             for s in range(poses.shape[0]):
-                mx, my, mz = displacement(motions, body[17], poses[s, 13])
-                x, y, z = poses[s, 9] - mx, poses[s, 10] - my, poses[s, 11] - mz
+                mx, my, mz = displacement(motions, body[MOTION], poses[s, AT])
+                x, y, z = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
                 for j in range(points.shape[0] if kind == 1 else 1):
                     hx, hy, hz = x, y, z
                     if kind == 1:

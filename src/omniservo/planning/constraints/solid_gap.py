@@ -7,7 +7,7 @@ joined arrays of all meshes. Boxes are no meshes: their own gap takes a tenth of
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.planning.constraints.body_gap import segment_gap
+from omniservo.planning.constraints.body_gap import CORNERS, EDGES, EXTENT, FACES, segment_gap
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap, support
 
 
@@ -15,9 +15,9 @@ from omniservo.planning.constraints.hull_gap import Hull, hull_gap, support
 def hull_of(body: FloatArray, hulls: Hull) -> Hull:
     """Return the part of the joined arrays that is this body's; without vertices where it is no mesh."""
     return Hull(
-        hulls.corners[int(body[18]) : int(body[19])],
-        hulls.faces[int(body[20]) : int(body[21])],
-        hulls.edges[int(body[22]) : int(body[23])],
+        hulls.corners[int(body[CORNERS]) : int(body[CORNERS + 1])],
+        hulls.faces[int(body[FACES]) : int(body[FACES + 1])],
+        hulls.edges[int(body[EDGES]) : int(body[EDGES + 1])],
     )
 
 
@@ -39,5 +39,5 @@ def core_support(body: FloatArray, hull: Hull, nx: float, ny: float, nz: float) 
     total = 0.0
     for a in range(3):
         i = 3 + 3 * a
-        total += body[12 + a] * abs(nx * body[i] + ny * body[i + 1] + nz * body[i + 2])
+        total += body[EXTENT + a] * abs(nx * body[i] + ny * body[i + 1] + nz * body[i + 2])
     return total

@@ -7,6 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.place import TX
 from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 
@@ -52,7 +53,7 @@ def push_into_box(
         f = (1.0 if side == 0 else -1.0) / ell
         x, y, z = f if axis == 0 else 0.0, f if axis == 1 else 0.0, f if axis == 2 else 0.0
         for s in range(poses.shape[0]):
-            g = f * (poses[s, 9 + axis] - box[side, axis])
+            g = f * (poses[s, TX + axis] - box[side, axis])
             least[group] = min(least[group], g)
             if g < targets[group]:
                 push_centre(systems, costs, s, poses, x, y, z, targets[group] - g)

@@ -20,7 +20,7 @@ from omniservo.planning.constraints.free_side import push_to_free_side
 from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
-from omniservo.planning.constraints.place import place
+from omniservo.planning.constraints.place import AT, place
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.constraints.separation import push_off_bodies
 from omniservo.planning.constraints.visibility import push_into_image
@@ -229,7 +229,7 @@ def linearise(
     for s in range(count):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
         place(phi, t, rb, tb, constraints.points, poses[s], camera_points[s], turns[s])
-        poses[s, 13] = family.places[s]
+        poses[s, AT] = family.places[s]
         clear(systems[s])
         costs[s] = 0.0
     push_all(constraints, poses, camera_points, targets, least, systems, costs)

@@ -9,7 +9,7 @@ import math
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.constraints.place import place
+from omniservo.planning.constraints.place import AT, place
 from omniservo.planning.constraints.push import ASLEEP
 from omniservo.planning.search.descent import Room, fill, push_all
 from omniservo.planning.search.path_family import PathFamily, path_controls
@@ -38,7 +38,7 @@ def look_at_samples(
     for s in range(family.samples[0]):
         rb, tb = family.rotation_basis[s], family.translation_basis[s]
         place(phi, t, rb, tb, constraints.points, room.poses[s], room.camera_points[s], room.turns[s])
-        room.poses[s, 13] = family.places[s]
+        room.poses[s, AT] = family.places[s]
         fill(levels[s], math.inf)
         _push_at(constraints, room, s, asleep, levels[s])
 
