@@ -12,7 +12,7 @@ from omniservo import cameras
 from omniservo.errors import InputError
 from omniservo.planning import ArmSetting, PlanningProblem, plan_with_arm
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, Solid, arm_clearance, load_arm
-from omniservo.simulation.scene import Scene
+from omniservo.simulation.scene import Ball, Box, Scene
 from omniservo.simulation.world import World
 
 MOUNT = RigidTransform.from_components([0.0, 0.0, 0.0905], Rotation.from_euler("z", 90, degrees=True))
@@ -176,3 +176,51 @@ def test_the_simulated_camera_touches_the_wrist_that_it_is_turned_into():
         seen.append(("camera", "wrist") in world.touching(world.data_at(q)))
     assert told == seen
     assert any(told)
+
+
+OF_FILE, OF_CLASS = "<default>", '<default class="arm">\n      <geom '
+DEFAULTS = {
+    "no contact in the file": (OF_FILE, '<geom contype="0" conaffinity="0"/>'),
+    "no contact in the class": (OF_CLASS, 'contype="0" conaffinity="0" '),
+    "contacts of another kind": (OF_CLASS, 'contype="2" conaffinity="4" '),
+    "meshes in millimetres": (OF_FILE, '<mesh scale="0.001 0.001 0.001"/>'),
+    "wide margins": (OF_FILE, '<geom margin="0.5" gap="0.1" group="4"/>'),
+}
+
+
+@pytest.mark.parametrize(("where", "defaults"), DEFAULTS.values(), ids=DEFAULTS.keys())
+def test_what_is_put_beside_an_arm_takes_none_of_the_defaults_of_its_file(tmp_path, where, defaults):
+    """The arm's own shapes state what they have: pairs, gaps and contacts are those of the shipped file."""
+    head, tree = load_arm("rx60").path.read_text().split("<worldbody>")
+    assert where in head
+    tree = tree.replace("<geom ", '<geom contype="1" conaffinity="1" margin="0" gap="0" ')
+    file = tmp_path / "arm.xml"
+    file.write_text(f"{head.replace(where, where + defaults, 1)}<worldbody>{tree}")
+    vertices = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 3))
+    hull = Solid("hull", "hull", [], RigidTransform.identity(), vertices)
+    stone = Solid("stone", "hull", [], RigidTransform.from_translation([0.0, 0.5, 0.5]), vertices)
+    ball = Solid.sphere("ball", [0.3, 0.0, 0.5], 0.1)
+    told = []
+    for arm in (load_arm("rx60"), load_arm(file)):
+        bodies = ArmBodies(arm, mounted=[hull, *HOUSING], surroundings=[ball, stone])
+        bodies.place(STAND)
+        every = range(len(bodies.pairs))
+        place = (arm.base_T_flange(STAND) * MOUNT).translation
+        scene = Scene(
+            arm,
+            RigidTransform.identity(),
+            MOUNT,
+            cameras.preset("fe185"),
+            STAND,
+            obstacles=(Ball("obstacle", place, 0.02),),
+            surroundings=(Box("post", RigidTransform.from_translation(place), [0.02] * 3),),
+            floor=float(place[2]),
+        )
+        world = World(scene)
+        touching = world.touching(world.data_at(STAND))
+        told.append(([bodies.names(i) for i in every], [bodies.measure(i) for i in every], touching))
+    (names, gaps, touching), found = told
+    assert found[0] == names
+    np.testing.assert_allclose(found[1], gaps, atol=1e-9)
+    assert found[2] == touching
+    assert {("camera", "obstacle"), ("camera", "post"), ("camera", "floor")} <= touching
