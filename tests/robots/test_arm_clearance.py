@@ -314,7 +314,7 @@ def test_a_needle_on_any_link_is_found_whichever_joint_alone_brings_the_camera_t
     tip = Solid.sphere("tip", [0.06, 0.0, 0.2], 5e-4)
     alone = ArmBodies(arm, mounted=[tip])
     assert arm_clearance(alone, path, clearance=0.0).status == "clear"
-    alone.place(path(0.4137))
+    alone.place(path(0.127))  # where a piece of the path begins
     there, stands = alone.scene.places[alone.shapes_of("camera")[0]], alone._data.body(link)
     place = stands.xmat.reshape(3, 3).T @ (there - stands.xpos)
     needle = f'<geom type="sphere" size="5e-4" pos="{" ".join(map(repr, place.tolist()))}"/>'
@@ -324,7 +324,7 @@ def test_a_needle_on_any_link_is_found_whichever_joint_alone_brings_the_camera_t
     file.write_text(f"{text[:rest]}{needle}{text[rest:]}")
     found = arm_clearance(ArmBodies(load_arm(file), mounted=[tip]), path, clearance=0.0, self_clearance=0.0)
     assert (found.status, found.closest.link, found.closest.other) == ("too_close", "camera", link)
-    assert found.closest.w == pytest.approx(0.4137, abs=0.01)
+    assert found.closest.w == pytest.approx(0.127, abs=0.01)
 
 
 @pytest.mark.parametrize("name", shipped_arms())
@@ -459,9 +459,26 @@ def test_a_distance_is_never_called_kept_that_a_search_has_found_but_for_its_las
         gap = apart(rods[0].moved(arm.base_T_flange(q)), rods[1])
         bodies = asked_of_two(ArmBodies(arm, mounted=rods[:1], surroundings=rods[1:]), ("camera", "b"))
         assert arm_clearance(bodies, still(q), clearance=gap * (1.0 + 2e-8)).status != "clear"
-        kept = arm_clearance(bodies, still(q), clearance=gap * (1.0 - 2e-7))
-        assert kept.status == "clear"
-        assert 0.0 <= kept.proven <= 2e-7 * gap
+        for less in (2e-7, 4e-8, 2e-8):
+            kept = arm_clearance(bodies, still(q), clearance=gap * (1.0 - less))
+            assert kept.status == "clear" or less < 1e-7
+            assert kept.proven <= less * gap
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_what_is_allowed_for_rounding_grows_with_sizes(carried):
+    """A ball before a plate, and before one of 10 000 km: what is proven is less by at least what sides lose."""
+    arm, q, proven = load_arm("rx60"), np.full(6, 0.3), []
+    flange = arm.base_T_flange(q)
+    for side in (1.0, 1e7):
+        plate = Solid.box("plate", RigidTransform.from_translation([0.0, 0.0, 0.3]), [side, side, 0.01])
+        ball = Solid.sphere("ball", [0.0, 0.0, 0.6], 0.1)
+        near, far = (plate, ball) if carried else (ball, plate)
+        bodies = ArmBodies(arm, mounted=[near], surroundings=[far.moved(flange)])
+        bodies = asked_of_two(bodies, ("camera", far.name))
+        proven.append(arm_clearance(bodies, still(q), clearance=0.0).proven)
+    assert proven[0] == pytest.approx(0.19, abs=1e-7)
+    assert 1e-7 < proven[0] - proven[1] < 1e-4
 
 
 def test_wrong_solids_and_clearances_are_named():

@@ -227,6 +227,25 @@ def test_a_camera_that_strays_is_kept_free_by_what_its_lines_then_sweep(arm):
     assert min(seen.values()) >= 8
 
 
+@pytest.mark.parametrize("left", [-1e-6, 1e-6])
+def test_a_half_space_is_kept_off_a_line_by_what_the_camera_strays_at_either_end(arm, left):
+    """The lowest place of the cone that a straying camera sweeps is at its centre or where the line ends."""
+    random, strays, lowest = np.random.default_rng(3), 0.04, []
+    centre = (arm.base_T_flange(START) * MOUNT).translation
+    for _ in range(20):
+        point = centre + random.uniform(0.2, 0.8) * Rotation.random(rng=random).apply([0.0, 0.0, 1.0])
+        share = 1.0 - SURFACE / np.linalg.norm(point - centre)
+        normal = Rotation.random(rng=random).apply([0.0, 0.0, 1.0])
+        end = centre + share * (point - centre)
+        ends = normal @ centre - strays, normal @ end - (1.0 - share) * strays
+        side = Solid.half_space("side", normal, min(ends) - left)
+        lines = _Lines(arm, MOUNT, point[None], (side,), {}, strays)
+        lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
+        assert lines.are_clear(START, np.zeros(6)) == (left > 0.0)
+        lowest.append(int(np.argmin(ends)))
+    assert 5 <= sum(lowest) <= 15
+
+
 def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     """The camera goes by a thin post: at no more than a tenth of the path it hides the point."""
     path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)
