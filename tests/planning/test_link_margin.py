@@ -159,6 +159,9 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
         plan_links_at_risk(problem, setting, 0.05, mount_covariance=np.full((6, 6), np.nan))
     with pytest.raises(InputError, match="risk"):
         plan_links_at_risk(problem, setting, 0.0)
+    few = Executions(problem, np.stack([problem.points] * 58), np.zeros((58, 0)))
+    with pytest.raises(InputError, match=r"executions: 58 given; a risk of 0\.05 needs at least 59 of them"):
+        plan_links_at_risk(problem, setting, 0.05, executions=few)
     tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 1.0, 0.02, 0.01)
     with pytest.raises(InputError, match="tube: links"):
         replace(setting, tube=tube).bodies(problem.obstacles)

@@ -467,7 +467,7 @@ def test_a_distance_is_never_called_kept_that_a_search_has_found_but_for_its_las
 
 @pytest.mark.parametrize("carried", [True, False])
 def test_what_is_allowed_for_rounding_grows_with_sizes(carried):
-    """A ball before a plate, and before one of 10 000 km: what is proven is less by at least what sides lose."""
+    """A ball before a plate, and before one of 10 000 km: less is proven by at least what sides lose."""
     arm, q, proven = load_arm("rx60"), np.full(6, 0.3), []
     flange = arm.base_T_flange(q)
     for side in (1.0, 1e7):
