@@ -412,6 +412,11 @@ def test_a_path_beside_something_says_how_close_it_comes_and_where():
     assert least - 1e-6 <= found.closest.gap < 0.04
     assert found.closest.gap < least + 2e-3
     assert found.proven == -np.inf
+    into = Solid.sphere("ball", place - [0.0, 0.0, 0.04], 0.01)
+    met = arm_clearance(ArmBodies(arm, mounted=[tip], surroundings=[into]), path, clearance=0.0).closest
+    at = arm.base_T_flange(path(met.w)).apply([0.0, 0.0, 0.2])
+    assert met.gap == pytest.approx(np.linalg.norm(at - into.pose.translation) - 0.02, abs=1e-6)
+    assert met.gap == pytest.approx(-0.01, abs=1e-3)
 
 
 def asked_of_two(bodies, names):

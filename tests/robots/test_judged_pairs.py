@@ -1,7 +1,9 @@
 """Which shapes of an arm are kept off each other: written out, and met where they meet."""
 
 from collections import Counter
+from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,6 +14,9 @@ from omniservo import cameras
 from omniservo.errors import InputError
 from omniservo.planning import ArmSetting, PlanningProblem, plan_with_arm
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, Solid, arm_clearance, load_arm
+from omniservo.robots.arm_files.contacts import _is_bearing
+from omniservo.robots.mounted_pairs import mounted_pairs
+from omniservo.robots.shapes import Shapes
 from omniservo.simulation.scene import Ball, Box, Scene
 from omniservo.simulation.world import World
 
@@ -58,6 +63,16 @@ def judged(bodies):
 @pytest.mark.parametrize("name", JUDGED)
 def test_the_pairs_of_each_shipped_arm_are_these(name):
     assert judged(ArmBodies(load_arm(name), mounted=HOUSING)) == JUDGED[name]
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_every_shape_that_moves_is_kept_off_everything_around(name):
+    around = [Solid.sphere("ball", [0.9, 0.0, 0.5], 0.1), Solid.half_space("floor", [0.0, 0.0, 1.0], -1.0)]
+    bodies = ArmBodies(load_arm(name), mounted=HOUSING, surroundings=around)
+    moving = bodies.touched[bodies.shapes.carried[bodies.touched] > 0]
+    stands = [int(bodies.shapes_of(each)[0]) for each in ("around 0", "around 1")]
+    pairs = {tuple(pair) for i, pair in enumerate(bodies.pairs.tolist()) if bodies.is_around(i)}
+    assert pairs == set(product(stands, moving.tolist()))
 
 
 def test_a_folded_panda_that_touches_itself_is_found():
@@ -112,6 +127,50 @@ def test_only_what_overlaps_in_every_posture_of_the_last_joint_is_left_out_and_s
     assert ArmBodies(arm, mounted=[bar]).notices == ()
 
 
+BALL, ROD = np.array([0.4, 0.3, 0.2]), np.array([0.3, 0.3, 0.2])
+APART = {
+    "a ball, 2 mm apart at -2 rad": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-2.0, 1.0), True),
+    "a ball, 2 mm apart at 2 rad": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-1.0, 2.0), True),
+    "a ball, nowhere apart": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-1.9, 1.9), False),
+    "a rod through the axis, across the other at 1.5 rad": (3, ROD, 0.01, (-0.5, 1.5), True),
+    "a rod through the axis, nowhere across": (3, ROD, 0.01, (-0.5, 0.5), False),
+}
+
+
+@pytest.mark.parametrize(("kind", "place", "radius", "ends", "meets"), APART.values(), ids=APART.keys())
+def test_two_that_are_apart_in_some_posture_of_the_last_joint_are_judged(kind, place, radius, ends, meets):
+    """A ball beside the joint's axis, 10 cm from it, and what the joint turns."""
+    along_x = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    shapes = Shapes(
+        kinds=np.array([2, kind]),
+        sizes=np.array([[0.1 if kind == 2 else 0.05, 0.0, 0.0], [radius, 0.1, 0.0]]),
+        radii=np.full(2, 0.2),
+        corners=np.zeros((0, 3)),
+        firsts=np.zeros(3, dtype=np.int64),
+        carried=np.array([5, 6]),
+        spins=np.zeros(2, dtype=np.int64),
+        places=np.array([BALL, place]),
+        axes=np.tile(along_x.ravel(), (2, 1)),
+        pairs=np.zeros((0, 2), dtype=np.int64),
+        first_between=np.zeros(0, dtype=np.int64),
+    )
+    hinge = np.array([0.3, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
+    found, left_out = mounted_pairs(shapes, np.array([0]), np.array([1]), hinge, np.array(ends))
+    assert (found.tolist(), left_out.tolist()) == (([[0, 1]], []) if meets else ([], [[0, 1]]))
+
+
+@pytest.mark.parametrize(("ends", "bearing"), [((-1.0, 2.0), 0), ((-2.0, 1.0), 0), ((-1.0, 1.0), 1)])
+def test_two_that_a_joint_brings_apart_at_one_end_of_its_range_only_are_no_bearing(ends, bearing):
+    """Balls of 10 and 4.8 cm, both 10 cm beside the axis; 20 mm apart at 2 rad."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.worldbody.add_geom(size=[0.1, 0.0, 0.0], pos=[0.1, 0.0, 0.0])
+    link = spec.worldbody.add_body(name="link")
+    link.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], range=ends)
+    link.add_geom(size=[0.2 * np.sin(1.0) - 0.12, 0.0, 0.0], pos=[0.1, 0.0, 0.0])
+    assert _is_bearing(spec.compile(), (0, 1)) == bool(bearing)
+
+
 def test_a_gripper_of_the_file_is_kept_off_the_link_before_the_last_joint(tmp_path):
     """A finger beside the flange, back along the wrist, so that the last joint turns it into wrist_2."""
     text = load_arm("ur5e").path.read_text()
@@ -130,9 +189,15 @@ def test_a_gripper_of_the_file_is_kept_off_the_link_before_the_last_joint(tmp_pa
     assert min(gaps) < 0.0 < max(gaps)
 
 
-def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tmp_path):
-    """The post stands where the shoulder of the RX60 comes by as joint 1 turns."""
-    post = '<geom type="cylinder" pos="0.1 0.1 0.3" size="0.02 0.3"/>'
+POSTS = {
+    "a post where the shoulder comes by": '<geom type="cylinder" pos="0.1 0.1 0.3" size="0.02 0.3"/>',
+    "a knob above it, nowhere more than 35 mm off": '<geom type="sphere" pos="0.05 0 0.43" size="0.01"/>',
+}
+
+
+@pytest.mark.parametrize("post", POSTS.values(), ids=POSTS.keys())
+def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tmp_path, post):
+    """As joint 1 of the RX60 turns."""
     arm = rx60(tmp_path, shapes=post)
     bodies, q = ArmBodies(arm), STAND.copy()
     own = judged(bodies)["shoulder"]
@@ -143,6 +208,20 @@ def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tm
         bodies.place(q)
         gaps.append(min(map(bodies.measure, first)))
     assert min(gaps) < 0.0 < max(gaps)
+
+
+def test_of_two_links_that_overlap_in_every_posture_the_other_shapes_are_kept_off_each_other(tmp_path):
+    """A ball of the base and one of the upper arm where axes 1 and 2 meet; both links have more shapes."""
+    ball = '<geom type="sphere" pos="0 0 {}" size="0.01"/>'
+    arm = rx60(tmp_path, shapes=ball.format(0.341))
+    text, link = arm.path.read_text(), '<body name="upper_arm" gravcomp="1">'
+    assert link in text
+    arm.path.write_text(text.replace(link, link + ball.format(0)))
+    arm = load_arm(arm.path)
+    every = 3 * (JUDGED["rx60"]["upper_arm"]["base"] // 2 + 1)
+    left_out = every - judged(ArmBodies(arm))["upper_arm"]["base"]
+    assert 1 <= left_out <= 3
+    assert any(f"base and upper_arm ({left_out} of {every} pairs)" in notice for notice in arm.notices)
 
 
 def test_a_plane_among_the_shapes_of_a_base_is_a_half_space(tmp_path):
