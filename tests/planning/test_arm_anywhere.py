@@ -122,7 +122,7 @@ def test_the_distance_of_an_ellipsoid_from_a_ball_is_that_of_its_nearest_point(t
     arm.path.write_text(arm.path.read_text().replace('<site name="flange"', words))
     arm = load_arm(arm.path)
     for _ in range(10):
-        ball = Solid.sphere("ball", random.uniform(-1.0, 1.0, 3) + [0.0, 0.0, 2.5], 0.1)
+        ball = Solid.sphere("ball", random.uniform([-1, -1, 1.5], [1, 1, 3.5]), 0.1)
         bodies = ArmBodies(arm, surroundings=[ball])
         bodies.place(random.uniform(-1.0, 1.0, 6))
         shape = int(np.flatnonzero(bodies.shapes.kinds == 4)[0])
