@@ -121,6 +121,6 @@ def test_lines_of_sight_are_kept_free_by_what_links_and_camera_stray(setting):
 
 def test_joints_keep_what_they_stray_to_the_ends_of_their_ranges(setting):
     for joint in range(6):
-        strays = tube_of(setting, joints=0.05 + 0.01 * np.eye(6)[joint])
+        strays = tube_of(setting, joints=0.06 * np.eye(6)[joint])
         assert replace(setting, tube=strays).limit_reserve == pytest.approx(0.06)
     assert replace(setting, tube=strays, limit_reserve=0.1).limit_reserve == 0.1

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.planning.arm_scenes import random_task
 
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
 from omniservo.planning import Executions, plan_arm_with_risk, plan_links_at_risk, plan_with_arm
 from omniservo.planning.with_arm.gap_slopes import gap_slopes
-from omniservo.planning.with_arm.link_margin import resting_moves, taken_by
+from omniservo.planning.with_arm.link_margin import _mounts, resting_moves, taken_by
 from omniservo.robots import Tube, load_arm
 
 COVARIANCE = np.diag([1e-6, 4e-6, 2e-6, 1e-6, 3e-6, 2e-6])
@@ -97,6 +97,7 @@ def test_points_that_are_farther_than_estimated_take_from_gaps_what_the_longer_w
     bodies, w = setting.bodies(problem.obstacles), 0.5
     taken = taken_by(setting, bodies, found.plan.path, found.branch, np.zeros((3, 6)), executions)
     assert taken.estimate[0] < 1e-9
+    assert np.abs(taken.left[1:] - taken.left[0]).max() > 1e-3
     pose, most = found.plan.path(w), []
     bodies.place(found.branch(w))
     near = [n for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
@@ -153,6 +154,35 @@ def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
             assert near.gap >= asked + more[near.pair] - 1e-6
 
 
+def test_errors_of_a_mount_are_stated_in_the_flanges_frame_and_drawn_in_the_cameras(planned):
+    """Along the flange's axis i alone, and about the camera's; the sizes are those of the covariance."""
+    _, setting, _ = planned
+    mount = RigidTransform.from_components([0.1, 0.2, 0.3], Rotation.from_rotvec([0.4, -0.9, 1.2]))
+    oblique = replace(setting, flange_T_camera=mount, start=None)
+    for i in range(6):
+        drawn = _mounts(oblique, np.diag(4e-6 * np.eye(6)[i]), 4000, 3)
+        seen = np.hstack([mount.rotation.apply(drawn[:, :3]), drawn[:, 3:]])
+        assert np.abs(np.delete(seen, i, axis=1)).max() < 1e-9
+        assert seen[:, i].std() == pytest.approx(2e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("off", [{"cx": 2.0}, {"cy": -2.0}])
+def test_a_camera_that_is_off_rests_where_it_takes_the_points_for_the_planned_ones(planned, off):
+    """What the true camera pictures, read with the stated one, is then what the plan sees."""
+    problem, _, found = planned
+    camera, pose = problem.camera, found.plan.path(0.5)
+    true = replace(camera, **{name: getattr(camera, name) + error for name, error in off.items()})
+    errors = np.array([[off.get(name, 0.0) for name in ("fx", "fy", "cx", "cy")]])
+    executions = Executions(problem, problem.points[None], errors)
+
+    def missed(move):
+        seen = (pose * twisted(move)).inv().apply(problem.points)
+        planned, _ = camera.unproject(camera.project(pose.inv().apply(problem.points))[0])
+        return np.linalg.norm(camera.unproject(true.project(seen)[0])[0] - planned)
+
+    assert missed(resting_moves(executions, found.plan.path, 0.5)[0]) < 0.1 * missed(np.zeros(6))
+
+
 def test_wrong_covariance_risk_and_tube_are_named(planned):
     problem, setting, _ = planned
     with pytest.raises(InputError, match="covariance"):
@@ -179,3 +209,6 @@ def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planne
     assert answer.plan.status == "certified", answer.plan.reason
     assert answer.links is not None
     assert answer.risk + answer.links.risk == pytest.approx(0.2)
+    assert answer.links.violated <= answer.links.risk
+    assert answer.links.mount > 1e-3
+    assert answer.links.estimate > 1e-5
