@@ -10,8 +10,9 @@ from tests.planning.arm_scenes import random_task
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
 from omniservo.planning import Executions, plan_arm_with_risk, plan_links_at_risk, plan_with_arm
+from omniservo.planning.with_arm import link_margin
 from omniservo.planning.with_arm.gap_slopes import gap_slopes
-from omniservo.planning.with_arm.link_margin import _mounts, resting_moves, taken_by
+from omniservo.planning.with_arm.link_margin import Taken, _mounts, resting_moves, taken_by
 from omniservo.robots import Tube, load_arm
 
 COVARIANCE = np.diag([1e-6, 4e-6, 2e-6, 1e-6, 3e-6, 2e-6])
@@ -56,7 +57,9 @@ def test_slopes_are_finite_differences_of_gaps_with_another_mount_and_another_wa
     for w in (0.3, 0.5, 0.7):
         slopes = gap_slopes(setting, bodies, found.plan.path(w), found.branch(w))
         bodies.place(found.branch(w))
-        pairs = [n.pair for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
+        close = [n for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
+        pairs = [n.pair for n in close]
+        np.testing.assert_allclose(slopes.left, [n.gap - setting.clearance for n in close], atol=1e-6)
         for k, pair in enumerate(pairs):
             for slope, errors in (
                 (slopes.by_mount[k], lambda step: (step, None)),
@@ -123,6 +126,17 @@ def test_clearance_is_added_until_the_samples_keep_what_is_asked(planned):
     exact, none = plan_links_at_risk(problem, setting, 0.05)
     assert exact.certified
     assert (none.added, none.mount, none.violated) == (0.0, 0.0, 0.0)
+
+
+def test_what_misses_anything_however_little_is_not_called_kept(planned, monkeypatch):
+    problem, setting, _ = planned
+    misses = Taken(np.where(np.arange(1000) < 60, -1e-5, 1.0), np.zeros(1000), np.zeros(1000))
+    monkeypatch.setattr(link_margin, "taken_by", lambda *_: misses)
+    found, margin = plan_links_at_risk(problem, setting, 0.05)
+    assert found.plan.status == "not_found"
+    assert "leave clear for the arm: 0.01 mm are missing" in found.plan.reason
+    assert margin.violated == 0.06
+    assert plan_links_at_risk(problem, setting, 0.08)[0].certified
 
 
 def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):

@@ -275,6 +275,22 @@ def test_a_speck_that_no_part_of_a_path_tells_from_a_line_is_not_called_free(arm
     assert 0.0 < found.gap < 1e-3
 
 
+@pytest.mark.parametrize("hidden", range(3))
+def test_whichever_point_is_hidden_by_whichever_body_however_little_is_found(arm, hidden):
+    """One ball is 0.2 mm into a line, another leaves 0.2 mm of it."""
+    camera = arm.base_T_flange(START) * MOUNT
+    points = np.array([[-0.1, 0.0, 0.5], [0.0, 0.0, 0.5], [0.1, 0.0, 0.5]])
+
+    into, beside = (
+        Solid.sphere(name, camera.apply(0.5 * points[hidden] + [0.0, 0.01 + left, 0.0]), 0.01)
+        for name, left in (("in", -2e-4), ("beside", 2e-4))
+    )
+    for around in ((into, beside), (beside, into)):
+        found = own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=around)
+        assert (found.status, found.link, found.point) == ("hidden", "in", hidden)
+    assert own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=(beside,)).status == "free"
+
+
 def test_the_flange_hides_what_is_inside_it(arm):
     inside = (arm.base_T_flange(START) * MOUNT).apply([0.0, 0.0, -0.09 - 0.012])
     assert own_sight_in(arm, START, MOUNT, [inside]).link == "flange"
