@@ -223,6 +223,23 @@ def test_a_path_of_another_problem_is_refused(paper, change, message):
         certify(plan.problem, CameraPath(*change(plan.path.rotation, plan.path.translation)))
 
 
+def test_every_coordinate_of_both_ends_is_looked_at(paper):
+    plan = plan_path(paper(1))
+    for which, rows in ((0, 3), (1, 3)):
+        for row in range(rows):
+            for end in ("start", "end"):
+                parts = [plan.path.rotation.copy(), plan.path.translation.copy()]
+                parts[which][row, 0] += 1e-6 if end == "end" else -1e-6
+                parts[which][row, -1] += 0.0 if end == "end" else 1e-6
+                with pytest.raises(InputError, match=f"its {end} misses"):
+                    certify(plan.problem, CameraPath(*parts))
+    for row in np.flatnonzero(np.abs(plan.problem.goal_quaternion[:3]) > 1e-3):
+        rotation = plan.path.rotation.copy()
+        rotation[row] *= -1.0  # the goal's component with the other sign
+        with pytest.raises(InputError, match="its end misses"):
+            certify(plan.problem, CameraPath(rotation, plan.path.translation))
+
+
 def test_a_plan_survives_its_file_exactly(paper, tmp_path):
     plan = plan_path(paper(3))
     plan.save(tmp_path / "plan.json")

@@ -167,6 +167,10 @@ def test_surroundings_that_are_others_are_not_moved():
     for others in ([], [ball], [TABLE, ball], [hull]):
         assert not bodies.move_surroundings(others)
     assert bodies.move_surroundings([TABLE])
+    stone = Solid("stone", "hull", [], RigidTransform.identity(), np.eye(4, 3))
+    bodies = ArmBodies(load_arm("rx60"), surroundings=[stone])
+    assert bodies.move_surroundings([stone])
+    assert not bodies.move_surroundings([stone.moved(RigidTransform.from_translation([0.0, 0.0, 0.1]))])
 
 
 def test_the_distance_of_two_boxes_is_that_of_a_quadratic_program():

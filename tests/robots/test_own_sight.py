@@ -277,12 +277,16 @@ def test_a_speck_that_no_part_of_a_path_tells_from_a_line_is_not_called_free(arm
 
 @pytest.mark.parametrize("hidden", range(3))
 def test_whichever_point_is_hidden_by_whichever_body_however_little_is_found(arm, hidden):
-    """One ball is 0.2 mm into a line, another leaves 0.2 mm of it."""
+    """One box is 0.2 mm into a line, another leaves 0.2 mm of it."""
     camera = arm.base_T_flange(START) * MOUNT
     points = np.array([[-0.1, 0.0, 0.5], [0.0, 0.0, 0.5], [0.1, 0.0, 0.5]])
 
     into, beside = (
-        Solid.sphere(name, camera.apply(0.5 * points[hidden] + [0.0, 0.01 + left, 0.0]), 0.01)
+        Solid.box(
+            name,
+            camera * RigidTransform.from_translation(0.5 * points[hidden] + [0.0, 0.01 + left, 0.0]),
+            [0.01] * 3,
+        )
         for name, left in (("in", -2e-4), ("beside", 2e-4))
     )
     for around in ((into, beside), (beside, into)):
