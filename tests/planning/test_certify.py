@@ -19,6 +19,7 @@ from omniservo.planning import (
     certify,
     plan_path,
 )
+from omniservo.planning.certificate.path_ends import ends_off
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 5001)
@@ -221,6 +222,28 @@ def test_a_path_of_another_problem_is_refused(paper, change, message):
     plan = plan_path(paper(1))
     with pytest.raises(InputError, match=message):
         certify(plan.problem, CameraPath(*change(plan.path.rotation, plan.path.translation)))
+
+
+def test_every_coordinate_of_both_ends_is_looked_at(paper):
+    plan = plan_path(paper(1))
+    for which, rows in ((0, 3), (1, 3)):
+        for row in range(rows):
+            for end in ("start", "end"):
+                parts = [plan.path.rotation.copy(), plan.path.translation.copy()]
+                parts[which][row, 0] += 1e-6 if end == "end" else -1e-6
+                parts[which][row, -1] += 0.0 if end == "end" else 1e-6
+                with pytest.raises(InputError, match=f"its {end} misses"):
+                    certify(plan.problem, CameraPath(*parts))
+
+
+def test_an_end_with_one_component_of_the_other_sign_is_off_and_with_all_is_the_same():
+    start, goal = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.1, -0.3, 0.5, np.sqrt(0.65)])
+    still = np.zeros((3, 2))
+    for signs, off in [(np.ones(4), 0.0), (-np.ones(4), 0.0)] + [
+        (1.0 - 2.0 * np.eye(4)[c], 2.0 * abs(goal[c])) for c in range(3)
+    ]:
+        rotation = np.column_stack([signs * goal - start, start])
+        assert ends_off(rotation, still, goal, np.zeros(3)) == pytest.approx((0.0, off), abs=1e-12)
 
 
 def test_a_plan_survives_its_file_exactly(paper, tmp_path):

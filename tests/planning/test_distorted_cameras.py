@@ -7,6 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.camera_files import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.planning import CameraPath, Plan, PlanningProblem, Sphere, certify, plan_path
+from omniservo.planning.certificate import distorted_margins
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)
@@ -70,6 +71,27 @@ def test_a_dead_zone_under_distortion_is_certified():
     away = np.linalg.norm(pixels(asked, plan.path) - [325.0, 245.0], axis=-1).min() - 40.0 - 2.0
     assert 0.0 <= stated <= away
     assert verify_plan(plan).status == "certified"
+
+
+def test_a_margin_is_what_is_proven_of_it_whatever_the_looks_have_seen(monkeypatch):
+    """Every look sees 60 px too much."""
+    ring = POINTS + np.array([0.0, 0.28, 0.0])
+    asked = problem(camera=camera(dead_zone=((325.0, 245.0), 40.0)), points=ring)
+    path, looks = plan_path(asked).path, distorted_margins._seen_margins
+    monkeypatch.setattr(
+        distorted_margins,
+        "_seen_margins",
+        lambda *given: [(name, (least + 60.0, w, j)) for name, (least, w, j) in looks(*given)],
+    )
+    seen = pixels(asked, path)
+    truth = {
+        "visibility polygon": np.minimum(seen + 0.5, np.array([639.5, 479.5]) - seen).min() - 2.0,
+        "dead_zone": np.linalg.norm(seen - [325.0, 245.0], axis=-1).min() - 40.0 - 2.0,
+    }
+    _, certificate = certify(asked, path)
+    for name, most in truth.items():
+        stated = next(c.margin for c in certificate.constraints if c.name.startswith(name))
+        assert most - 3.0 <= stated <= most
 
 
 def test_a_point_outside_a_distorted_image_is_infeasible_by_its_pixel():

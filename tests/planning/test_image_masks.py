@@ -207,3 +207,10 @@ def test_a_distorted_camera_plans_round_its_mask_and_both_judges_agree():
     assert verify_plan(plan).status == "certified"
     more = problem([], camera=camera.to_dict(), visibility_margin=3.5 + truth)
     assert certify(more, plan.path)[0] == "refuted"
+    away = np.add(corners, [0.0, 120.0 if middle[1] < 216.0 else -120.0]).tolist()
+    both = UnifiedCamera.from_dict(bare.to_dict() | {"mask": [corners, away]})
+    _, certificate = certify(problem([], camera=both.to_dict(), visibility_margin=3.0), plan.path)
+    for i, polygon in enumerate((corners, away)):
+        truth = beyond(polygon, pixels_along(bare, plan.path, asked.points, FINE)).min() - 3.0
+        stated = next(c.margin for c in certificate.constraints if f"mask {i} " in c.name)
+        assert truth - 1.0 < stated <= truth

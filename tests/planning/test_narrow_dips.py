@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omniservo.planning import CameraPath, PlanningProblem, certify
+from omniservo.planning.bernstein_path import ROTATION_FLOOR
 from omniservo.verification import verify_plan
 
 BLOCK = [[x, y, z] for x in (-0.9, -0.8) for y in (-0.05, 0.05) for z in (-0.05, 0.05)]
@@ -52,14 +53,14 @@ def asked(**constraints):
     return PlanningProblem.from_dict(fields | {"degrees": degrees, "least_distance": 0.0} | constraints)
 
 
-def margin_of(problem, name):
+def margin_of(problem, name, path=PATH):
     """The certified margin of one constraint, checked in exact arithmetic."""
-    verdict, certificate = certify(problem, PATH)
+    verdict, certificate = certify(problem, path)
     assert verdict == "certified"
     lines = [c for c in certificate.constraints if c.name.startswith(name)]
     plan = {
         "format": "omniservo.plan/1", "problem": problem.to_dict(), "status": "certified",
-        "path": {"rotation": PATH.rotation.tolist(), "translation": PATH.translation.tolist()},
+        "path": {"rotation": path.rotation.tolist(), "translation": path.translation.tolist()},
         "certificate": certificate.to_dict(),
     }  # fmt: skip
     answer = verify_plan(plan)
@@ -114,3 +115,30 @@ def test_a_dip_that_no_look_sees_is_in_every_other_margin(constraints, name, tru
     margin = margin_of(asked(**constraints), name)
     loose = 0.5 if "visib" in name or name == "dead_zone" else 1e-3
     assert truth - loose <= margin <= truth + 1e-9
+
+
+def test_a_dip_that_no_look_sees_is_in_the_margin_of_the_quaternion():
+    """Its length alone dips, 1 + x: nothing turns."""
+    length = PATH.translation[0] + [0.0, 0.0, 0.0, 0.0, 1.0]
+    path = CameraPath(np.vstack([np.zeros((3, 5)), length]), PATH.translation)
+    margin = margin_of(asked(degrees={"rotation": 4, "translation": 4}), "rotation", path)
+    truth = (1.0 + LOWEST) ** 2 - ROTATION_FLOOR
+    assert truth - 1e-3 <= margin <= truth + 1e-9
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_dip_that_no_look_sees_is_in_the_margin_of_every_side(axis, sign):
+    """The path dips along x, y or z, one way or the other; walls are 0.8 m off on all sides."""
+    translation = np.zeros((3, 5))
+    translation[axis] = sign * PATH.translation[0]
+    path = CameraPath(PATH.rotation, translation)
+    goal = {"translation": translation.sum(axis=1).tolist(), "quaternion": [0, 0, 0, 1]}
+    problem = asked(goal=goal, workspace={"min": [-0.8] * 3, "max": [0.8] * 3})
+    side = "min" if sign > 0.0 else "max"
+    margin = margin_of(problem, f"workspace {'xyz'[axis]} {side}", path)
+    assert LOWEST + 0.8 - 1e-3 <= margin <= LOWEST + 0.8 + 1e-9
+    if axis < 2:
+        edge = (("right", "left"), ("bottom", "top"))[axis][int(sign < 0.0)]
+        truth = (500.5, 300.5)[axis] + 300.0 * LOWEST
+        assert truth - 0.5 <= margin_of(problem, f"visibility {edge} edge", path) <= truth + 1e-9

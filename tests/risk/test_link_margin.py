@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_two_view
-from omniservo.risk import Executions, plan_arm_with_risk, plan_links_at_risk
+from omniservo.risk import Executions, link_margin, plan_arm_with_risk, plan_links_at_risk
 from omniservo.risk.gap_slopes import gap_slopes
-from omniservo.risk.link_margin import resting_moves, taken_by
+from omniservo.risk.link_margin import Taken, _mounts, resting_moves, taken_by
 from omniservo.robots import Tube, load_arm
 from omniservo.whole_arm import plan_with_arm
 
@@ -57,7 +57,9 @@ def test_slopes_are_finite_differences_of_gaps_with_another_mount_and_another_wa
     for w in (0.3, 0.5, 0.7):
         slopes = gap_slopes(setting, bodies, found.plan.path(w), found.branch(w))
         bodies.place(found.branch(w))
-        pairs = [n.pair for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
+        close = [n for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
+        pairs = [n.pair for n in close]
+        np.testing.assert_allclose(slopes.left, [n.gap - setting.clearance for n in close], atol=1e-6)
         for k, pair in enumerate(pairs):
             for slope, errors in (
                 (slopes.by_mount[k], lambda step: (step, None)),
@@ -98,6 +100,7 @@ def test_points_that_are_farther_than_estimated_take_from_gaps_what_the_longer_w
     bodies, w = setting.bodies(problem.obstacles), 0.5
     taken = taken_by(setting, bodies, found.plan.path, found.branch, np.zeros((3, 6)), executions)
     assert taken.estimate[0] < 1e-9
+    assert np.abs(taken.left[1:] - taken.left[0]).max() > 1e-3
     pose, most = found.plan.path(w), []
     bodies.place(found.branch(w))
     near = [n for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
@@ -123,6 +126,17 @@ def test_clearance_is_added_until_the_samples_keep_what_is_asked(planned):
     exact, none = plan_links_at_risk(problem, setting, 0.05)
     assert exact.certified
     assert (none.added, none.mount, none.violated) == (0.0, 0.0, 0.0)
+
+
+def test_what_misses_anything_however_little_is_not_called_kept(planned, monkeypatch):
+    problem, setting, _ = planned
+    misses = Taken(np.where(np.arange(1000) < 60, -1e-5, 1.0), np.zeros(1000), np.zeros(1000))
+    monkeypatch.setattr(link_margin, "taken_by", lambda *_: misses)
+    found, margin = plan_links_at_risk(problem, setting, 0.05)
+    assert found.plan.status == "not_found"
+    assert "leave clear for the arm: 0.01 mm are missing" in found.plan.reason
+    assert margin.violated == 0.06
+    assert plan_links_at_risk(problem, setting, 0.08)[0].certified
 
 
 def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
@@ -154,12 +168,44 @@ def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
             assert near.gap >= asked + more[near.pair] - 1e-6
 
 
+def test_errors_of_a_mount_are_stated_in_the_flanges_frame_and_drawn_in_the_cameras(planned):
+    """Along the flange's axis i alone, and about the camera's; the sizes are those of the covariance."""
+    _, setting, _ = planned
+    mount = RigidTransform.from_components([0.1, 0.2, 0.3], Rotation.from_rotvec([0.4, -0.9, 1.2]))
+    oblique = replace(setting, flange_T_camera=mount, start=None)
+    for i in range(6):
+        drawn = _mounts(oblique, np.diag(4e-6 * np.eye(6)[i]), 4000, 3)
+        seen = np.hstack([mount.rotation.apply(drawn[:, :3]), drawn[:, 3:]])
+        assert np.abs(np.delete(seen, i, axis=1)).max() < 1e-9
+        assert seen[:, i].std() == pytest.approx(2e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("off", [{"cx": 2.0}, {"cy": -2.0}])
+def test_a_camera_that_is_off_rests_where_it_takes_the_points_for_the_planned_ones(planned, off):
+    """What the true camera pictures, read with the stated one, is then what the plan sees."""
+    problem, _, found = planned
+    camera, pose = problem.camera, found.plan.path(0.5)
+    true = replace(camera, **{name: getattr(camera, name) + error for name, error in off.items()})
+    errors = np.array([[off.get(name, 0.0) for name in ("fx", "fy", "cx", "cy")]])
+    executions = Executions(problem, problem.points[None], errors)
+
+    def missed(move):
+        seen = (pose * twisted(move)).inv().apply(problem.points)
+        planned, _ = camera.unproject(camera.project(pose.inv().apply(problem.points))[0])
+        return np.linalg.norm(camera.unproject(true.project(seen)[0])[0] - planned)
+
+    assert missed(resting_moves(executions, found.plan.path, 0.5)[0]) < 0.1 * missed(np.zeros(6))
+
+
 def test_wrong_covariance_risk_and_tube_are_named(planned):
     problem, setting, _ = planned
     with pytest.raises(InputError, match="covariance"):
         plan_links_at_risk(problem, setting, 0.05, mount_covariance=np.full((6, 6), np.nan))
     with pytest.raises(InputError, match="risk"):
         plan_links_at_risk(problem, setting, 0.0)
+    few = Executions(problem, np.stack([problem.points] * 58), np.zeros((58, 0)))
+    with pytest.raises(InputError, match=r"executions: 58 given; a risk of 0\.05 needs at least 59 of them"):
+        plan_links_at_risk(problem, setting, 0.05, executions=few)
     tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 1.0, 0.02, 0.01)
     with pytest.raises(InputError, match="tube: links"):
         replace(setting, tube=tube).bodies(problem.obstacles)
@@ -177,3 +223,6 @@ def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planne
     assert answer.plan.status == "certified", answer.plan.reason
     assert answer.links is not None
     assert answer.risk + answer.links.risk == pytest.approx(0.2)
+    assert answer.links.violated <= answer.links.risk
+    assert answer.links.mount > 1e-3
+    assert answer.links.estimate > 1e-5

@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.interpolate import BPoly
-from scipy.optimize import minimize
+from scipy.optimize import lsq_linear, minimize
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
 from omniservo.errors import InputError
-from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance, load_arm, shipped_arms
+from omniservo.robots import ArmBodies, JointPath, Solid, Tube, arm_clearance, load_arm, shipped_arms
 from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
 from omniservo.robots.collision.gap_search import widen
 
@@ -129,8 +129,11 @@ def test_surroundings_that_were_moved_are_as_if_built_there(seed):
     first = solids(None)
     first[0] = Solid.sphere("sphere", [0.0, 0.0, 0.4], 0.05)  # on joint 1's axis, that need not turn
     there = solids(first[4])
-    moved, built = (ArmBodies(arm, mounted=[CAMERA], surroundings=each) for each in (first, there))
+    parts = ArmBodies(arm, mounted=[CAMERA], surroundings=first).tube_parts
+    tube = Tube(np.full(6, 0.01), dict.fromkeys(parts, 0.02), 0.01, 1.0, 0.02, 0.01)
+    moved, built = (ArmBodies(arm, mounted=[CAMERA], surroundings=each, tube=tube) for each in (first, there))
     assert moved.move_surroundings(there)
+    np.testing.assert_allclose(moved.asked(0.01, 0.002), built.asked(0.01, 0.002), atol=1e-12)
     for own, other in zip(moved.shapes, built.shapes, strict=True):
         np.testing.assert_allclose(own, other, atol=1e-12)
     for _ in range(3):
@@ -164,6 +167,10 @@ def test_surroundings_that_are_others_are_not_moved():
     for others in ([], [ball], [TABLE, ball], [hull]):
         assert not bodies.move_surroundings(others)
     assert bodies.move_surroundings([TABLE])
+    stone = Solid("stone", "hull", [], RigidTransform.identity(), np.eye(4, 3))
+    bodies = ArmBodies(load_arm("rx60"), surroundings=[stone])
+    assert bodies.move_surroundings([stone])
+    assert not bodies.move_surroundings([stone.moved(RigidTransform.from_translation([0.0, 0.0, 0.1]))])
 
 
 def test_the_distance_of_two_boxes_is_that_of_a_quadratic_program():
@@ -239,11 +246,14 @@ def test_a_point_of_a_folded_chain_moves_no_farther_than_its_bound():
     assert largest > 0.7
 
 
-def test_halves_of_a_piece_are_the_piece_and_its_turns_bound_it():
-    piece = np.random.default_rng(1).normal(size=(6, 3))
+@pytest.mark.parametrize("seed", range(6))
+def test_halves_of_a_piece_are_the_piece_and_its_turns_bound_it(seed):
+    piece = np.random.default_rng(seed).normal(size=(6, 3))
+    piece[seed] *= 30.0  # whichever coefficient is farthest off
     first, second, turns = np.empty((6, 3)), np.empty((6, 3)), np.empty(3)
     middle_of_piece(piece, first, second, turns)
     whole = BPoly(piece[:, None], [0.0, 1.0])
+    np.testing.assert_allclose(turns, np.abs(piece - whole(0.5)).max(axis=0), atol=1e-13)
     for part, ends in ((first, (0.0, 0.5)), (second, (0.5, 1.0))):
         half = BPoly(part[:, None], ends)
         w = np.linspace(*ends, 50)
@@ -297,6 +307,44 @@ def test_a_needle_between_samples_is_found():
     for w in np.linspace(0.0, 1.0, 17):
         beside.place(path(w))
         assert all(beside.names(one.pair)[1] != "needle" for one in beside.near(0.0))
+
+
+LINKS = ("base", "shoulder", "upper_arm", "elbow", "forearm", "wrist")
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_needle_on_any_link_is_found_whichever_joint_alone_brings_the_camera_to_it(tmp_path, joint):
+    """It stands on the link before the joint; tip and needle meet for less than a hundredth of the path."""
+    arm, link = load_arm("rx60"), LINKS[joint]
+    begin = np.array([-0.5, 0.6, -1.0, 0.1, 1.2, 0.2])
+    path = straight_joint_path(begin, begin + np.eye(6)[joint])
+    tip = Solid.sphere("tip", [0.06, 0.0, 0.2], 5e-4)
+    alone = ArmBodies(arm, mounted=[tip])
+    assert arm_clearance(alone, path, clearance=0.0).status == "clear"
+    alone.place(path(0.127))  # where a piece of the path begins
+    there, stands = alone.scene.places[alone.shapes_of("camera")[0]], alone._data.body(link)
+    place = stands.xmat.reshape(3, 3).T @ (there - stands.xpos)
+    needle = f'<geom type="sphere" size="5e-4" pos="{" ".join(map(repr, place.tolist()))}"/>'
+    text, begins = arm.path.read_text(), f'<body name="{link}"'
+    rest = text.index(">", text.index(begins)) + 1
+    file = tmp_path / "arm.xml"
+    file.write_text(f"{text[:rest]}{needle}{text[rest:]}")
+    found = arm_clearance(ArmBodies(load_arm(file), mounted=[tip]), path, clearance=0.0, self_clearance=0.0)
+    assert (found.status, found.closest.link, found.closest.other) == ("too_close", "camera", link)
+    assert found.closest.w == pytest.approx(0.127, abs=0.01)
+
+
+@pytest.mark.parametrize("name", shipped_arms())
+def test_every_pair_is_judged(name, monkeypatch):
+    """One pair after the other is asked for 10 m, the others for nothing."""
+    bodies, q = ArmBodies(load_arm(name), mounted=[CAMERA], surroundings=[TABLE]), np.full(7, 0.4)
+    for pair in range(len(bodies.pairs)):
+        asked = np.full(len(bodies.pairs), -10.0)
+        asked[pair] = 10.0
+        monkeypatch.setattr(bodies, "asked", lambda *_, asked=asked: asked)
+        found = arm_clearance(bodies, still(q[: bodies.arm.dof]), clearance=0.0)
+        assert found.status == "too_close"
+        assert (found.closest.link, found.closest.other) == bodies.names(pair)
 
 
 def test_the_slope_of_a_gap_is_its_finite_difference():
@@ -368,22 +416,81 @@ def test_a_path_beside_something_says_how_close_it_comes_and_where():
     assert least - 1e-6 <= found.closest.gap < 0.04
     assert found.closest.gap < least + 2e-3
     assert found.proven == -np.inf
+    into = Solid.sphere("ball", place - [0.0, 0.0, 0.04], 0.01)
+    met = arm_clearance(ArmBodies(arm, mounted=[tip], surroundings=[into]), path, clearance=0.0).closest
+    at = arm.base_T_flange(path(met.w)).apply([0.0, 0.0, 0.2])
+    assert met.gap == pytest.approx(np.linalg.norm(at - into.pose.translation) - 0.02, abs=1e-6)
+    assert met.gap == pytest.approx(-0.01, abs=1e-3)
+
+
+def asked_of_two(bodies, names):
+    """Bodies of which two alone are asked for clearance."""
+    two = [bodies.names(pair) == names for pair in range(len(bodies.pairs))]
+    bodies.asked = lambda clearance, _: np.where(two, clearance, -100.0)
+    return bodies
 
 
 def test_a_gap_that_is_just_what_is_asked_is_undecided_and_not_claimed():
-    """The table lies below the camera by exactly the clearance while joint 1 turns about the upright axis."""
-    arm = load_arm("rx60")
-    q = np.array([0.0, 0.5, 0.8, 0.0, np.pi - 1.3 - 1e-9, 0.0])
-    bodies = ArmBodies(arm, mounted=[Solid.sphere("ball", [0.0, 0.0, 0.1], 0.05)])
-    bodies.place(q)
-    low = arm.base_T_flange(q).apply([0.0, 0.0, 0.1])[2] - 0.05
-    table = Solid.box(
-        "table", RigidTransform.from_translation([0.0, 0.0, low - 0.05 - 0.01]), [2.0, 2.0, 0.05]
-    )
-    bodies = ArmBodies(arm, mounted=[Solid.sphere("ball", [0.0, 0.0, 0.1], 0.05)], surroundings=[table])
+    """The arm turns about an upright axis, on which a ball hangs; half as much is left as rounding takes."""
+    arm, q = load_arm("rx60"), np.array([0.0, 0.5, 0.8, 0.0, 0.7, 0.0])
+    tip, ball = Solid.sphere("tip", [0.0, 0.0, 0.1], 0.05), Solid.sphere("ball", [0.0, 0.0, 1.5], 0.1)
+    gap = np.linalg.norm(arm.base_T_flange(q).apply(tip.pose.translation) - ball.pose.translation) - 0.15
+    bodies = asked_of_two(ArmBodies(arm, mounted=[tip], surroundings=[ball]), ("camera", "ball"))
     path = straight_joint_path(q, q + 0.3 * np.eye(6)[0])
-    assert arm_clearance(bodies, path, clearance=0.01 + 1e-10).status in ("undecided", "too_close")
-    assert arm_clearance(bodies, path, clearance=0.0).status != "undecided"
+    for left, status in ((-1e-8, "too_close"), (5e-9, "undecided"), (1e-6, "clear")):
+        found = arm_clearance(bodies, path, clearance=gap - left)
+        assert (found.status, found.proven >= 0.0) == (status, status == "clear")
+        assert found.proven < left
+
+
+def ends_of(rod):
+    return rod.pose.apply([[0.0, 0.0, -rod.size[1]], [0.0, 0.0, rod.size[1]]])
+
+
+def apart(one, other):
+    """The distance of two rods: of their axes, each at the place nearest to the other, less the radii."""
+    (a, b), (c, d) = ends_of(one), ends_of(other)
+    ways = np.column_stack([b - a, c - d])
+    shares = lsq_linear(ways, c - a, (0.0, 1.0), method="bvls", tol=1e-15).x
+    return float(np.linalg.norm(a - c + ways @ shares) - one.size[0] - other.size[0])
+
+
+def test_a_distance_is_never_called_kept_that_a_search_has_found_but_for_its_last_digits():
+    """Rods 20 m apart, asked for two parts in a hundred million more than there is."""
+    random, arm, q = np.random.default_rng(0), load_arm("rx60"), np.zeros(6)
+    for _ in range(60):
+        far = random.normal(size=3)
+        poses = [
+            RigidTransform.from_components(place, Rotation.random(rng=random))
+            for place in (np.zeros(3), 20.0 * far / np.linalg.norm(far))
+        ]
+        rods = [
+            Solid(name, "capsule", random.uniform(0.1, 3.0, 2), pose)
+            for name, pose in zip("ab", poses, strict=True)
+        ]
+        gap = apart(rods[0].moved(arm.base_T_flange(q)), rods[1])
+        bodies = asked_of_two(ArmBodies(arm, mounted=rods[:1], surroundings=rods[1:]), ("camera", "b"))
+        assert arm_clearance(bodies, still(q), clearance=gap * (1.0 + 2e-8)).status != "clear"
+        for less in (2e-7, 4e-8, 2e-8):
+            kept = arm_clearance(bodies, still(q), clearance=gap * (1.0 - less))
+            assert kept.status == "clear" or less < 1e-7
+            assert kept.proven <= less * gap
+
+
+@pytest.mark.parametrize("carried", [True, False])
+def test_what_is_allowed_for_rounding_grows_with_sizes(carried):
+    """A ball before a plate, and before one of 10 000 km: less is proven by at least what sides lose."""
+    arm, q, proven = load_arm("rx60"), np.full(6, 0.3), []
+    flange = arm.base_T_flange(q)
+    for side in (1.0, 1e7):
+        plate = Solid.box("plate", RigidTransform.from_translation([0.0, 0.0, 0.3]), [side, side, 0.01])
+        ball = Solid.sphere("ball", [0.0, 0.0, 0.6], 0.1)
+        near, far = (plate, ball) if carried else (ball, plate)
+        bodies = ArmBodies(arm, mounted=[near], surroundings=[far.moved(flange)])
+        bodies = asked_of_two(bodies, ("camera", far.name))
+        proven.append(arm_clearance(bodies, still(q), clearance=0.0).proven)
+    assert proven[0] == pytest.approx(0.19, abs=1e-7)
+    assert 1e-7 < proven[0] - proven[1] < 1e-4
 
 
 def test_wrong_solids_and_clearances_are_named():

@@ -1,7 +1,9 @@
 """Which shapes of an arm are kept off each other: written out, and met where they meet."""
 
 from collections import Counter
+from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,7 +14,10 @@ from omniservo import cameras
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, Solid, arm_clearance, load_arm
-from omniservo.simulation.scene import Scene
+from omniservo.robots.arm_files.contacts import _is_bearing
+from omniservo.robots.collision.mounted_pairs import mounted_pairs
+from omniservo.robots.collision.shapes import Shapes
+from omniservo.simulation.scene import Ball, Scene, SceneBox
 from omniservo.simulation.world import World
 from omniservo.whole_arm import ArmSetting, plan_with_arm
 
@@ -59,6 +64,16 @@ def judged(bodies):
 @pytest.mark.parametrize("name", JUDGED)
 def test_the_pairs_of_each_shipped_arm_are_these(name):
     assert judged(ArmBodies(load_arm(name), mounted=HOUSING)) == JUDGED[name]
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_every_shape_that_moves_is_kept_off_everything_around(name):
+    around = [Solid.sphere("ball", [0.9, 0.0, 0.5], 0.1), Solid.half_space("floor", [0.0, 0.0, 1.0], -1.0)]
+    bodies = ArmBodies(load_arm(name), mounted=HOUSING, surroundings=around)
+    moving = bodies.touched[bodies.shapes.carried[bodies.touched] > 0]
+    stands = [int(bodies.shapes_of(each)[0]) for each in ("around 0", "around 1")]
+    pairs = {tuple(pair) for i, pair in enumerate(bodies.pairs.tolist()) if bodies.is_around(i)}
+    assert pairs == set(product(stands, moving.tolist()))
 
 
 def test_a_folded_panda_that_touches_itself_is_found():
@@ -113,6 +128,50 @@ def test_only_what_overlaps_in_every_posture_of_the_last_joint_is_left_out_and_s
     assert ArmBodies(arm, mounted=[bar]).notices == ()
 
 
+BALL, ROD = np.array([0.4, 0.3, 0.2]), np.array([0.3, 0.3, 0.2])
+APART = {
+    "a ball, 2 mm apart at -2 rad": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-2.0, 1.0), True),
+    "a ball, 2 mm apart at 2 rad": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-1.0, 2.0), True),
+    "a ball, nowhere apart": (2, BALL, 0.2 * np.sin(1.0) - 0.1 - 0.002, (-1.9, 1.9), False),
+    "a rod through the axis, across the other at 1.5 rad": (3, ROD, 0.01, (-0.5, 1.5), True),
+    "a rod through the axis, nowhere across": (3, ROD, 0.01, (-0.5, 0.5), False),
+}
+
+
+@pytest.mark.parametrize(("kind", "place", "radius", "ends", "meets"), APART.values(), ids=APART.keys())
+def test_two_that_are_apart_in_some_posture_of_the_last_joint_are_judged(kind, place, radius, ends, meets):
+    """A ball beside the joint's axis, 10 cm from it, and what the joint turns."""
+    along_x = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    shapes = Shapes(
+        kinds=np.array([2, kind]),
+        sizes=np.array([[0.1 if kind == 2 else 0.05, 0.0, 0.0], [radius, 0.1, 0.0]]),
+        radii=np.full(2, 0.2),
+        corners=np.zeros((0, 3)),
+        firsts=np.zeros(3, dtype=np.int64),
+        carried=np.array([5, 6]),
+        spins=np.zeros(2, dtype=np.int64),
+        places=np.array([BALL, place]),
+        axes=np.tile(along_x.ravel(), (2, 1)),
+        pairs=np.zeros((0, 2), dtype=np.int64),
+        first_between=np.zeros(0, dtype=np.int64),
+    )
+    hinge = np.array([0.3, 0.3, 0.0]), np.array([0.0, 0.0, 1.0])
+    found, left_out = mounted_pairs(shapes, np.array([0]), np.array([1]), hinge, np.array(ends))
+    assert (found.tolist(), left_out.tolist()) == (([[0, 1]], []) if meets else ([], [[0, 1]]))
+
+
+@pytest.mark.parametrize(("ends", "bearing"), [((-1.0, 2.0), 0), ((-2.0, 1.0), 0), ((-1.0, 1.0), 1)])
+def test_two_that_a_joint_brings_apart_at_one_end_of_its_range_only_are_no_bearing(ends, bearing):
+    """Balls of 10 and 4.8 cm, both 10 cm beside the axis; 20 mm apart at 2 rad."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.worldbody.add_geom(size=[0.1, 0.0, 0.0], pos=[0.1, 0.0, 0.0])
+    link = spec.worldbody.add_body(name="link")
+    link.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], range=ends)
+    link.add_geom(size=[0.2 * np.sin(1.0) - 0.12, 0.0, 0.0], pos=[0.1, 0.0, 0.0])
+    assert _is_bearing(spec.compile(), (0, 1)) == bool(bearing)
+
+
 def test_a_gripper_of_the_file_is_kept_off_the_link_before_the_last_joint(tmp_path):
     """A finger beside the flange, back along the wrist, so that the last joint turns it into wrist_2."""
     text = load_arm("ur5e").path.read_text()
@@ -131,9 +190,15 @@ def test_a_gripper_of_the_file_is_kept_off_the_link_before_the_last_joint(tmp_pa
     assert min(gaps) < 0.0 < max(gaps)
 
 
-def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tmp_path):
-    """The post stands where the shoulder of the RX60 comes by as joint 1 turns."""
-    post = '<geom type="cylinder" pos="0.1 0.1 0.3" size="0.02 0.3"/>'
+POSTS = {
+    "a post where the shoulder comes by": '<geom type="cylinder" pos="0.1 0.1 0.3" size="0.02 0.3"/>',
+    "a knob above it, nowhere more than 35 mm off": '<geom type="sphere" pos="0.05 0 0.43" size="0.01"/>',
+}
+
+
+@pytest.mark.parametrize("post", POSTS.values(), ids=POSTS.keys())
+def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tmp_path, post):
+    """As joint 1 of the RX60 turns."""
     arm = rx60(tmp_path, shapes=post)
     bodies, q = ArmBodies(arm), STAND.copy()
     own = judged(bodies)["shoulder"]
@@ -144,6 +209,20 @@ def test_a_post_of_the_base_is_kept_off_the_first_link_and_its_bearing_is_not(tm
         bodies.place(q)
         gaps.append(min(map(bodies.measure, first)))
     assert min(gaps) < 0.0 < max(gaps)
+
+
+def test_of_two_links_that_overlap_in_every_posture_the_other_shapes_are_kept_off_each_other(tmp_path):
+    """A ball of the base and one of the upper arm where axes 1 and 2 meet; both links have more shapes."""
+    ball = '<geom type="sphere" pos="0 0 {}" size="0.01"/>'
+    arm = rx60(tmp_path, shapes=ball.format(0.341))
+    text, link = arm.path.read_text(), '<body name="upper_arm" gravcomp="1">'
+    assert link in text
+    arm.path.write_text(text.replace(link, link + ball.format(0)))
+    arm = load_arm(arm.path)
+    every = 3 * (JUDGED["rx60"]["upper_arm"]["base"] // 2 + 1)
+    left_out = every - judged(ArmBodies(arm))["upper_arm"]["base"]
+    assert 1 <= left_out <= 3
+    assert any(f"base and upper_arm ({left_out} of {every} pairs)" in notice for notice in arm.notices)
 
 
 def test_a_plane_among_the_shapes_of_a_base_is_a_half_space(tmp_path):
@@ -177,3 +256,51 @@ def test_the_simulated_camera_touches_the_wrist_that_it_is_turned_into():
         seen.append(("camera", "wrist") in world.touching(world.data_at(q)))
     assert told == seen
     assert any(told)
+
+
+OF_FILE, OF_CLASS = "<default>", '<default class="arm">\n      <geom '
+DEFAULTS = {
+    "no contact in the file": (OF_FILE, '<geom contype="0" conaffinity="0"/>'),
+    "no contact in the class": (OF_CLASS, 'contype="0" conaffinity="0" '),
+    "contacts of another kind": (OF_CLASS, 'contype="2" conaffinity="4" '),
+    "meshes in millimetres": (OF_FILE, '<mesh scale="0.001 0.001 0.001"/>'),
+    "wide margins": (OF_FILE, '<geom margin="0.5" gap="0.1" group="4"/>'),
+}
+
+
+@pytest.mark.parametrize(("where", "defaults"), DEFAULTS.values(), ids=DEFAULTS.keys())
+def test_what_is_put_beside_an_arm_takes_none_of_the_defaults_of_its_file(tmp_path, where, defaults):
+    """The arm's own shapes state what they have: pairs, gaps and contacts are those of the shipped file."""
+    head, tree = load_arm("rx60").path.read_text().split("<worldbody>")
+    assert where in head
+    tree = tree.replace("<geom ", '<geom contype="1" conaffinity="1" margin="0" gap="0" ')
+    file = tmp_path / "arm.xml"
+    file.write_text(f"{head.replace(where, where + defaults, 1)}<worldbody>{tree}")
+    vertices = np.random.default_rng(2).uniform(-0.1, 0.1, (8, 3))
+    hull = Solid("hull", "hull", [], RigidTransform.identity(), vertices)
+    stone = Solid("stone", "hull", [], RigidTransform.from_translation([0.0, 0.5, 0.5]), vertices)
+    ball = Solid.sphere("ball", [0.3, 0.0, 0.5], 0.1)
+    told = []
+    for arm in (load_arm("rx60"), load_arm(file)):
+        bodies = ArmBodies(arm, mounted=[hull, *HOUSING], surroundings=[ball, stone])
+        bodies.place(STAND)
+        every = range(len(bodies.pairs))
+        place = (arm.base_T_flange(STAND) * MOUNT).translation
+        scene = Scene(
+            arm,
+            RigidTransform.identity(),
+            MOUNT,
+            cameras.preset("fe185"),
+            STAND,
+            obstacles=(Ball("obstacle", place, 0.02),),
+            surroundings=(SceneBox("post", RigidTransform.from_translation(place), [0.02] * 3),),
+            floor=float(place[2]),
+        )
+        world = World(scene)
+        touching = world.touching(world.data_at(STAND))
+        told.append(([bodies.names(i) for i in every], [bodies.measure(i) for i in every], touching))
+    (names, gaps, touching), found = told
+    assert found[0] == names
+    np.testing.assert_allclose(found[1], gaps, atol=1e-9)
+    assert found[2] == touching
+    assert {("camera", "obstacle"), ("camera", "post"), ("camera", "floor")} <= touching

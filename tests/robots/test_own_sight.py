@@ -55,7 +55,8 @@ def test_points_before_the_camera_are_free_on_the_whole_path(arm):
     ahead = arm.base_T_flange(START) * MOUNT
     points = ahead.apply(np.array([[0.0, 0.0, 0.5], [0.1, 0.0, 0.4], [0.0, -0.1, 0.4]]))
     assert own_sight(arm, path, MOUNT, points).status == "free"
-    assert own_sight(arm, path, MOUNT, points, kept={"wrist": 0.2}).link == "wrist"
+    for link in ("wrist", "base"):
+        assert own_sight(arm, path, MOUNT, points, kept={link: 2.0}).link == link
     assert (
         own_sight(arm, path, MOUNT, points, kept={"flange": 0.2}).status == "free"
     )  # it goes with the camera
@@ -227,6 +228,25 @@ def test_a_camera_that_strays_is_kept_free_by_what_its_lines_then_sweep(arm):
     assert min(seen.values()) >= 8
 
 
+@pytest.mark.parametrize("left", [-1e-6, 1e-6])
+def test_a_half_space_is_kept_off_a_line_by_what_the_camera_strays_at_either_end(arm, left):
+    """The lowest place of the cone that a straying camera sweeps is at its centre or where the line ends."""
+    random, strays, lowest = np.random.default_rng(3), 0.04, []
+    centre = (arm.base_T_flange(START) * MOUNT).translation
+    for _ in range(20):
+        point = centre + random.uniform(0.2, 0.8) * Rotation.random(rng=random).apply([0.0, 0.0, 1.0])
+        share = 1.0 - SURFACE / np.linalg.norm(point - centre)
+        normal = Rotation.random(rng=random).apply([0.0, 0.0, 1.0])
+        end = centre + share * (point - centre)
+        ends = normal @ centre - strays, normal @ end - (1.0 - share) * strays
+        side = Solid.half_space("side", normal, min(ends) - left)
+        lines = _Lines(arm, MOUNT, point[None], (side,), {}, strays)
+        lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
+        assert lines.are_clear(START, np.zeros(6)) == (left > 0.0)
+        lowest.append(int(np.argmin(ends)))
+    assert 5 <= sum(lowest) <= 15
+
+
 def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     """The camera goes by a thin post: at no more than a tenth of the path it hides the point."""
     path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)
@@ -242,6 +262,42 @@ def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     assert found.w == pytest.approx(0.437, abs=0.05)
     assert own_sight(arm, path, MOUNT, [point], surroundings=(post,), span=(0.5, 1.0)).status == "free"
     assert own_sight(arm, path, MOUNT, [point]).status == "free"
+
+
+def test_a_speck_that_no_part_of_a_path_tells_from_a_line_is_not_called_free(arm):
+    """It is on the line at one place, which halving never comes upon."""
+    path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)
+    point = np.array([1.2, 0.5, 0.4])
+    middle = 0.5 * ((arm.base_T_flange(path(0.437)) * MOUNT).translation + point)
+    found = own_sight(arm, path, MOUNT, [point], surroundings=(Solid.sphere("speck", middle, 1e-6),))
+    assert (found.status, found.link) == ("hidden", "speck")
+    assert found.w == pytest.approx(0.437, abs=1e-3)
+    assert 0.0 < found.gap < 1e-3
+
+
+@pytest.mark.parametrize("hidden", range(3))
+def test_whichever_point_is_hidden_by_whichever_body_however_little_is_found(arm, hidden):
+    """One box is 0.2 mm into a line, another leaves 0.2 mm of it."""
+    camera = arm.base_T_flange(START) * MOUNT
+    points = np.array([[-0.1, 0.0, 0.5], [0.0, 0.0, 0.5], [0.1, 0.0, 0.5]])
+
+    into, beside = (
+        Solid.box(
+            name,
+            camera * RigidTransform.from_translation(0.5 * points[hidden] + [0.0, 0.01 + left, 0.0]),
+            [0.01] * 3,
+        )
+        for name, left in (("in", -2e-4), ("beside", 2e-4))
+    )
+    for around in ((into, beside), (beside, into)):
+        found = own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=around)
+        assert (found.status, found.link, found.point) == ("hidden", "in", hidden)
+    assert own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=(beside,)).status == "free"
+
+
+def test_the_flange_hides_what_is_inside_it(arm):
+    inside = (arm.base_T_flange(START) * MOUNT).apply([0.0, 0.0, -0.09 - 0.012])
+    assert own_sight_in(arm, START, MOUNT, [inside]).link == "flange"
 
 
 @pytest.mark.parametrize(
@@ -275,3 +331,30 @@ def test_what_a_line_meets_anywhere_within_the_turns_is_never_called_clear(arm, 
         lines = _Lines(arm, MOUNT, point[None], (speck,), {}, 0.0)
         lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
         assert not lines.are_clear(q, turns)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_what_a_link_carries_where_a_line_ends_that_has_become_longer_is_never_called_clear(tmp_path, sign):
+    """As seen from the shoulder, joint 1 takes the point along its line of sight, away from the camera."""
+    arm, q, turns = load_arm("rx60"), START + 0.3, 0.05 * np.eye(6)[0]
+    centre = (arm.base_T_flange(q) * MOUNT).translation
+    ahead = sign * math.acos(0.8)  # the line is a tangent of the circle on which the point goes round
+    point = Rotation.from_rotvec([0.0, 0.0, ahead]).apply(centre * [0.8, 0.8, 1.0])
+    there = q - sign * turns
+    seen_from = (arm.base_T_flange(there) * MOUNT).translation
+    assert np.linalg.norm(point - seen_from) > np.linalg.norm(point - centre) + 0.01
+    away = seen_from - point
+    place = point + (SURFACE + 1e-9) * away / np.linalg.norm(away)
+    place = Rotation.from_rotvec([0.0, 0.0, -there[0]]).apply(place) - [0.0, 0.0, 0.341]
+    text, link = arm.path.read_text(), '<body name="shoulder" pos="0 0 0.341" gravcomp="1">'
+    assert link in text
+    speck = f'<geom type="sphere" size="1e-7" pos="{" ".join(map(repr, place.tolist()))}"/>'
+    file = tmp_path / "arm.xml"
+    file.write_text(text.replace(link, link + speck))
+    lines = _Lines(load_arm(file), MOUNT, point[None], (), {}, 0.0)
+    small = np.flatnonzero((lines._shapes.kinds == 2) & (lines._shapes.sizes[:, 0] < 1e-6))
+    lines._sights = lines._sights._replace(hiders=small)
+    assert len(small) == 1
+    assert not lines.are_clear(q, turns)
+    assert not lines.are_clear(there, np.zeros(6))
+    assert lines.are_clear(q, np.zeros(6))

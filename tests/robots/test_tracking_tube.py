@@ -56,11 +56,35 @@ def test_no_point_of_a_link_goes_farther_than_the_link_strays(bodies):
     assert allowed < 1.5 * moved.max()
 
 
+def test_a_run_strays_as_its_worst_row_does_and_a_link_as_its_worst_shape(bodies):
+    path, random = path_of(bodies, [0.4, 0.1, -0.2, 0.0, 0.3, 0.0]), np.random.default_rng(5)
+    near, far = (Solid.sphere("ball", [0.0, 0.1 * k, 0.05], 0.01) for k in (1.0, 4.0))
+    both = [ArmBodies(bodies.arm, mounted=order) for order in ((near, far), (far, near))]
+    for worst in range(4):
+        run = path[[3, 17, 29, 40]] + 0.001 * random.standard_normal((4, 6))
+        run[worst] += 0.02 * random.standard_normal(6)
+        alone = np.max([strayed(both[0], MOUNT, path, row[None], 0.5) for row in run], axis=0)
+        for each in both:
+            np.testing.assert_allclose(strayed(each, MOUNT, path, run, 0.5), alone, atol=1e-6)
+    farther = strayed(both[0], MOUNT, path, path[20] + 0.01 * np.eye(6)[[5]], 0.0)[6:-2]
+    assert dict(zip(both[0].tube_parts, farther, strict=True))["camera"] > 0.01 * 0.3
+    aside = RigidTransform.from_translation(
+        [0.0, 0.5, 0.0]
+    )  # a camera that the last joint turns about its axis
+    assert strayed(both[0], aside, path, path[20] + 0.01 * np.eye(6)[[5]], 0.0)[-2] > 0.01 * 0.4
+
+
 def test_two_links_of_the_arm_stray_by_what_is_taken_of_the_gap_between_them(bodies):
     path = np.array([0.0, 0.4, -2.2, 0.0, -2.0, 0.0]) + np.linspace(0.0, 0.4, 41)[:, None] * np.eye(6)[0]
     q = path[10] + 0.05 * np.eye(6)[4] * np.array([-1.0, 1.0])[:, None]  # the camera to the forearm, and off
     most = strayed(bodies, MOUNT, path[10:12], q, 0.0)
     parts, nearer = dict(zip(bodies.tube_parts, most[6:-2], strict=True)), 0
+    to, off = (
+        dict(zip(bodies.tube_parts, strayed(bodies, MOUNT, path[10:12], [row], 0.0)[6:-2], strict=True))
+        for row in q
+    )
+    assert to["camera & forearm"] == pytest.approx(parts["camera & forearm"], abs=1e-7)
+    assert to["camera & forearm"] > 2e-3 > off["camera & forearm"]
     for pair in bodies.own_pairs.tolist():
         gaps = []
         for posture in (path[10], *q):
@@ -158,7 +182,8 @@ def test_two_parts_with_one_joint_between_them_stray_as_that_joint_does():
             bodies.place(q)
             gaps.append(bodies.measure(pair))
         taken = np.abs(np.diff(gaps)).max()
-        assert taken <= extra[pair] + 1e-7 <= 0.05 * 0.3
+        assert taken <= extra[pair] + 1e-7
+        assert extra[pair] in (0.0, pytest.approx(0.05 * (0.07 + np.linalg.norm([0.01, 0.01, 0.1]))))
     assert beside == 3
 
 

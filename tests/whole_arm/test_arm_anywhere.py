@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 from tests.whole_arm.arm_scenes import FLANGE_T_CAMERA
@@ -115,6 +116,26 @@ def test_ellipsoids_of_an_arm_are_kept_off_a_half_space(tmp_path):
     assert bodies.measure(pair) == pytest.approx(expected, abs=1e-12)
 
 
+def test_the_distance_of_an_ellipsoid_from_a_ball_is_that_of_its_nearest_point(tmp_path):
+    """By Lagrange's multiplier: Σ (s p / (s² + t))² = 1."""
+    size, arm, random = np.array([0.02, 0.3, 0.1]), rx60(tmp_path), np.random.default_rng(2)
+    words = '<geom type="ellipsoid" size="0.02 0.3 0.1" pos="0 0 0.4"/><site name="flange"'
+    arm.path.write_text(arm.path.read_text().replace('<site name="flange"', words))
+    arm = load_arm(arm.path)
+    for _ in range(10):
+        ball = Solid.sphere("ball", random.uniform([-1, -1, 1.5], [1, 1, 3.5]), 0.1)
+        bodies = ArmBodies(arm, surroundings=[ball])
+        bodies.place(random.uniform(-1.0, 1.0, 6))
+        shape = int(np.flatnonzero(bodies.shapes.kinds == 4)[0])
+        pair = next(i for i, (_, b) in enumerate(bodies.pairs.tolist()) if b == shape and bodies.is_around(i))
+        axes, place = bodies.scene.axes[shape].reshape(3, 3), bodies.scene.places[shape]
+        p = (ball.pose.translation - place) @ axes
+        t = brentq(lambda t, p=p: np.sum((size * p / (size**2 + t)) ** 2) - 1.0, 0.0, 9.0, xtol=1e-15)
+        expected = np.linalg.norm(p - size**2 * p / (size**2 + t)) - 0.1
+        assert bodies.measure(pair) == pytest.approx(expected, abs=1e-6)
+        assert bodies.lower_gaps(np.array([pair]))[0] <= expected + 1e-12
+
+
 def test_a_floor_below_an_upright_first_axis_is_no_nearer_when_it_turns():
     """So a base beside the floor takes no posture's worth of proof; a floor that leans does."""
     arm = load_arm("rx60")
@@ -137,6 +158,13 @@ def test_a_long_rod_that_nearly_lies_on_an_axis_is_not_taken_to_lie_on_it():
     assert first == {0.0: {1}, 0.9e-9: {0}}
 
 
+@pytest.mark.parametrize(("off", "joint"), [(0.0, 1), (5e-10, 1), (3e-9, 0), (1e-3, 0)])
+def test_a_ball_is_on_an_axis_if_it_is_so_within_what_rounding_is_allowed(off, joint):
+    bodies = ArmBodies(load_arm("rx60"), surroundings=[Solid.sphere("ball", [off, 0.0, 1.5], 0.1)])
+    around = [i for i in range(len(bodies.pairs)) if bodies.is_around(i)]
+    assert set(bodies.shapes.first_between[around].tolist()) == {joint}
+
+
 def test_a_half_space_cannot_be_carried_and_can_be_moved():
     arm = load_arm("rx60")
     side = Solid.half_space("side", [0.0, 0.0, 1.0], -0.5)
@@ -156,8 +184,8 @@ def test_a_half_space_cannot_be_carried_and_can_be_moved():
 @pytest.mark.parametrize("size", [1.0, 10.0, 1e3, 1e5])
 def test_a_block_given_as_a_mesh_has_the_gap_of_its_own_vertices(size):
     """Its top is 25 mm below the shoulder of the RX60; it lies obliquely in the camera's frame."""
-    arm = load_arm("rx60")
-    base_T_initial = arm.base_T_flange(STAND) * FLANGE_T_CAMERA
+    arm, start = load_arm("rx60"), STAND + np.radians([5.0, 3.0, -7.0, 10.0, 4.0, 6.0])
+    base_T_initial = arm.base_T_flange(start) * FLANGE_T_CAMERA
     corners = [
         [i, j, k] for i in (-0.7 * size, 0.9 * size) for j in (-0.8 * size, 0.6 * size) for k in (-size, 0.2)
     ]
@@ -168,7 +196,7 @@ def test_a_block_given_as_a_mesh_has_the_gap_of_its_own_vertices(size):
         RigidTransform.from_translation([0, 0, -0.05]),
         obstacles=(block,),
     )
-    setting = ArmSetting(arm, base_T_initial, FLANGE_T_CAMERA, start=STAND, mounted=CAMERA_HOUSING)
+    setting = ArmSetting(arm, base_T_initial, FLANGE_T_CAMERA, start=start, mounted=CAMERA_HOUSING)
     slack = 2e-8 + 3e-13 * size
     enough = plan_with_arm(problem, replace(setting, clearance=0.025 - slack))
     assert enough.certified, enough.plan.reason

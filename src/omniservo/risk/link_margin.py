@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.executions import Executions
 from omniservo.risk.gap_slopes import gap_slopes
 from omniservo.risk.risk_plan import LinkMargin
-from omniservo.risk.safe_path import allowed_violations
+from omniservo.risk.safe_path import CONFIDENCE, allowed_violations
 from omniservo.risk.servo_response import ServoResponse, servo_response
 from omniservo.robots import ArmBodies, JointPath
 from omniservo.whole_arm.arm_plan import ArmPlan
@@ -71,10 +72,14 @@ def plan_links_at_risk(
         seed: see `plan_with_arm`; of the mounts, too.
 
     Raises:
-        InputError: see `plan_with_arm`; a covariance or a risk that is not legal.
+        InputError: see `plan_with_arm`; a covariance or a risk that is not legal, too few executions for it.
     """
     finite_number("risk", risk, above=0.0, maximum=1.0)
     count = max(LEAST_SAMPLES, math.ceil(RARE / risk)) if executions is None else len(executions.points)
+    most = allowed_violations(risk, count)
+    if most < 0:
+        least = math.ceil(math.log(1.0 - CONFIDENCE) / math.log1p(-risk))
+        raise InputError(f"executions: {count} given; a risk of {risk:g} needs at least {least} of them")
     mounts = _mounts(setting, mount_covariance, count, seed)
     asked, added = setting.clearance_around, 0.0
     for _ in range(ROUNDS):
@@ -83,7 +88,7 @@ def plan_links_at_risk(
             return _without(found, added), LinkMargin(risk, 1.0, 0.0, 0.0, added)
         bodies = setting.bodies(problem.obstacles)
         taken = taken_by(setting, bodies, found.plan.path, found.branch, mounts, executions)
-        needed = -float(np.sort(taken.left)[max(allowed_violations(risk, count), 0)])
+        needed = -float(np.sort(taken.left)[most])
         mount, estimate = (float(np.quantile(part, 1.0 - risk)) for part in (taken.mount, taken.estimate))
         margin = LinkMargin(risk, float((taken.left < 0.0).mean()), mount, estimate, added)
         if needed <= 0.0:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
 from omniservo.robots.collision.arm_bodies import MOUNTED
+from omniservo.robots.collision.plain import PLAIN
 from omniservo.simulation.scene import BOARD_COLOUR, Ball, Colour, Dots, Panel, Scene, SceneBox
 
 TICK = 0.001
@@ -63,7 +64,8 @@ class World:
             _add_panel(spec, panel)
         if scene.floor is not None:
             floor = spec.worldbody.add_body(name="floor", pos=[0.0, 0.0, scene.floor])
-            _paint(floor.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1]), _FLOOR_COLOUR)
+            plane = floor.add_geom(PLAIN, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1])
+            _paint(plane, _FLOOR_COLOUR)
         self.model: Any = spec.compile()
         self.luminance: FloatArray = self.model.geom_rgba[:, :3].astype(np.float64) @ _LUMINANCE
         """(geoms,) linear grey of each geom, in [0, 1]."""
@@ -175,13 +177,14 @@ def _add_body(spec: Any, body: SceneBox | Ball) -> None:
     holder = spec.worldbody.add_body(
         name=body.name, pos=pose.translation, quat=_mujoco_quaternion(pose.rotation)
     )
-    _paint(holder.add_geom(type=kind, size=size), body.colour)
+    _paint(holder.add_geom(PLAIN, type=kind, size=size), body.colour)
 
 
 def _add_dots(spec: Any, dots: Dots) -> None:
     """Each dot is a cylinder whose upper face's centre is the dot's centre."""
     for center, normal in zip(dots.centers, dots.normals, strict=True):
         geom = spec.worldbody.add_geom(
+            PLAIN,
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
             fromto=[*center, *(center - _THICKNESS * normal)],
             size=[dots.radius, 0.0, 0.0],
@@ -198,6 +201,7 @@ def _add_panel(spec: Any, panel: Panel) -> None:
         name=panel.name, pos=pose.translation, quat=_mujoco_quaternion(pose.rotation)
     )
     geom = holder.add_geom(
+        PLAIN,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[*panel.size / 2, _THICKNESS / 2],
         contype=0,

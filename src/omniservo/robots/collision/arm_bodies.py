@@ -208,7 +208,6 @@ class ArmBodies:
         found = scene.moves[self.pairs[:, 1], shapes.first_between]
         for pair in np.union1d(self.own_pairs, np.flatnonzero(self._has_surroundings)).tolist():
             found[pair] = tube.links[self.part_of(pair)]
-        found[self._is_steady] = 0.0
         return found
 
     @property
@@ -273,10 +272,10 @@ class ArmBodies:
     def asked(self, clearance: float, self_clearance: float) -> FloatArray:
         """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other.
 
-        What its links may stray comes on top.
+        What its links may stray comes on top, but for what no joint can bring nearer.
         """
         own = np.where(self._has_surroundings, clearance, self_clearance)
-        return np.asarray(own + self._strays)
+        return np.asarray(own + np.where(self._is_steady, 0.0, self._strays))
 
     def place(self, q: npt.ArrayLike) -> None:
         """Bring the joints to ``q`` (n,) [rad]: what is asked next is asked there.

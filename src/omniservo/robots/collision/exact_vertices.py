@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.robots.collision.plain import PLAIN
 
 _THINNEST = 1e-4
 """[m], and of the longest side: MuJoCo, which takes no mesh without a volume, is shown one so thick"""
@@ -23,7 +24,7 @@ _CORNERS = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
 def add_hull(spec: Any, name: str, vertices: FloatArray) -> Any:
     """Add a mesh to MuJoCo's MjSpec whose convex hull is that of vertices (n, 3) [m]; return it."""
     convex = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-    mesh = spec.add_mesh(name=name, uservert=_thick(vertices).ravel(), inertia=convex)
+    mesh = spec.add_mesh(PLAIN, name=name, uservert=_thick(vertices).ravel(), inertia=convex)
     keep_vertices(spec, mesh, vertices)
     return mesh
 

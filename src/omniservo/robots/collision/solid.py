@@ -15,6 +15,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.along import along
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots.collision.exact_vertices import add_hull
+from omniservo.robots.collision.plain import PLAIN
 from omniservo.short_repr import short_repr
 
 Kind = Literal["sphere", "capsule", "cylinder", "box", "hull", "half_space"]
@@ -110,7 +111,7 @@ class Solid:
         """Add it to a MuJoCo body of ``spec``, in whose frame it is stated; return the new geom."""
         pose, quaternion = self.pose.as_matrix(), np.empty(4)
         mujoco.mju_mat2Quat(quaternion, pose[:3, :3].ravel())  # SciPy's takes longer than all the rest
-        geom = body.add_geom(type=_GEOMS[self.kind], pos=pose[:3, 3], quat=quaternion)
+        geom = body.add_geom(PLAIN, type=_GEOMS[self.kind], pos=pose[:3, 3], quat=quaternion)
         if self.vertices is None:
             geom.size = self.mujoco_size
         else:
