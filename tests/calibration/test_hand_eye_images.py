@@ -177,7 +177,7 @@ GOOD = {"translation": [0.1, 0.2, 0.3], "quaternion": [0.0, 0.0, 0.0, 1.0]}
         ({**GOOD, "quaternion": [0, 0, 0, 1.1]}, "base_T_tool[1]: quaternion: norm 1.1 given; legal: 1"),
         ({**GOOD, "translation": [0, float("nan"), 0]}, "base_T_tool[1]: translation: nan at index (1,)"),
         ({**GOOD, "translation": [0, 1]}, "base_T_tool[1]: translation: shape (2,) given; (3,) is needed"),
-        ({**GOOD, "speed": 1}, "base_T_tool[1]: speed: unknown field; legal: image, translation"),
+        ({**GOOD, "speed": 1}, "base_T_tool[1]: speed: no such field; legal: image, translation"),
         ({"translation": [0, 0, 0]}, "base_T_tool[1]: needed: translation with quaternion"),
         ({**GOOD, "rotation_vector": [0, 0, 0]}, "base_T_tool[1]: needed:"),
         (

@@ -63,14 +63,10 @@ def test_a_warm_up_that_has_nothing_to_do_loads_nothing_heavy(tmp_path, monkeypa
     assert (heavy, ended, err) == ("[]", 0, "")
 
 
-def interrupted(process):
-    """Exit code and the rest of standard error of a process that gets Ctrl-C now."""
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate()
-    return process.returncode, err
-
-
-def test_ctrl_c_says_at_what_and_that_nothing_was_written(tmp_path):
+@pytest.mark.parametrize(
+    ("sent", "code", "how"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
+def test_a_run_that_is_ended_says_at_what_and_leaves_nothing_behind(tmp_path, sent, code, how):
     process = subprocess.Popen(
         [*COMMAND, "run", "paper-example-1", "--out", "out"],
         cwd=tmp_path,
@@ -82,9 +78,11 @@ def test_ctrl_c_says_at_what_and_that_nothing_was_written(tmp_path):
     for line in process.stderr:
         if "teaching the goal" in line:
             break
-    code, err = interrupted(process)
-    assert code == 130
-    assert err.splitlines()[-1].startswith("omniservo: interrupted while ")
+    assert [path.name.startswith(".out.") for path in tmp_path.iterdir()] == [True]
+    process.send_signal(sent)
+    _, err = process.communicate()
+    assert process.returncode == code
+    assert err.splitlines()[-1].startswith(f"omniservo: {how} while ")
     assert err.endswith("; nothing was written\n")
     assert "Traceback" not in err
     assert not list(tmp_path.iterdir())

@@ -1,17 +1,22 @@
 """A misspelt name is told with the one that was probably meant."""
 
+import json
 from importlib import resources
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
 
+from omniservo.calibration.hand_eye import load_robot_poses
 from omniservo.camera_files import named_camera
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
-from omniservo.robots import load_arm
+from omniservo.robots import TrackingTube, load_arm
+from omniservo.robots.path_following.tracking_tube import FORMAT as TUBE
 from omniservo.targets import Target
-from omniservo.tasks import load_task
+from omniservo.tasks import TaughtGoal, load_task
 
 PROBLEM = {
     "format": "omniservo.problem/1",
@@ -19,6 +24,17 @@ PROBLEM = {
     "points": [[0.0, 0.0, 0.5]],
     "goal": {"translation": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]},
 }
+POSES = {"format": "omniservo.robot_poses/1", "base_T_tool": []}
+
+
+def saved(name, fields, load):
+    """What reading a file with these fields gives."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_text(json.dumps(fields))
+        return load(path)
+
+
 BALL = {"type": "sphere", "center": [0, 1, 0], "radius": 0.1}
 MISSPELT = {
     "a task": (lambda: load_task("paper-exampel-1"), "paper-example-"),
@@ -39,6 +55,19 @@ MISSPELT = {
     "a camera's field": (
         lambda: UnifiedCamera.from_dict({**PROBLEM["camera"], "distorsion": [0, 0, 0, 0]}),
         "distortion",
+    ),
+    "a field of robot poses": (lambda: saved("poses.yaml", POSES | {"unit": {}}, load_robot_poses), "units"),
+    "a robot pose's field": (
+        lambda: saved("poses.yaml", POSES | {"base_T_tool": [{"translatoin": [0, 0, 0]}]}, load_robot_poses),
+        "translation",
+    ),
+    "a goal's field": (
+        lambda: saved("goal.json", {"format": "omniservo.goal/2", "featurs": []}, TaughtGoal.load),
+        "features",
+    ),
+    "a tracking tube's field": (
+        lambda: saved("tube.json", {"format": TUBE, "singular_values": 0.1}, TrackingTube.load),
+        "singular_value",
     ),
     "a target's field": (lambda: Target.from_dict({"format": "omniservo.target/1", "pionts": []}), "points"),
 }

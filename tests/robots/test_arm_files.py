@@ -102,6 +102,18 @@ def test_meshes_may_lie_beside_the_folder_of_the_file(tmp_path):
     assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
 
 
+@pytest.mark.parametrize("place", ["urdf", "meshes"])
+def test_meshes_named_as_files_are_read_where_plain_paths_may_lead(tmp_path, place):
+    named = tmp_path / "linked" / place / "a ball.stl"
+    with_ball(tmp_path / "robot" / place / "a ball.stl")
+    (tmp_path / "linked").symlink_to(tmp_path / "robot")
+    mesh = MESH.format(named.as_uri())
+    assert "file:///" in mesh
+    assert "%20" in mesh
+    arm = read(tmp_path, urdf(visual=mesh, collision=mesh), "robot/urdf/arm.urdf")
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
+
+
 def test_a_link_whose_only_picture_is_not_read_is_refused(tmp_path):
     text = re.sub(r"<collision>.*?</collision>", "", urdf(), count=1, flags=re.DOTALL)
     text = text.replace(CYLINDER, MESH.format("fancy.ply"), 1)
@@ -294,6 +306,18 @@ BAD_URDF = {
     "from the net": (
         lambda text: text.replace(CYLINDER, MESH.format("http://x/m.stl"), 1),
         "legal: a path inside the file's folder, or package://NAME/path",
+    ),
+    "a file elsewhere": (
+        lambda text: text.replace(CYLINDER, MESH.format("file:///etc/m.stl"), 1),
+        "mesh 'file:///etc/m.stl' given; a file:///… is read inside .*package://NAME/path",
+    ),
+    "a file by no path": (
+        lambda text: text.replace(CYLINDER, MESH.format("file://a%00/m.stl"), 1),
+        "mesh 'file://a%00/m.stl' given; a file:///… is read inside ",
+    ),
+    "a file without a root": (
+        lambda text: text.replace(CYLINDER, MESH.format("file://home/flat.stl"), 1),
+        "mesh 'file://home/flat.stl': no such file; legal: file:///FOLDER/FILE",
     ),
     "touched picture": (
         lambda text: text.replace(CYLINDER, MESH.format("m.ply")),

@@ -1,3 +1,4 @@
+import json
 import re
 from importlib import resources
 
@@ -5,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.urdf_arms import urdf
 
 from omniservo.camera_files import save_camera
@@ -129,6 +130,19 @@ def test_the_papers_numbers_stand_in_its_tasks():
         ("planning.obstacles", [{"type": "box", "center": [0, 0, 0]}], "half_extents"),
         ("planning.obstacles", [{"type": "half_space", "normal": [0, 0, 2], "offset": 0}], "length 2"),
         ("planning.obstacles", [{"center": [0, 0, 0], "half_extents": [1, 1, 1]}], "no such field"),
+        (
+            "obstacles",
+            [{"center": [0, 0, 0], "half_extents": [1, 1, 1], "quaternion": [0, 0, 0, 2]}],
+            "obstacles.0: Value error, quaternion has norm 2; it must be 1",
+        ),
+        (
+            "planning.obstacles",
+            [
+                {"type": "box", "center": [0, 0, 0], "half_extents": [1, 1, 1]}
+                | {"quaternion": [0, 0, 0, 1], "rotation_vector": [0, 0, 0]}
+            ],
+            "give quaternion or rotation_vector, not both",
+        ),
     ],
 )
 def test_a_wrong_field_is_named_with_file_and_value(tmp_path, field, value, says):
@@ -154,6 +168,30 @@ def test_the_planner_knows_every_kind_of_obstacle_in_metres(tmp_path):
     assert capsule.distance(at)[0] == pytest.approx(np.hypot(0.1, 0.01) - 0.005)
     assert wall.distance(at)[0] == pytest.approx(0.25)
     assert capsule.clearance == pytest.approx(0.007)
+
+
+QUARTER = Rotation.from_euler("y", 90, degrees=True)
+BLOCK = {"center": [0, 0, 50], "half_extents": [10, 20, 30]}
+
+
+@pytest.mark.parametrize(
+    "turned", [{"quaternion": QUARTER.as_quat().tolist()}, {"rotation_vector": [0, 90, 0]}]
+)
+@pytest.mark.parametrize("frame", ["initial", "base"])
+def test_every_box_of_a_task_is_turned_by_a_quaternion_or_a_rotation_vector(tmp_path, turned, frame):
+    stated = changed("planning.obstacles", [{"type": "box", **BLOCK, **turned, "frame": frame}])
+    stated |= {"obstacles": [{**BLOCK, **turned, "frame": frame}], "surroundings": [{**BLOCK, **turned}]}
+    (tmp_path / "task.yaml").write_text(json.dumps(stated))
+    task = load_task(tmp_path / "task.yaml")
+    box = task.planning.obstacles[0].obstacle
+    pose = task.obstacles[0].transform
+    planned = Rotation.from_quat(np.array(box.quaternion))
+    np.testing.assert_allclose(planned.as_matrix(), pose.rotation.as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(box.center, pose.translation)
+    if frame == "initial":
+        np.testing.assert_allclose(pose.rotation.as_matrix(), QUARTER.as_matrix(), atol=1e-15)
+        assert box.distance(np.array([[0.1, 0.0, 0.05]]))[0] == pytest.approx(0.07)  # 30 mm along x
+    np.testing.assert_allclose(task.surroundings[0].rotation.as_matrix(), QUARTER.as_matrix(), atol=1e-15)
 
 
 def cloud_task(folder, points, /, **fields):
@@ -332,7 +370,7 @@ def test_a_goal_of_the_first_format_is_read(tmp_path):
     ("old", "new", "says"),
     [
         ("omniservo.goal/2", "omniservo.goal/7", "legal: 'omniservo.goal/2'"),
-        ('"features"', '"points"', "features, points"),
+        ('"features"', '"points"', "points: no such field; legal: format, camera, image_png, features"),
         ("10.25", "NaN", "features"),
         ('"image_png": "', '"image_png": "AAAA', "not a PNG"),
         ('"width": 659', '"width": 660', "659"),

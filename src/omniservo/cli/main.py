@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import Annotated, NoReturn
 
 import typer
 
 import omniservo
 from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify, warm_up
-from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
+from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, TERMINATED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 
@@ -54,7 +59,8 @@ def main(arguments: list[str] | None = None) -> None:
     """
     DOING.stage, DOING.written = "", []
     try:
-        app(args=arguments)
+        with _ended_cleanly():
+            app(args=arguments)
     except AlreadyExists as error:
         _end(WRONG_INPUT, f"{error.path}: exists; --force replaces it")
     except InputError as error:
@@ -64,11 +70,31 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as error:  # such as a full disk behind standard output
         _end(WRONG_INPUT, ": ".join(str(w) for w in (error.filename, error.strerror or error) if w))
     except KeyboardInterrupt:
-        _end(INTERRUPTED, DOING.interrupted())
-    except SystemExit as end:  # what typer makes of Ctrl-C
-        if end.code == INTERRUPTED:
-            _end(INTERRUPTED, DOING.interrupted())
+        _end(INTERRUPTED, DOING.ended("interrupted"))
+    except SystemExit as end:
+        if end.code == INTERRUPTED:  # what typer makes of Ctrl-C
+            _end(INTERRUPTED, DOING.ended("interrupted"))
+        if end.code == TERMINATED:
+            _end(TERMINATED, DOING.ended("terminated"))
         raise
+
+
+@contextmanager
+def _ended_cleanly() -> Iterator[None]:
+    """Make SIGTERM an exit, which leaves no half-written folder behind, where nobody else answers it."""
+
+    def leave(number: int, frame: FrameType | None) -> NoReturn:
+        sys.exit(TERMINATED)
+
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _end(code: int, message: str) -> NoReturn:

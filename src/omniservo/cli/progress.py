@@ -25,18 +25,18 @@ _ANOTHER_LINE = 15.0
 
 @dataclass
 class Doing:
-    """What the running command is at and what it has written: said to a person who interrupts it."""
+    """What the running command is at and what it has written: said where somebody ends it."""
 
     stage: str = ""
     written: list[Path] = field(default_factory=list)
 
-    def interrupted(self) -> str:
-        """Return the message of an interruption."""
+    def ended(self, how: str) -> str:
+        """Return the message of an end such as "interrupted"."""
         during = f" while {self.stage}" if self.stage else ""
         kept = (
             f"written before: {', '.join(map(str, self.written))}" if self.written else "nothing was written"
         )
-        return f"interrupted{during}; {kept}"
+        return f"{how}{during}; {kept}"
 
 
 DOING = Doing()

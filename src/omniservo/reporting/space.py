@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
@@ -171,7 +171,7 @@ def _keep_out(
         corners, radius = np.array([section.start, section.end]), section.radius
     else:
         half = np.array(section.half_extents) * (2.0 * np.array(_BITS) - 1.0)
-        corners = section.center + Rotation.from_rotvec(section.rotation_vector).apply(half)
+        corners = section.center + section.rotation.apply(half)
         radius = 0.0
     own = section.clearance is not None
     asked = clearance if section.clearance is None else section.clearance

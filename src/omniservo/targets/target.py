@@ -188,7 +188,7 @@ def _mapping(value: Any, source: str, needed: set[str], optional: set[str]) -> d
     for name in value:
         if name not in needed | optional:
             raise InputError(
-                f"{source}: {spelled_name(name)}: unknown field; the fields are {legal}"
+                f"{source}: {spelled_name(name)}: no such field; legal: {legal}"
                 f"{did_you_mean(name, needed | optional)}"
             )
     for name in sorted(needed):

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, field_validator
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Sphere
 from omniservo.planning.checks import NEAR_UNIT
@@ -53,8 +53,8 @@ class BoxSection(Block, _Obstacle):
     @property
     def obstacle(self) -> Box:
         """The planner's obstacle."""
-        quaternion = Rotation.from_rotvec(self.rotation_vector).as_quat()
-        return Box(np.array(self.center), np.array(self.half_extents), quaternion, self.clearance)
+        center, half = np.array(self.center), np.array(self.half_extents)
+        return Box(center, half, self.rotation.as_quat(), self.clearance)
 
 
 class CapsuleSection(_Obstacle):

@@ -5,27 +5,23 @@ from __future__ import annotations
 from typing import Self
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.tasks.framed import Framed
-from omniservo.tasks.quantities import Angle, Point, PositiveLength
-from omniservo.tasks.section import Section
+from omniservo.tasks.quantities import Point, PositiveLength
+from omniservo.tasks.turned import Turned
 
 
-class Placed(Section):
-    """Its middle, and how its axes are turned."""
+class Placed(Turned):
+    """Its middle, and how its axes are turned in the frame that its place is stated in."""
 
     center: Point
     """[m]"""
-    rotation_vector: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
-    """of its axes in the frame that its place is stated in: axis times angle [rad]"""
 
     @property
     def transform(self) -> RigidTransform:
         """From its own frame to the one that its place is stated in."""
-        return RigidTransform.from_components(
-            np.asarray(self.center), Rotation.from_rotvec(np.asarray(self.rotation_vector))
-        )
+        return RigidTransform.from_components(np.asarray(self.center), self.rotation)
 
     def transformed(self, a_T_b: RigidTransform) -> Self:
         """Return the same, stated in frame b, in frame a."""
@@ -33,6 +29,7 @@ class Placed(Section):
         return self.model_copy(
             update={
                 "center": tuple(pose.translation.tolist()),
+                "quaternion": None,
                 "rotation_vector": tuple(pose.rotation.as_rotvec().tolist()),
             }
         )

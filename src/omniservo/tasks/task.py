@@ -7,12 +7,11 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.robots import TrackingTube
 from omniservo.tasks.framed import Frame
@@ -22,39 +21,22 @@ from omniservo.tasks.placed import FramedBlock
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
 from omniservo.tasks.section import Section
 from omniservo.tasks.target import TargetSection
+from omniservo.tasks.turned import Turned
 
 FORMAT = "omniservo.task/1"
 """The task format that this version reads."""
 
-_UNIT_TOLERANCE = 1e-6
 
-
-class Pose(Section):
-    """A pose: translation and either a unit quaternion (x, y, z, w) or a rotation vector."""
+class Pose(Turned):
+    """A pose: translation, and how it is turned."""
 
     translation: Point = (0.0, 0.0, 0.0)
     """[m]"""
-    quaternion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] | None = None
-    """(x, y, z, w), unit within 1e-6"""
-    rotation_vector: tuple[Angle, Angle, Angle] | None = None
-    """axis times angle [rad]"""
-
-    @model_validator(mode="after")
-    def _one_rotation(self) -> Pose:
-        if self.quaternion is not None and self.rotation_vector is not None:
-            raise ValueError("give quaternion or rotation_vector, not both")
-        if self.quaternion is not None and abs(math.hypot(*self.quaternion) - 1.0) > _UNIT_TOLERANCE:
-            raise ValueError(f"quaternion has norm {math.hypot(*self.quaternion):g}; it must be 1")
-        return self
 
     @property
     def transform(self) -> RigidTransform:
         """The pose as SciPy's RigidTransform."""
-        if self.quaternion is not None:
-            rotation = Rotation.from_quat(self.quaternion)
-        else:
-            rotation = Rotation.from_rotvec(self.rotation_vector or (0.0, 0.0, 0.0))
-        return RigidTransform.from_components(np.asarray(self.translation), rotation)
+        return RigidTransform.from_components(np.asarray(self.translation), self.rotation)
 
 
 class SensorSection(Section):

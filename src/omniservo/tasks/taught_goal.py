@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
+from omniservo.errors import InputError, did_you_mean, spelled_name
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, owned
 from omniservo.short_repr import short_repr
@@ -21,7 +21,7 @@ FORMAT = "omniservo.goal/2"
 """The file format that this version writes; it also reads /1, which calls the features dots."""
 
 _FIRST_FORMAT = "omniservo.goal/1"
-_FIELDS = {"format", "camera", "image_png", "features", "joints"}
+_FIELDS = ("format", "camera", "image_png", "features", "joints")
 _MAX_PIXELS = 64_000_000
 
 
@@ -68,9 +68,15 @@ class TaughtGoal:
             raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}, {_FIRST_FORMAT!r}")
         if document["format"] == _FIRST_FORMAT and "dots" in document:
             document["features"] = document.pop("dots")
-        if set(document) != _FIELDS:
-            odd = ", ".join(sorted(set(document) ^ _FIELDS))
-            raise InputError(f"{path}: {odd}: missing or unknown; legal: {', '.join(sorted(_FIELDS))}")
+        for name in document:
+            if name not in _FIELDS:
+                raise InputError(
+                    f"{path}: {spelled_name(name)}: no such field; legal: {', '.join(_FIELDS)}"
+                    f"{did_you_mean(name, _FIELDS)}"
+                )
+        for name in _FIELDS:
+            if name not in document:
+                raise InputError(f"{path}: {name}: missing; needed: {', '.join(_FIELDS)}")
         camera = UnifiedCamera.from_dict(document["camera"], source=f"{path}: camera")
         joints = document["joints"]
         return cls(

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.hand_eye.robot_poses import ROUNDED, pose_from_matrix
-from omniservo.errors import InputError, spelled, spelled_name
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, stated_units
 from omniservo.geometry.arrays import finite_array
@@ -102,16 +102,21 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
 
 
 def _own(fields: dict[str, Any], source: str) -> RobotPoses:
-    for name in fields:
-        if name not in ("format", "units", "base_T_tool"):
-            raise InputError(
-                f"{source}: {spelled_name(name)}: unknown field; legal: format, units, base_T_tool"
-            )
+    _only(fields, ("format", "units", "base_T_tool"), source)
     units = stated_units(fields.get("units", {}), source)
     entries = fields.get("base_T_tool")
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{source}: base_T_tool: {spelled(entries)} given; a list of poses is needed")
     return _listed(entries, [f"{source}: base_T_tool[{i}]" for i in range(len(entries))], units, source)
+
+
+def _only(fields: dict[str, Any], legal: tuple[str, ...], where: str) -> None:
+    for name in fields:
+        if name not in legal:
+            raise InputError(
+                f"{where}: {spelled_name(name)}: no such field; legal: {', '.join(legal)}"
+                f"{did_you_mean(name, legal)}"
+            )
 
 
 def _listed(entries: list[Any], places: list[str], units: dict[str, float], source: str) -> RobotPoses:
@@ -171,12 +176,7 @@ def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:
             f"{where}: {spelled(value)} given; a mapping with translation and quaternion is needed"
         )
     given = [name for name in _ROTATIONS if name in value]
-    for name in value:
-        if name not in ("image", "translation", *_ROTATIONS):
-            raise InputError(
-                f"{where}: {spelled_name(name)}: unknown field; "
-                f"legal: image, translation, {', '.join(_ROTATIONS)}"
-            )
+    _only(value, ("image", "translation", *_ROTATIONS), where)
     if len(given) != 1 or ("translation" in value) == (given == ["matrix"]):
         raise InputError(
             f"{where}: needed: translation with quaternion or rotation_vector, or matrix (4 × 4) alone"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -43,7 +45,8 @@ class MeshAssets:
 
         Args:
             place: stands first in messages.
-            reference: a path inside the file's folder or the one above, or ``package://NAME/path``.
+            reference: a path inside the file's folder or the one above, plain or as ``file:///…``, or
+                ``package://NAME/path``.
             folder: what a plain path is relative to, as seen from the file's folder.
 
         Raises:
@@ -69,12 +72,28 @@ class MeshAssets:
             if not is_file(mesh):
                 raise InputError(f"{place}: mesh {spelled(inner)}: no such file in {root}")
             return mesh
+        if scheme == "file":
+            return self._at(place, reference, unquote(rest))
         if scheme != "package":
             raise InputError(
                 f"{place}: mesh {spelled(reference)} given; legal: a path inside the file's folder, or "
                 "package://NAME/path"
             )
         return self._packages.find(f"{place}: mesh", *rest.partition("/")[::2])
+
+    def _at(self, place: str, reference: str, path: str) -> Path:
+        """Return the file of a ``file://``: where a plain path may lead, too."""
+        root = self._folder.parent
+        try:
+            mesh = file_inside(place, os.path.relpath(path, root) if path.startswith("/") else path, root)
+        except InputError:
+            raise InputError(
+                f"{place}: mesh {spelled(reference)} given; a file:///… is read inside {root}; for one in a "
+                "ROS package write package://NAME/path, and say where NAME is with --package NAME=FOLDER"
+            ) from None
+        if not path.startswith("/") or not is_file(mesh):
+            raise InputError(f"{place}: mesh {spelled(reference)}: no such file; legal: file:///FOLDER/FILE")
+        return mesh
 
 
 def _solid(place: str, mesh: Path) -> tuple[FloatArray, IntArray]:

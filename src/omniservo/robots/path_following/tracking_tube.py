@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
@@ -186,9 +186,18 @@ class TrackingTube:
             InputError: another file.
         """
         document: Any = read_document(Path(path))
-        known = {"format", "arm", "links", "source", "singular_value", "shape", "ratios"}
-        if not isinstance(document, dict) or document.get("format") != FORMAT or set(document) != known:
-            raise InputError(f"{path}: no tracking tube: format {FORMAT!r} with {', '.join(sorted(known))}")
+        known = ("format", "arm", "links", "source", "singular_value", "shape", "ratios")
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise InputError(f"{path}: no tracking tube: format {FORMAT!r} with {', '.join(known)}")
+        for name in document:
+            if name not in known:
+                raise InputError(
+                    f"{path}: {spelled_name(name)}: no such field; legal: {', '.join(known)}"
+                    f"{did_you_mean(name, known)}"
+                )
+        for name in known:
+            if name not in document:
+                raise InputError(f"{path}: {name}: missing; needed: {', '.join(known)}")
         arm, links, source = (document[name] for name in ("arm", "links", "source"))
         if not isinstance(links, list) or not all(isinstance(x, str) for x in (arm, source, *links)):
             raise InputError(f"{path}: arm, links, source: text is needed")
