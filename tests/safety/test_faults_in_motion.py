@@ -456,6 +456,11 @@ def test_how_far_time_stamps_are_off_is_known_from_the_images_before(run):  # no
     assert len(steps) < 15 + 11
 
 
+def test_points_that_jump_are_told_by_the_second_image_that_shows_it(run):  # noqa: F811
+    stop, steps = run(lambda k: MOVING, prepare=pictured(lambda p, before: p + 20.0), time_limit=2.0)
+    assert (stop.reason, len(steps)) == ("inconsistent_image", 15 + 1)
+
+
 ROUND = np.array([0.09, 0.0, 0.0, 0.0, -0.12, 0.0])
 """a twist round the dots: they hardly move in the image"""
 
