@@ -19,6 +19,7 @@ from omniservo.errors import (
     StaleImage,
 )
 from omniservo.robots import RobotState
+from omniservo.safety import image_watch
 
 LINES = ("read", "image", "command")
 
@@ -459,6 +460,17 @@ def test_how_far_time_stamps_are_off_is_known_from_the_images_before(run):  # no
 def test_points_that_jump_are_told_by_the_second_image_that_shows_it(run):  # noqa: F811
     stop, steps = run(lambda k: MOVING, prepare=pictured(lambda p, before: p + 20.0), time_limit=2.0)
     assert (stop.reason, len(steps)) == ("inconsistent_image", 15 + 1)
+
+
+def test_one_image_of_four_that_disagrees_is_none_and_two_in_a_row_are(run, monkeypatch):  # noqa: F811
+    for many, reason in ((1, "time_limit"), (2, "inconsistent_image")):
+
+        def disagreement(watch, before, now, points, many=many):
+            return np.full(image_watch.OFFSETS, round(30 * now.time) % 4 < many), "odd"
+
+        monkeypatch.setattr(image_watch.ImageWatch, "_disagreement", disagreement)
+        stop, _ = run(lambda k: np.zeros(6), time_limit=0.5)
+        assert stop.reason == reason
 
 
 ROUND = np.array([0.09, 0.0, 0.0, 0.0, -0.12, 0.0])
