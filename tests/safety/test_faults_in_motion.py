@@ -165,6 +165,17 @@ def test_a_wrong_call_latches_as_well_and_a_plain_stop_does_not(guard, written):
     supervisor.command(SLOW)
 
 
+def test_what_a_robot_was_stopped_for_first_stays_the_reason(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.1)
+    with pytest.raises(NotFinite):
+        supervisor.command(SLOW * np.nan)
+    written.read = down
+    with pytest.raises(RobotLost):
+        supervisor.read()
+    assert supervisor.stopped.reason == "not_finite"
+
+
 def test_a_robot_that_still_reports_nonsense_is_not_released(guard, written):
     supervisor = guard()
     written.broken = {"joint_positions": np.full(6, np.nan)}
