@@ -1,5 +1,6 @@
 """What breaks while the arm moves is a stop by its name, and latches."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from omniservo.errors import (
     StaleImage,
 )
 from omniservo.robots import RobotState
+from omniservo.safety import image_watch
 
 LINES = ("read", "image", "command")
 
@@ -163,6 +165,17 @@ def test_a_wrong_call_latches_as_well_and_a_plain_stop_does_not(guard, written):
     supervisor.command(SLOW)
 
 
+def test_what_a_robot_was_stopped_for_first_stays_the_reason(guard, written):
+    supervisor = guard()
+    go_on(supervisor, 0.1)
+    with pytest.raises(NotFinite):
+        supervisor.command(SLOW * np.nan)
+    written.read = down
+    with pytest.raises(RobotLost):
+        supervisor.read()
+    assert supervisor.stopped.reason == "not_finite"
+
+
 def test_a_robot_that_still_reports_nonsense_is_not_released(guard, written):
     supervisor = guard()
     written.broken = {"joint_positions": np.full(6, np.nan)}
@@ -264,6 +277,45 @@ def test_a_robot_that_reports_its_joints_twenty_times_a_second_is_sound(guard, w
         go_on(supervisor, 0.3, velocities)
     supervisor.stop()
     assert supervisor.stopped is None
+
+
+@pytest.mark.parametrize("gain", [0.75, 1.3])
+def test_a_drive_that_gets_another_gain_is_stopped_though_a_sound_one_may_have_it(guard, written, gain):
+    supervisor = guard()
+    go_on(supervisor, 1.0)
+    command = written.robot.command
+    written.command = lambda v: command(gain * np.asarray(v))
+    begin = written.robot.time
+    with pytest.raises(NotFollowing, match="its drive being what it was"):
+        go_on(supervisor, 1.0)
+    assert written.robot.time - begin < 0.3 + 0.2  # and braked
+
+
+def test_what_a_drive_was_two_seconds_ago_is_forgotten_and_sooner_not(guard, written):
+    command = written.robot.command
+    for rest, kinds in ((2.2, ()), (1.2, (NotFollowing,))):
+        written.command = command
+        supervisor = guard()
+        go_on(supervisor, 0.7)
+        supervisor.stop()
+        supervisor.wait(rest)
+        written.command = lambda v: command(0.75 * np.asarray(v))
+        with pytest.raises(kinds) if kinds else nullcontext():
+            go_on(supervisor, 0.7, -np.asarray(SLOW))
+        supervisor.stop()
+        written.robot.advance(0.3)
+
+
+def test_a_drive_that_is_mended_and_released_may_be_another_at_once(guard, written):
+    supervisor = guard()
+    command = written.robot.command
+    go_on(supervisor, 0.7)
+    written.command = lambda v: command(0.75 * np.asarray(v))
+    with pytest.raises(NotFollowing):
+        go_on(supervisor, 1.0)
+    written.robot.advance(1.2)
+    supervisor.release("not_following")
+    go_on(supervisor, 0.7, -np.asarray(SLOW))
 
 
 @pytest.mark.parametrize("late", [0.0, 0.2])
@@ -386,11 +438,15 @@ def pictured(broken):
     return spoil
 
 
+def frozen_under_noise(p, before):
+    return before + 0.3 * np.sin(1e3 * p)
+
+
 @pytest.mark.parametrize(
     "broken",
     [
         lambda p, before: before,
-        lambda p, before: before + 0.3 * np.sin(1e3 * p),
+        frozen_under_noise,
         lambda p, before: p + np.array([20.0, 0.0]),
         lambda p, before: p + np.where(np.arange(9)[:, None] < 4, [15.0, 10.0], 0.0),
         lambda p, before: p[::-1],
@@ -401,7 +457,43 @@ def test_pictures_that_do_not_move_as_the_joints_move_the_camera_are_a_named_sto
     stop, steps = run(lambda k: MOVING, prepare=pictured(broken), time_limit=2.0)
     assert stop.reason == "inconsistent_image"
     assert "did not move with the camera" in str(stop)
-    assert len(steps) < 15 + 12
+    assert len(steps) < 15 + 14
+
+
+def test_how_far_time_stamps_are_off_is_known_from_the_images_before(run):  # noqa: F811
+    """A picture 0.25 s late would stand still as well: the arm begins to move again as it freezes."""
+    speed = [3.0] * 9 + [0.2] * 6 + [-3.0] * 40
+    stop, steps = run(lambda k: speed[k] * MOVING, prepare=pictured(frozen_under_noise), time_limit=2.0)
+    assert stop.reason == "inconsistent_image"
+    assert len(steps) < 15 + 11
+
+
+def test_points_that_jump_are_told_by_the_second_image_that_shows_it(run):  # noqa: F811
+    stop, steps = run(lambda k: MOVING, prepare=pictured(lambda p, before: p + 20.0), time_limit=2.0)
+    assert (stop.reason, len(steps)) == ("inconsistent_image", 15 + 1)
+
+
+def test_one_image_of_four_that_disagrees_is_none_and_two_in_a_row_are(run, monkeypatch):  # noqa: F811
+    for many, reason in ((1, "time_limit"), (2, "inconsistent_image")):
+
+        def disagreement(watch, before, now, points, many=many):
+            return np.full(image_watch.OFFSETS, round(30 * now.time) % 4 < many), "odd"
+
+        monkeypatch.setattr(image_watch.ImageWatch, "_disagreement", disagreement)
+        stop, _ = run(lambda k: np.zeros(6), time_limit=0.5)
+        assert stop.reason == reason
+
+
+ROUND = np.array([0.09, 0.0, 0.0, 0.0, -0.12, 0.0])
+"""a twist round the dots: they hardly move in the image"""
+
+
+def test_points_that_stand_still_are_told_from_a_motion_that_keeps_them_nearly_in_place(run):  # noqa: F811
+    stop, steps = run(lambda k: ROUND, prepare=pictured(frozen_under_noise), time_limit=2.0)
+    assert stop.reason == "inconsistent_image"
+    assert len(steps) < 15 + 20
+    stop, _ = run(lambda k: ROUND, time_limit=1.5)
+    assert stop.reason == "time_limit"
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,11 @@ from omniservo.safety.safety_options import SafetyOptions
 BACK = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6)
 """An image is compared with the first, and with the newest that are older than these [s]."""
 
-OFFSETS = 11
+OFFSETS = 21
 """of the time stamps that are tried"""
+
+MEMORY = 2.0
+"""An offset that did not explain the images so long ago [s] is not the offset."""
 
 GROUP = 0.25
 """A larger share of the points must disagree,"""
@@ -42,7 +45,8 @@ JITTER = 0.01
 
 STILL_PX = 2.0
 """Points of which half moved by less since an image [px] have stood still since then, but for noise. An image
-is also compared with the oldest of these: that shows soonest that they should have moved."""
+is also compared with the oldest of these: that shows soonest that they should have moved. What rotation and
+translation together ask for counts then: errors by which points stand still are not to be expected."""
 
 SAME_PX = 1.0
 """A picture whose points do not differ at all from those before is an old one where they should have moved
@@ -68,10 +72,11 @@ class ImageWatch:
     The pose of the first image, carried on by the measured joints, says where every point should be in any
     two images: it should have moved by e = e_t + e_r, e_t what the camera's translation does and e_r the
     rest. The motion seen, m, agrees if along e_t it is off by at most ``image_error`` + ε |e_t| + 0.1 |e_r|
-    and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms make of it: ε is
-    the share by which distances may be wrong. Joints and images may be off each other in time by any one
-    offset up to ``time_offset``. Where for every such offset more than a quarter of the points disagree, in
-    two images in a row, pictures or joints are wrong. What the points belong to must stand still.
+    and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms and half of the
+    step between two offsets make of it: ε is the share by which distances may be wrong. Joints and images may
+    be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
+    the points disagree in any two images in a row of the last `MEMORY`. Where there is none, pictures or
+    joints are wrong. What the points belong to must stand still.
 
     Args:
         camera: takes the images.
@@ -90,7 +95,11 @@ class ImageWatch:
         self._first: _Seen | None = None
         self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
-        self._wrong = 0
+        self._jitter = JITTER + options.time_offset / (OFFSETS - 1)
+        self._wrong = np.zeros(OFFSETS, dtype=np.int64)
+        """so many images in a row disagree with each offset"""
+        self._refuted = np.full(OFFSETS, -np.inf)
+        """when each did for `IN_A_ROW` last [s]"""
 
     def check(
         self,
@@ -112,7 +121,7 @@ class ImageWatch:
             history: the joints up to now.
 
         Raises:
-            InconsistentImage: in this image and the one before, points did not move with the camera.
+            InconsistentImage: points did not move with the camera, whatever the offset is.
         """
         if self._initial_T_base is None:
             there = self._base_T_camera(history.expected(np.array(time)))
@@ -123,12 +132,14 @@ class ImageWatch:
         now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3])
         if self._still is None or not _stands_still(self._still, now):
             self._still = self._seen[-1] if self._seen and _stands_still(self._seen[-1], now) else now
-        told = [why for before in self._before(now) if (why := self._disagreement(before, now, points))]
-        self._wrong = self._wrong + 1 if told else 0
+        told = [self._disagreement(before, now, points) for before in self._before(now)]
         self._first = self._first or now
         self._seen.append(now)
-        if self._wrong >= IN_A_ROW:
-            raise InconsistentImage(told[0])
+        self._wrong = np.where(np.any([wrong for wrong, _ in told], axis=0), self._wrong + 1, 0)
+        refuted = self._wrong >= IN_A_ROW
+        self._refuted[refuted] = time
+        if (time - self._refuted <= MEMORY).all():
+            raise InconsistentImage(next(words for wrong, words in told if (wrong & refuted).any()))
 
     def _before(self, now: _Seen) -> list[_Seen]:
         """Return the images to compare with, each once."""
@@ -145,8 +156,8 @@ class ImageWatch:
         place[:3] = self._arm.locate(joints)[0][:3] @ self._flange_T_camera
         return place
 
-    def _disagreement(self, before: _Seen, now: _Seen, points: FloatArray) -> str:
-        """Return in what the motion between two images is not the camera's; empty where it may be."""
+    def _disagreement(self, before: _Seen, now: _Seen, points: FloatArray) -> tuple[BoolArray, str]:
+        """Return for which offsets the motion between two images is not the camera's, and how far not."""
         moved = now.pixels - before.pixels
         known = np.isfinite(moved).all(axis=1)
         at_first = self._projected(points, before.turns, before.places)
@@ -155,18 +166,22 @@ class ImageWatch:
         known = known & np.isfinite(expected).all(axis=(0, 2)) & np.isfinite(by_place).all(axis=(0, 2))
         least = max(LEAST_WRONG, math.floor(GROUP * known.sum()) + 1)
         if known.sum() < least:
-            return ""
+            return np.zeros(OFFSETS, dtype=np.bool_), ""
         expected, by_place, moved = expected[:, known], by_place[:, known], moved[known]
         length = np.linalg.norm(expected, axis=2)
         wrong = self._beyond(moved, expected, by_place, length / (now.time - before.time))
         if not moved.any():
             wrong |= length > SAME_PX
+        if before is self._still:
+            free = self._options.image_error + self._jitter * length / (now.time - before.time)
+            wrong |= np.linalg.norm(moved - expected, axis=2) > free + self._options.structure_error * length
         counts = wrong.sum(axis=1)
-        if counts.min() < least:
-            return ""
-        best = int(np.argmin(counts))
+        disagree = counts >= least
+        best = int(np.argmin(np.where(disagree, counts, len(moved) + 1)))
+        if not disagree[best]:
+            return disagree, ""
         off = float(np.median(np.linalg.norm(moved - expected[best], axis=1)[wrong[best]]))
-        return (
+        return disagree, (
             f"{counts[best]} of {len(moved)} points did not move with the camera: in "
             f"{now.time - before.time:.2f} s they are {off:.1f} px off where the joints have them"
         )
@@ -181,7 +196,8 @@ class ImageWatch:
         gap = moved - expected
         on = np.sum(gap * along, axis=2)
         aside = np.linalg.norm(gap - on[..., None] * along, axis=2)
-        free = options.image_error + TURNED * np.linalg.norm(expected - by_place, axis=2) + JITTER * speed
+        turn = np.linalg.norm(expected - by_place, axis=2)
+        free = options.image_error + TURNED * turn + self._jitter * speed
         wrong: BoolArray = (np.abs(on) > free + options.structure_error * shift) | (
             aside > free + ASIDE * shift
         )

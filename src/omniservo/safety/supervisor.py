@@ -149,6 +149,7 @@ class Supervisor:
             legal = "the robot is not stopped" if self.stopped is None else f"legal: {self.stopped.reason!r}"
             raise InputError(f"reason: {spelled(reason)} given; {legal}")
         self.stopped = None
+        self._following = FollowingWatch(self.arm, self.options)  # what it knows of the drives was before
         with self._braking():
             self._sent_time = self._seen_state().time
 
