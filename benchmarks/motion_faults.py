@@ -1,15 +1,6 @@
 """Faults while an arm moves: is every one a named stop in time, and does anything come too close?
 
 Run: ``python -m benchmarks.motion_faults [--tasks 11] [--arm NAME] [--fault WORDS]``. Tasks are those of
-<<<<<<< HEAD
-`tests.whole_arm.arm_scenes`, planned with 10 mm more than the 10 mm that are asked to the balls and 1 mm more
-than the 2 mm that are asked of the arm's own parts, such that the plan comes within 30 mm of that, and
-followed on projected pixels with 0.5 px of noise by drives with lag and acceleration limits
-(`benchmarks.driven_arm`). A fault (`benchmarks.planted_faults`) is planted at a random 25 to 60% of the time;
-of joints, it is the one that turns fastest then. Judged are MuJoCo's distances of all bodies every 5 ms, to
-where the arm stands still, and the time from the moment from which a fault can be told to the beginning of
-braking:
-=======
 `tests.whole_arm.arm_scenes`, planned with 10 mm more than the 10 mm that are asked to the balls and 2 mm more
 than the 1 mm that is asked of the arm's own parts, away from joint limits and singular postures, such that
 the plan comes within 30 mm of that and two undisturbed runs reach the goal within what is asked, and followed
@@ -18,7 +9,6 @@ on projected pixels with 0.5 px of noise by drives with lag and acceleration lim
 random 25 to 60% of the time; of joints, it is the one that turns fastest then. Judged are MuJoCo's distances
 of all bodies every 5 ms, to where the arm stands still, and the time from the moment from which a fault can
 be told to the beginning of braking:
->>>>>>> hA
 
 - at once: the first reading, call or image that is broken;
 - image age: when the newest image is as old as that of a sound robot may be, 0.25 s after the fault;
