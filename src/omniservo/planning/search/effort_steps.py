@@ -291,21 +291,9 @@ def step_to_least_effort(
         if energy + FARTHER * (bend(family, trial, whole, normal) - energy) > beat:
             return math.inf
         part, tried, violated = as_far_as_it_pays(
-            constraints,
-            family,
-            kept,
-            asleep,
-            room,
-            x,
-            step,
-            trial,
-            levels,
-            gradient,
-            energy,
-            short,
-            price,
+            constraints, family, kept, asleep, room, x, step, trial, levels, gradient, energy, short, price,
             gain,
-        )
+        )  # fmt: skip
         if part == 0.0:
             break
         for i in range(n):
