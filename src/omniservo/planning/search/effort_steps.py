@@ -266,13 +266,12 @@ def step_to_least_effort(
     Returns:
         Σ max(0, kept − g) at x; ∞ where the steps ended because of ``beat``.
     """
-    n, samples = x.shape[0], family.samples[0]
+    n, samples, active, plain = x.shape[0], family.samples[0], 0, 0.0
     gradient, whole, change, step, trial = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
     normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.full(kept.shape[0], ASLEEP)
     levels, right, scratch = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS), np.empty_like(kept)
     look_at_samples(constraints, family, x, asleep, room, levels)
-    energy, active, plain = bend(family, x, gradient, normal), 0, 0.0
-    short = shortfall(levels, samples, kept)
+    energy, short = bend(family, x, gradient, normal), shortfall(levels, samples, kept)
     for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
         add_constraint_slopes(rows, active, 1.0, change)
