@@ -7,7 +7,7 @@ where there are wrong matches, 30% of the goal's pixels lie anywhere in the targ
 the image. Everybody is given the same pixels and a threshold of 2 px (ours finds its own): pycolmap in the
 real image, where its EUCM camera equals the unified one (β = 1, α = ξ/(1+ξ), f/(1+ξ)); PoseLib and OpenCV on
 the image plane of a perspective camera with as many px for an angle on the axis. pycolmap and PoseLib draw at
-least 1 000 samples unless told otherwise; they stand there with 100 as well.
+least 1 000 samples unless stated otherwise; they stand there with 100 as well.
 
 Errors are those of every scene, 180° and 90° where there is no answer; "omniservo, ok" counts only scenes
 whose status is "ok". The bound is our refinement started at the truth, with the right matches alone. Times

@@ -65,7 +65,7 @@ def _explained(words: str | None) -> str:
 
 def target_lines(found: Scores) -> Iterator[str]:
     """Yield what was asked and what came out."""
-    yield "| figure | asked | here | |"
+    yield "| figure | target | here | |"
     yield "|---|---|---|---|"
     for (name, n, wrong), scores in found.items():
         ours, case = scores[OURS], f"{name}, {n} matches{', 30% wrong' if wrong else ''}"

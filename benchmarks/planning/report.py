@@ -92,7 +92,7 @@ failures included: `perf_counter` around solver or kernel, the building of a mod
 is shorter than 20 ms, the median of repeated calls. *Energy*: ∫‖t″‖²/ℓ² + ‖φ″‖² dw, its median over
 feasible paths; the ratio to {OURS!r} (ours, least effort) over problems that both solve. *Least g*: the
 smallest of all constraints without dimension: of an image limit about radians, of a length over its
-requirement. *Least margins*: the smallest proven margins beyond what is asked for. A dash instead of a time:
+requirement. *Least margins*: the smallest proven margins beyond what is required. A dash instead of a time:
 not tried, since too large (IPOPT, 10 000 rows). The kernels among the targets are measured before the
 sets and after each (medians of 200 calls): others use the machine too, and its speed changes by the minute.
 """

@@ -19,7 +19,7 @@ _BOARD = "checkerboard:8x6:0.042 (inner corners, square in m), charuco:…, apri
 
 
 def calibrate(
-    images: Annotated[list[Path], typer.Argument(help="Pictures of the board, all of one size.")],
+    images: Annotated[list[Path], typer.Argument(help="Images of the board, all of one size.")],
     board: Annotated[str, typer.Option("--board", help=_BOARD)],
     out: Annotated[Path | None, typer.Option("--out", help="Write the camera here.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,

@@ -23,7 +23,7 @@ def measure_tube(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Measure on an arm's own runs how far it strays from its plans."""
+    """Measure on an arm's own runs how far it deviates from its plans."""
     from omniservo.files import writable
     from omniservo.runs.measure_tube import measure_tube as measured
     from omniservo.tasks import load_task

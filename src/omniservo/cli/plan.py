@@ -115,7 +115,7 @@ def _say_notices(notices: tuple[str, ...], output: Output) -> None:
 
 @dataclass(frozen=True)
 class _Results:
-    """Where a plan and its picture go."""
+    """Where a plan and its image go."""
 
     out: Path | None
     draw: Path | None
@@ -129,7 +129,7 @@ class _Results:
             raise InputError(f"--draw: {self.draw} given; legal: a file that ends with .png or .svg")
 
     def write(self, plan: Plan, output: Output) -> None:
-        """Write the plan, and the picture that is asked for or that a refused plan has beside it."""
+        """Write the plan, and the image that was requested or that a refused plan has beside it."""
         if self.out is not None:
             plan.save(self.out, force=self.force)
             output.written(self.out)
@@ -190,7 +190,7 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
     output.line(used if asked.problem is None else f"{used} instead of the problem's own")
     output.line(
         f"{found.plan.status} in {_time(found.seconds, watch.seconds)}; {100 * found.predicted:.2g}% of"
-        f" {found.samples} samples violate a demand (at most {100 * found.predicted_bound:.2g}%, asked"
+        f" {found.samples} samples violate a constraint (at most {100 * found.predicted_bound:.2g}%, asked"
         f" {100 * asked.risk:g}%)"
     )
     output.line(

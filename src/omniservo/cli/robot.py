@@ -55,9 +55,11 @@ def show(
     for link in arm.links:
         output.line(f"{'link':<14} {_spelled_link(link, wide)}")
     posture = suggested_posture(arm)
-    output.line(f"{'posture':<14} {_spelled_posture(posture)} deg: to begin with, as start.joints of a task")
+    output.line(
+        f"{'configuration':<14} {_spelled_posture(posture)} deg: to start with, as start.joints of a task"
+    )
     mount = suggested_mount(arm)
-    output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the hand")
+    output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the tool")
     table = suggested_table(arm, mount, posture)
     if table is not None:
         output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")

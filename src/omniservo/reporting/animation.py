@@ -28,7 +28,7 @@ _STILL = 7
 
 _COLOURS = 240
 _END = 1500
-"""How long the last picture stays [ms]."""
+"""How long the last image stays [ms]."""
 
 _WAY = "#ff9d1c"
 
@@ -39,8 +39,8 @@ _SWATCH = 12
 def write_animation(result: RunResult, path: Path) -> None:
     """Write the run as an endless animated GIF, in its own time; an existing file is replaced.
 
-    Left: the camera's pictures with the ways of the points so far, blue rings where the goal image has them.
-    Right: robot and obstacle. A run that was stopped before its first step gives one picture.
+    Left: the camera's images with the feature trajectories so far, blue rings where the goal image has them.
+    Right: robot and obstacle. A run that was stopped before its first step gives one image.
 
     Raises:
         InputError: the file cannot be written.
@@ -67,13 +67,13 @@ def animation_bytes(result: RunResult) -> bytes:
 
 
 def _durations(times: Sequence[float]) -> list[int]:
-    """Return how long each picture stays [ms]; GIF counts in hundredths of a second."""
+    """Return how long each image stays [ms]; GIF counts in hundredths of a second."""
     steps = [max(20, 10 * round(100 * (b - a))) for a, b in pairwise(times)]
     return [*steps, _END]
 
 
 def _pictures(result: RunResult) -> Iterator[Image.Image]:
-    """Yield the composed pictures in the order of time."""
+    """Yield the composed images in the order of time."""
     film = result.film
     if not film.times:
         yield _composed(result, result.seen.initial_image, result.outside_initial, 0, last=True)
@@ -99,7 +99,7 @@ def _stilled(images: Sequence[ByteArray]) -> list[ByteArray]:
 def _composed(
     result: RunResult, camera: ByteArray, outside: ByteArray, steps: int, *, last: bool
 ) -> Image.Image:
-    """Put both pictures side by side over a line of words, after ``steps`` control steps."""
+    """Put both images side by side over a line of words, after ``steps`` control steps."""
     height = outside.shape[0]
     left, right = _scaled(camera, height), _scaled(outside, height)
     ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
@@ -122,7 +122,7 @@ def _scaled(image: ByteArray, height: int) -> Image.Image:
 
 
 def _mark(picture: Image.Image, ways: FloatArray, goal: FloatArray, scale: float) -> None:
-    """Draw the ways (k, n, 2) [px] so far and rings at the goal (n, 2) [px]."""
+    """Draw the trajectories (k, n, 2) [px] so far and rings at the goal (n, 2) [px]."""
     draw = ImageDraw.Draw(picture)
     for j in range(ways.shape[1]):
         way = ways[:, j][np.isfinite(ways[:, j]).all(axis=1)]
@@ -134,7 +134,7 @@ def _mark(picture: Image.Image, ways: FloatArray, goal: FloatArray, scale: float
 
 
 def _words(result: RunResult, steps: int, *, last: bool) -> str:
-    """Return the line under the pictures."""
+    """Return the line under the images."""
     if steps == 0:
         return f"{result.method}   stopped before the first step: {result.log.stop_reason}"
     row = result.log.rows[steps - 1]
@@ -145,7 +145,7 @@ def _words(result: RunResult, steps: int, *, last: bool) -> str:
 
 
 def _shared_palette(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Return one palette for all pictures, from the first, middle and last and the colours of the marks."""
+    """Return one palette for all images, from the first, middle and last and the colours of the marks."""
     chosen = [pictures[0], pictures[len(pictures) // 2], pictures[-1]]
     width, height = chosen[0].size
     sheet = Image.new("RGB", (width, (height + 2 * _SWATCH) * len(chosen)))

@@ -1,4 +1,4 @@
-"""An arm drawn: its links in a bent posture, its joints and flange, and how far each joint turns."""
+"""An arm drawn: its links in a bent configuration, its joints and flange, and how far each joint turns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omniservo.robots import Arm
 from omniservo.simulation import OutsideView, Scene, Viewpoint, World
 
 _PICTURE = 720
-"""[px] side of the picture"""
+"""[px] side of the image"""
 _AXIS = 0.11
 """length of the flange's axes over the distance of the eye"""
 _MARK = 36
@@ -24,7 +24,7 @@ _MARK = 36
 
 
 def draw_arm(arm: Arm, q: FloatArray) -> list[Drawing]:
-    """Return the arm in a posture (n,) [rad], beside its joints' ranges and speeds."""
+    """Return the arm in a joint configuration (n,) [rad], beside its joints' ranges and speeds."""
     world = World(_scene(arm, q))
     data = world.data_at(q)
     viewpoint = _viewpoint(arm, world, data)

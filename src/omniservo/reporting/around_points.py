@@ -1,4 +1,4 @@
-"""The part of a picture in which its points lie."""
+"""The part of an image in which its points lie."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omniservo.geometry.arrays import FloatArray
 
 
 def show_around(axes: Axes, points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Show of the whole picture in ``axes`` the part with points (n, 2), with a margin, in its shape.
+    """Show of the whole image in ``axes`` the part with points (n, 2), with a margin, in its shape.
 
     Returns:
         Middle and half size of the part, (2,) each [px]; None without a finite point.

@@ -142,7 +142,7 @@ def _rays(result: ImageCalibration) -> Drawing:
     axes.set_xlabel("angle from the axis [deg]")
     axes.set_ylabel("standard deviation [deg]")
     legend_below(figure, axes, 3)
-    caption = "From the noise of the corners alone. A rotation of the whole frame is taken up by poses."
+    caption = "From the noise of the corners alone. A rotation of the whole frame is absorbed by the poses."
     return Drawing("ray-uncertainty", "How sure the rays are", caption, figure)
 
 

@@ -50,9 +50,9 @@ class Curve:
 
 
 def planned_curve(result: RunResult) -> Curve | None:
-    """Return the planned way, seen with the estimated points; None where nothing was planned.
+    """Return the planned path, seen with the estimated points; None where nothing was planned.
 
-    Where another way was taken up it goes on with that; obstacles are where they were known to be then.
+    Where the run switched to another path it goes on with that; obstacles are as known then.
     """
     if result.way is None:
         return None

@@ -29,7 +29,7 @@ from omniservo.reporting.style import (
 from omniservo.simulation.run_result import Seen
 
 _MOST_LINES = 60
-"""more would hide the pictures"""
+"""more would hide the images"""
 _MOST_ARROWS = 250
 _MOST_ELLIPSES = 60
 _ARROW = 0.06

@@ -70,7 +70,7 @@ def what_is_left(seen: Seen, estimate: TwoViewEstimate) -> str:
     used = estimate.inliers
     left = estimate.residuals_px[used]
     parts = ((seen.matched.initial[used], left[:, :2]), (seen.matched.goal[used], left[:, 2:]))
-    return agreement_in_words(parts, "look at the camera's calibration, or at the blur of what moved")
+    return agreement_in_words(parts, "check the camera's calibration, or the blur of what moved")
 
 
 def _numbers(estimate: TwoViewEstimate) -> list[tuple[str, str, str]]:

@@ -15,7 +15,7 @@ MOST_DIGITS = 9
 
 
 def estimate_table(found: TwoViewEstimate) -> Markup:
-    """Return what two pictures said about motion and structure."""
+    """Return what two images gave about motion and structure."""
     sigma = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     rows = [["status", found.status], ["points used", f"{int(found.inliers.sum())} of {len(found.inliers)}"]]
     if found.message:

@@ -24,7 +24,7 @@ def files_beside(folder: Path, figures: Mapping[str, str]) -> Markup | None:
     """Return a table of the folder's files but the report; None where there is none.
 
     Args:
-        folder: as it stands, files that nobody knows included.
+        folder: as it stands, unknown files included.
         figures: title of each figure by the name of its files.
     """
     names = sorted(path.name for path in folder.iterdir() if path.name != "report.html")

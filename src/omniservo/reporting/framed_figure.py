@@ -1,4 +1,4 @@
-"""A figure in a report's page: its picture, its title and what it shows."""
+"""A figure in a report's page: its image, its title and what it shows."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
 
 @dataclass(frozen=True)
 class Demand:
-    """One quantity: what was asked of it, what was certified of the planned path, what was measured."""
+    """One quantity: what is required of it, what was certified of the planned path, what was measured."""
 
     label: str
     executed: str

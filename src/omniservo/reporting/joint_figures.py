@@ -29,7 +29,7 @@ def joint_positions(result: RunResult) -> Drawing | None:
         span = f"{np.rad2deg(low[i]):.0f} … {np.rad2deg(high[i]):.0f}"
         axes.plot(w, 100.0 * share[:, i], color=SEVEN[i], label=f"{name} ({span})".replace("-", "−"))
     axes.set(xlim=(0.0, 1.0), ylim=(-110.0, 110.0), xlabel="path parameter w [1]")
-    axes.set_ylabel("of the way from the middle\nof the range to its end [%]")
+    axes.set_ylabel("distance from the middle of the\nrange, of half the range [%]")
     for side in (-1.0, 1.0):
         axes.axhspan(100.0 * side, 110.0 * side, color=FORBIDDEN, lw=0)
         axes.axhline(100.0 * side, color=QUIET, lw=1.0)

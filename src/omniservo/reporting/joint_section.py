@@ -18,7 +18,7 @@ _LAWS = {
 
 
 def joint_section(result: RunResult) -> Markup | None:
-    """Return what the plan asks of the joints, and what other branches would; None without a plan."""
+    """Return what the plan requires of the joints, and what other branches would; None without a plan."""
     if result.motion is None:
         return None
     motion = result.motion
@@ -66,7 +66,7 @@ def _joints(motion: PlannedMotion) -> Markup:
                 share,
             ]
         )
-    head = ["joint", "range", "least room to its ends", "at w", "top speed", "top acceleration"]
+    head = ["joint", "range", "joint-limit margin", "at w", "top speed", "top acceleration"]
     return table(head, rows)
 
 
@@ -78,7 +78,9 @@ def _branches(motion: PlannedMotion) -> Markup:
         own = branch is motion.joints
         rows.append([joined([start, tag("span", "its own", class_="badge")]) if own else start])
         rows[-1] += _verdict(branch)
-    return table(["starts at [deg]", "", "least room", "singular value", "farthest joint's way"], rows)
+    return table(
+        ["starts at [deg]", "", "joint-limit margin", "singular value", "longest joint travel"], rows
+    )
 
 
 def _verdict(branch: JointPath) -> list[Cell]:
@@ -94,10 +96,10 @@ def _verdict(branch: JointPath) -> list[Cell]:
 def _how_many(motion: PlannedMotion) -> str:
     found = motion.others
     if found.all_tried:
-        words = "These are all there are, the others each in the full turns that leave most room."
+        words = "These are all; of the full turns each has those that leave the largest joint-limit margin."
     else:
         words = "The others were found by a search, which may miss some."
     return (
-        f"{words} Room and singular value are the smallest up to where a branch ends; a joint's way is the "
-        "time that it takes at full speed."
+        f"{words} Margin and singular value are the smallest up to where a branch ends; a joint's "
+        "travel is the time that it takes at full speed."
     )

@@ -51,8 +51,8 @@ def clearance(result: RunResult) -> Drawing | None:
         "clearance",
         "Distance to the obstacles",
         "One curve for each obstacle that the planner knows. The planned path must stay above the certified "
-        "bound (red), what was executed above what the task asks for (dotted). The path has to keep more "
-        "than is asked, because the arm strays from it.",
+        "bound (red), what was executed above what the task requires (dotted). The path has to keep more "
+        "than is required, because the arm deviates from it.",
         figure,
     )
 

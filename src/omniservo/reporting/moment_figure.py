@@ -50,7 +50,7 @@ _NAMES = ("x [mm]", "y [mm], down", "z [mm], ahead")
 
 
 def draw_moment(plan: Plan) -> Drawing:
-    """Return the worst moment of a plan: what the camera sees there, and two views of the way.
+    """Return the worst moment of a plan: what the camera sees there, and two views of the path.
 
     Of a plan that is certified it is the moment with the least left; of a problem without a path the end pose
     that no path can have.
@@ -85,7 +85,7 @@ def _headline(plan: Plan, worst: ConstraintMargin | None) -> str:
     if worst is None:
         return f"{plan.status}: {plan.reason}"
     amount = spell(abs(worst.margin), worst.unit)
-    left = f"{amount} short" if worst.margin < 0.0 else f"{amount} beyond what is asked"
+    left = f"{amount} short" if worst.margin < 0.0 else f"{amount} beyond what is required"
     where = {0.0: "at the start", 1.0: "at the goal"}.get(worst.w, f"at w = {worst.w:.3f}")
     return f"{plan.status}: {worst.name}: {left} {where}"
 
@@ -188,7 +188,7 @@ def _draw_body(axes: Axes, obstacle: Obstacle, flat: list[int], w: float, colour
 
 
 def _draw_camera(axes: Axes, pose: RigidTransform, flat: list[int], length: float) -> None:
-    """Draw the camera's centre and the way it looks."""
+    """Draw the camera's centre and its viewing direction."""
     tip, centre = pose.apply([0.0, 0.0, length]), pose.translation
     (x, y), (u, v) = 1e3 * tip[flat], 1e3 * centre[flat]
     axes.annotate("", (x, y), (u, v), arrowprops={"arrowstyle": "-|>", "color": EXECUTED, "lw": 2.0})
@@ -226,5 +226,5 @@ def _legend(plan: Plan) -> list[Line2D | Patch]:
     if plan.problem.obstacles:
         entries.append(Patch(color=OBSTACLE, alpha=0.45, label="obstacle"))
         entries.append(Patch(color=CERTIFIED, alpha=0.45, label="obstacle that is named"))
-    entries.append(Line2D([], [], color=ASKED, ls=":", label="what is asked for"))
+    entries.append(Line2D([], [], color=ASKED, ls=":", label="what is required"))
     return entries

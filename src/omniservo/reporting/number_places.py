@@ -1,4 +1,4 @@
-"""Where the numbers of points stand in a picture, so that they do not cover each other."""
+"""Where the numbers of points stand in an image, so that they do not cover each other."""
 
 from __future__ import annotations
 

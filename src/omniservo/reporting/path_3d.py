@@ -65,7 +65,7 @@ def _obstacles_in_words(task: Task) -> str:
     by_what = "for which these points or balls stand" if alone else "which is stated as a body"
     body = f"The brick-red box is the obstacle's real body, {by_what}. "
     shaded = (
-        "Shaded: the safe distance that the task asks for around what the planner is given of the obstacle "
+        "Shaded: the safe distance that the task requires around what the planner is given of the obstacle "
         "(crosses); the path must stay outside. "
     )
     clouds = [section for section in given if isinstance(section, CloudSection)]

@@ -1,7 +1,7 @@
 """The three words of every comparison, the same in tiles, tables and legends."""
 
 ASKED = "asked"
-"""what the task asks for"""
+"""what the task requires"""
 CERTIFIED = "certified (planned path)"
 """what is proven for the whole planned path, before the arm moved: a lower bound"""
 EXECUTED = "executed (measured)"

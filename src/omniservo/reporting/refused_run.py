@@ -31,7 +31,7 @@ def draw_refused_run(plan: Plan, scene: Scene, setting: ArmSetting, posture: Flo
         plan: not certified.
         scene: the world of the task.
         setting: the arm, and what it has to keep.
-        posture: (n,) where the arm fails [rad].
+        posture: (n,) joints where the arm fails [rad].
     """
     worst = worst_moment(plan)
     if worst is not None and worst.margin < 0.0:
@@ -52,13 +52,13 @@ def draw_refused_run(plan: Plan, scene: Scene, setting: ArmSetting, posture: Flo
             axes.plot(u, v, "o", ms=34, mfc="none", mec=CERTIFIED, mew=2.6)
     caption = (
         "The arm where it fails. Dashed: obstacles as the planner knows them. Ring: where two bodies lack "
-        "most of the distance that is asked for."
+        "most of the required distance."
     )
     return Drawing("refused", title, caption, figure)
 
 
 def _outlines(plan: Plan, scene: Scene, setting: ArmSetting, view: OutsideView) -> list[FloatArray]:
-    """Return outlines (k, 2) [px] of the planner's obstacles in the picture; half-spaces have none."""
+    """Return outlines (k, 2) [px] of the planner's obstacles in the image; half-spaces have none."""
     world_T_initial = scene.world_T_base * setting.base_T_initial
     outlines = []
     for obstacle in plan.problem.obstacles:

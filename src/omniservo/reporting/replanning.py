@@ -1,4 +1,4 @@
-"""What changed on the way, and what was done then: a figure and a table."""
+"""What changed during the motion, and what was done then: a figure and a table."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
 
 _OUTCOMES = {
-    "kept": "the way was still proven: kept",
-    "replanned": "another way was taken up",
-    "blocked": "no way on was proven: stopped",
+    "kept": "the path was still proven: kept",
+    "replanned": "switched to another path",
+    "blocked": "no continuation was proven: stopped",
 }
 
 
 def replanning(result: RunResult) -> Drawing | None:
-    """Draw both ways and the commanded velocities about the change; None where nothing changed."""
+    """Draw both paths and the commanded velocities about the change; None where nothing changed."""
     if not result.replannings or not result.log.rows or result.plan is None:
         return None
     figure = new_figure(11.0, 5.2)
@@ -61,17 +61,17 @@ def replanning(result: RunResult) -> Drawing | None:
     legend_below(figure, panels["above"], 6)
     return Drawing(
         "replanning",
-        "Planned again on the way",
-        "Left, from above: the first plan, the way that was followed, and the obstacle's body before and "
+        "Replanned during the motion",
+        "Left, from above: the first plan, the path that was followed, and the obstacle's body before and "
         "after it was moved. Right: the commanded velocities of camera and joints, a dot an image. Dotted "
-        "line: something has changed; solid line: another way is taken up, from where the reference is "
+        "line: something has changed; solid line: another path is followed, from where the reference is "
         "and as fast as it is, so that no velocity jumps.",
         figure,
     )
 
 
 def replanning_section(result: RunResult) -> Markup | None:
-    """Return a table of every change on the way; None where there was none."""
+    """Return a table of every change during the motion; None where there was none."""
     if not result.replannings:
         return None
     rows: list[list[Cell]] = []
@@ -94,13 +94,13 @@ def replanning_section(result: RunResult) -> Markup | None:
                 jump,
             ]
         )
-    head = ["image at", "what changed", "outcome", "planned in", "taken up at", "w", "jump of camera, joints"]
+    head = ["image at", "what changed", "outcome", "planned in", "switched at", "w", "jump of camera, joints"]
     period = spell(1.0 / result.task.sensor.rate, "s")
     lead = (
-        "After every image the rest of the way is proven again for what is known then, camera and whole arm. "
-        "Where that fails another way is planned from where the reference will be in a moment, and until "
-        "then the old way is proven, too. Where no way on is proven the arm is braked. The camera takes an "
-        f"image every {period}. The jump is that of the reference; the commands are drawn above."
+        "After every image the rest of the path is proven again for what is known then, camera and arm. "
+        "Where that fails another path is planned from where the reference will be in a moment, and until "
+        "then the old path is proven, too. Where no continuation is proven the arm brakes. The camera takes "
+        f"an image every {period}. The jump is that of the reference; the commands are drawn above."
     )
     return joined([tag("p", lead), table(head, rows)])
 
@@ -124,7 +124,7 @@ def _ways(axes: Any, result: RunResult) -> None:
     for event in result.replannings:
         if event.leg is not None:
             place = upright.apply(event.leg.path.positions(np.zeros(1)))[0]
-            axes.plot(place[0], place[1], "o", ms=7, mfc="white", mec=ASKED, label="taken up here")
+            axes.plot(place[0], place[1], "o", ms=7, mfc="white", mec=ASKED, label="switched here")
     shown = np.vstack([first, space.executed])[:, :2]
     middle, half = 0.5 * (shown.min(axis=0) + shown.max(axis=0)), 0.75 * float(np.ptp(shown, axis=0).max())
     axes.set(xlim=middle[0] + half * np.array([-1, 1]), ylim=middle[1] + half * np.array([-1, 1]))
@@ -140,7 +140,7 @@ def _first_path(result: RunResult) -> FloatArray:
 
 
 def _mark(axes: Any, result: RunResult) -> None:
-    """Draw when something changed and when another way was taken up."""
+    """Draw when something changed and when another path was followed."""
     for event in result.replannings:
         axes.axvline(event.time, color=OBSTACLE, ls=":", lw=1.4)
         if event.leg is not None:

@@ -66,7 +66,7 @@ def key_numbers(result: RunResult) -> Markup:
 
 
 STAGES = ("perception", "estimation", "planning")
-"""whose computing time is told apart from that of loading code"""
+"""whose computing time is stated apart from that of loading code"""
 
 
 def _code(result: RunResult) -> str:
@@ -76,7 +76,7 @@ def _code(result: RunResult) -> str:
 
 
 def _distances(result: RunResult) -> list[Demand]:
-    """Return the tiles of distances: the one that is asked for, and that of any link to any real body."""
+    """Return the tiles of distances: the one that is required, and that of any link to any real body."""
     whole, planning, metrics = result.whole_arm, result.task.planning, result.metrics
     found = []
     if whole is not None and whole.asked is not None:
@@ -136,11 +136,11 @@ def _strayed(result: RunResult, executed: str, proven: float | None, unit: str) 
 
 
 def _tracking(result: RunResult) -> str:
-    """Return why more is certified than is asked; empty where nothing is kept for tracking."""
+    """Return why more is certified than is required; empty where nothing is kept for tracking."""
     kept = result.task.planning.tracking_margin
     if kept <= 0.0 or result.plan is None:
         return ""
-    return f"The path keeps {spell(kept, 'm')} more than asked, for tracking errors."
+    return f"The path keeps {spell(kept, 'm')} more than required, for tracking errors."
 
 
 def side_by_side(results: Sequence[RunResult]) -> Markup:
@@ -209,7 +209,7 @@ def certificate(result: RunResult) -> Markup | None:
         )
     lead = tag(
         "p",
-        f"Plan: {result.plan.status}. A margin is what is left beyond what the problem asks for (0: just "
+        f"Plan: {result.plan.status}. A margin is what is left beyond what the problem requires (0: just "
         "met); of a certified constraint it is guaranteed for every w in [0, 1]. The last column says where "
         "the smallest value was found.",
     )
@@ -234,9 +234,9 @@ def risk(result: RunResult) -> Markup | None:
         "p",
         f"{100 * result.risk.predicted:.2g}% of {result.risk.samples} samples of what the estimate may truly "
         f"be violate a constraint (95% upper bound {100 * result.risk.predicted_bound:.2g}%, asked "
-        f"{100 * result.risk.risk:g}%). Margins are what is left beyond what the problem asks for.",
+        f"{100 * result.risk.risk:g}%). Margins are what is left beyond what the problem requires.",
     )
-    columns = ["constraint", "planned", "left at that risk", "asked in addition", "taken by"]
+    columns = ["constraint", "planned", "left at that risk", "required in addition", "taken by"]
     return joined([lead, table(columns, rows), tag("p", result.risk.advice, class_="quiet")])
 
 
@@ -273,7 +273,7 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
 def animation(data: bytes, result: RunResult) -> Markup:
     """Return the animation as a figure."""
     words = (
-        "Left: the camera in the hand, with the feature trajectories (orange) and rings where the goal image "
+        "Left: the eye-in-hand camera, with the feature trajectories (orange) and rings where the goal image "
         "has them (blue). Right: the arm from outside. In the run's own time."
     )
     return tag(
@@ -286,7 +286,7 @@ def _marked(words: str, good: bool) -> Markup:
 
 
 def _judged(result: RunResult, name: str) -> Cell:
-    """Return a metric, marked where it breaks what the task asks for."""
+    """Return a metric, marked where it breaks what the task requires."""
     value = result.metrics.get(name)
     words = spell_metric(name, value) if name in result.metrics else NOTHING
     if not isinstance(value, int | float):

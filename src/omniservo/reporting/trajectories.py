@@ -71,7 +71,7 @@ def image_trajectories(result: RunResult) -> Drawing:
 
 
 def _ways(axes: Axes, planned: FloatArray | None, executed: FloatArray) -> None:
-    """Draw ways (k, n, 2): executed thick, planned thin above it."""
+    """Draw trajectories (k, n, 2): executed thick, planned thin above it."""
     for j in range(executed.shape[1]):
         label = "executed, as detected" if j == 0 else None
         axes.plot(*executed[:, j].T, color=EXECUTED, lw=2.6, alpha=0.9, label=label, solid_capstyle="round")

@@ -1,4 +1,4 @@
-"""What was seen: the pictures from the hand, their points, and the robot from outside (figures 2, 5)."""
+"""What was seen: the camera's images, their points, and the robot from outside (figures 2, 5)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omniservo.reporting.style import GOAL, START, Drawing, new_figure
 from omniservo.simulation.run_result import RunResult
 
 _PANEL = 245.0
-"""width of one of three pictures side by side [pt]"""
+"""width of one of three images side by side [pt]"""
 
 
 def views(result: RunResult) -> Drawing:
@@ -34,7 +34,7 @@ def views(result: RunResult) -> Drawing:
         _numbered(near, points, colour)
     return Drawing(
         "views",
-        "What the camera in the hand saw",
+        "What the camera on the end-effector saw",
         "Below each image its points, enlarged; equal numbers are the same point, a number without room is "
         "left out. They were found in each image and matched between the first two. The final image should "
         "look like the goal image.",
@@ -51,7 +51,7 @@ def outside(result: RunResult) -> Drawing:
     _picture(right, result.outside_final, "End")
     task = result.task
     named = {
-        "what stands in the way (brick red)": task.obstacles,
+        "obstacles (brick red)": task.obstacles,
         "what stands around (wood)": task.surroundings,
         "the target's boards": task.target.boards,
     }
@@ -60,8 +60,8 @@ def outside(result: RunResult) -> Drawing:
     return Drawing(
         "outside",
         "Robot and obstacle from outside",
-        f"The arm with the camera in its hand{', ' * bool(things)}{things}, at the start and at the end of "
-        "the run.",
+        f"The arm with the camera on its end-effector{', ' * bool(things)}{things}, at the start and "
+        "at the end of the run.",
         figure,
         is_picture=True,
     )

@@ -154,7 +154,7 @@ def _replanning(result: RunResult, several: bool) -> list[Markup]:
     found = replanning_section(result)
     if found is None:
         return []
-    return [part(f"On the way: {_method(result)}" if several else "On the way", found)]
+    return [part(f"During the motion: {_method(result)}" if several else "During the motion", found)]
 
 
 def _details(result: RunResult, several: bool) -> Markup:
