@@ -227,7 +227,8 @@ def by_command(sample: Sample, data: bytes) -> str:
             [sys.executable, "-m", "omniservo.cli.main", *given],
             capture_output=True, check=False, timeout=600,
         )  # fmt: skip
-        left = {p.name for p in path.parent.iterdir()} - there - {out.name}
+        drawing = {"out.png"} if run.returncode == 1 else set()  # of a refused plan's worst moment
+        left = {p.name for p in path.parent.iterdir()} - there - {out.name} - drawing
         lines = run.stderr.decode("utf-8", "replace").splitlines()
         if run.returncode not in (0, 1, 2) or left or len(lines) > 1:
             return f"exit {run.returncode}, left {sorted(left)}, said {lines[-1:]!s:.150}"
