@@ -106,7 +106,7 @@ def test_where_less_was_executed_than_certified_the_tile_says_why(run):
 
     less = said(certified_clearance(run) - 2e-5)
     assert "Less than certified: the proof is of the path, from which the arm deviated by up to 0.210" in less
-    assert "The path keeps 10.00 mm more than asked" in less
+    assert "The path keeps 10.00 mm more than required" in less
     more = said(certified_clearance(run) + 2e-5)  # the other one is that of the points in the image
     assert less.count("Less than certified") == more.count("Less than certified") + 1
 
@@ -242,7 +242,7 @@ def test_the_command_that_repeats_a_run_names_no_file_that_there_may_not_be(run)
 
 
 def test_pictures_from_outside_name_only_what_is_in_them(run):
-    assert "what stands in the way (brick red) and the target's boards, at the start" in outside(run).caption
+    assert "obstacles (brick red) and the target's boards, at the start" in outside(run).caption
     empty = run.task.model_copy(update={"obstacles": ()})
     assert "brick red" not in outside(replace(run, task=empty)).caption
 
