@@ -89,7 +89,11 @@ def test_a_stated_angle_makes_the_file_fit(capsys, tmp_path, stereo):
 
 
 def test_presets_are_shown_by_name_and_an_unknown_one_lists_them(capsys):
-    assert call(capsys, "camera", "show", "fe185")[0] == 0
+    code, said, _ = call(capsys, "camera", "show", "fe185")
+    assert code == 0
+    assert "fx             296.9365 px\n" in said
+    assert "max_angle      1.61443 rad\nusable angle   92.500 deg" in said
+    assert "None" not in said
     code, _, err = call(capsys, "camera", "show", "fe186")
     legal = ", ".join(PRESETS)
     assert code == 2

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from omniservo.calibration.hand_eye import load_robot_poses
-from omniservo.camera_files import named_camera
+from omniservo.camera_files import named_camera, save_camera
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
@@ -40,6 +40,7 @@ MISSPELT = {
     "a task": (lambda: load_task("paper-exampel-1"), "paper-example-"),
     "an arm": (lambda: load_arm("u5re"), "ur5e"),
     "a preset": (lambda: named_camera("fe186"), "fe185"),
+    "a calibration format": (lambda: save_camera(preset("fe185"), "camera.yaml", "kalbir"), "kalibr"),
     "a problem's field": (
         lambda: PlanningProblem.from_dict({**PROBLEM, "visiblity_margin": 2}),
         "visibility_margin",

@@ -3,6 +3,8 @@
 import json
 import math
 
+import cv2
+import mujoco
 import numpy as np
 import pytest
 import yaml
@@ -29,6 +31,21 @@ def test_defaults_are_those_of_the_file_format():
     assert problem.occlusion is False
     assert problem.workspace is None
     assert problem.degrees == Degrees(2, 2)
+
+
+def test_arrays_of_a_problem_are_read_as_they_are_but_by_two_calls_of_scipy_that_take_a_copy():
+    """What docs/formats.md says of them; where a new SciPy takes them, too, that sentence can go."""
+    problem = PlanningProblem.from_dict(fields())
+    points, place, turn = problem.points, problem.goal_translation, Rotation.from_rotvec([0.1, 0.2, 0.3])
+    assert not points.flags.writeable
+    pixels, _ = cv2.projectPoints(points, np.zeros(3), place, np.eye(3), None)
+    assert pixels.shape == (2, 1, 2)
+    mujoco.mju_rotVecQuat(np.zeros(3), place, problem.goal_quaternion)
+    RigidTransform.from_components(place, Rotation.from_quat(problem.goal_quaternion)).apply(points)
+    for refuses in (turn.apply, Rotation.from_rotvec):
+        with pytest.raises(ValueError, match="read-only"):
+            refuses(points)
+        refuses(np.array(points))
 
 
 def test_a_full_problem_survives_the_round_trip_exactly(tmp_path):

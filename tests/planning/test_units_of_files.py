@@ -102,6 +102,15 @@ def test_bodies_are_told_of_by_size_and_by_distance_and_by_nothing_else(tmp_path
         assert len(told) == count, told
 
 
+def test_a_target_and_a_goal_in_millimetres_are_told_of(tmp_path):
+    ball = {"type": "sphere", "center": [0, 0.5, 0], "radius": 0.1}
+    far = PlanningProblem.load(problem(tmp_path, ball, points=[[80.0, -80.0, 500.0], [0.0, 0.0, 0.4]]))
+    assert far.notices == ("the target has coordinates of 500 m; are all lengths in m?",)
+    away = {"translation": [0.0, -101.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
+    told = PlanningProblem.load(problem(tmp_path, ball, goal=away)).notices
+    assert told == ("the goal has coordinates of 101 m; are all lengths in m?",)
+
+
 def test_a_body_may_be_turned_by_a_rotation_vector_or_not_at_all(tmp_path):
     box = {"type": "box", "center": [0.0, 0.5, 0.1], "half_extents": [0.1, 0.2, 0.3]}
     vector, turned = [0.1, -0.2, 0.3], [0.04975124, -0.09950249, 0.14925373, 0.98257]

@@ -102,6 +102,20 @@ def test_meshes_may_lie_beside_the_folder_of_the_file(tmp_path):
     assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
 
 
+@pytest.mark.parametrize(("variable", "share"), [("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")])
+def test_meshes_are_found_in_the_packages_that_ros_is_set_up_with(tmp_path, monkeypatch, variable, share):
+    with_ball(tmp_path / "opt" / share / "arm_description" / "meshes" / "ball.stl")
+    mesh = MESH.format("package://arm_description/meshes/ball.stl")
+    text = urdf(visual=mesh, collision=mesh)
+    for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match="nor in ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; say where"):
+        read(tmp_path, text, "home/arm.urdf")
+    monkeypatch.setenv(variable, f"/nowhere:relative:{tmp_path / 'opt'}")
+    arm = read(tmp_path, text, "home/arm.urdf")
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["mesh"] * 7
+
+
 @pytest.mark.parametrize("place", ["urdf", "meshes"])
 def test_meshes_named_as_files_are_read_where_plain_paths_may_lead(tmp_path, place):
     named = tmp_path / "linked" / place / "a ball.stl"

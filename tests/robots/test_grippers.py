@@ -3,10 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 from urdf_arms import SEVEN, SIX, fingers, urdf
 
 from omniservo.errors import InputError
 from omniservo.robots import Arm, ArmBodies
+from omniservo.robots.collision.own_sight import own_sight_in
 
 NAMES = tuple(row[0] for row in SIX)
 
@@ -67,6 +69,21 @@ def test_fingers_are_held_at_the_zero_of_their_range_or_its_nearer_end(tmp_path)
     q = 0.2 * np.arange(6)
     np.testing.assert_allclose(body_in_tool(arm, "left", q), [0.04, 0, 0.1], atol=1e-9)
     np.testing.assert_allclose(body_in_tool(arm, "right", q), [-0.033, 0, 0.1], atol=1e-9)
+
+
+def test_fingers_hide_points_where_they_are_held_and_go_with_the_camera(tmp_path):
+    """The camera sits beside the hand; the first line goes through the left finger, the second beside it."""
+    beside = RigidTransform.from_translation([0.06, 0.0, 0.0])
+    behind, ahead = [-0.02, 0.0, 0.2], [0.10, 0.0, 0.3]
+    for lower, link in ((0.0, "left"), (0.03, "")):
+        arm = read(tmp_path, urdf(extra=fingers(lower=lower)), tool="tool0")
+        for q in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 6)):
+            base_T_tool = arm.base_T_flange(q)
+            points = base_T_tool.apply([behind, ahead])
+            hides = own_sight_in(arm, q, beside, points[:1])
+            assert (hides.link, hides.status) == (link, "hidden" if link else "free")
+            strays = own_sight_in(arm, q, beside, points[1:], kept={"left": 0.05}, camera_strays=0.03)
+            assert strays.status == "free"
 
 
 def test_without_a_name_for_the_tool_it_is_the_last_link_before_the_fingers(tmp_path):

@@ -26,7 +26,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.camera_fields import largest_angle
 from omniservo.cameras.conversion import to_unified
 from omniservo.cameras.models import CentralModel, camera_from_dict
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.files import write_whole
 
 
@@ -220,7 +220,10 @@ def text_in_format(camera: CentralModel, format_name: str, suffix: str = "") -> 
     """
     written = WRITTEN.get(format_name)
     if written is None:
-        raise InputError(f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}")
+        raise InputError(
+            f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}"
+            f"{did_you_mean(format_name, FORMATS)}"
+        )
     if written.kinds and not isinstance(camera, written.kinds):
         legal = ", ".join(kind.__name__ for kind in written.kinds)
         raise InputError(f"format {format_name!r} cannot hold a {type(camera).__name__}; legal: {legal}")

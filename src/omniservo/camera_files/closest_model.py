@@ -6,7 +6,7 @@ from omniservo.camera_files.camera_files import FORMATS, WRITTEN, text_in_format
 from omniservo.cameras.conversion import Residual, convert, standing_for, where_it_ends
 from omniservo.cameras.conversion.residual import measured
 from omniservo.cameras.models import CentralModel, camera_from_dict
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, did_you_mean, spelled
 
 _ANY_PX = 1e9
 
@@ -27,7 +27,10 @@ def closest_model(
             residual.
     """
     if format_name not in WRITTEN:
-        raise InputError(f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}")
+        raise InputError(
+            f"format: {spelled(format_name)} given; legal: {', '.join(FORMATS)}"
+            f"{did_you_mean(format_name, FORMATS)}"
+        )
     try:
         text_in_format(camera, format_name)
     except InputError as error:

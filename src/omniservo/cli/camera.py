@@ -33,6 +33,12 @@ app.command("rectify")(rectify)
 _ANY_PX = 1e9
 """a camera is shown however badly the unified model stands for it"""
 
+_UNITS = {
+    **dict.fromkeys(("fx", "fy", "cx", "cy", "width", "height", "deviation_px"), " px"),
+    "max_angle": " rad",
+}
+"""of a camera's fields"""
+
 
 @app.command("show")
 def show(
@@ -55,7 +61,8 @@ def show(
     shown = open_model(camera, camera_name, size, model, max_angle)
     fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
-        output.line(f"{field:<14} {value}")
+        if value is not None:
+            output.line(f"{field:<14} {_spelled_field(value)}{_UNITS.get(field, '')}")
     output.line(f"{'usable angle':<14} {math.degrees(shown.usable_angle):.3f} deg from the axis")
     output.line(f"{'past 90 deg':<14} {100.0 * behind:.1f}% of the image; the virtual plane loses it")
     result = {**fields, "usable_angle": shown.usable_angle, "past_right_angle": behind}
@@ -177,6 +184,13 @@ def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralMo
     )
     said = {"mask_polygons": len(cover.polygons), "mask_lost_pixels": cover.lost_pixels}
     return camera_from_dict(fields, str(path)), {**said, "mask_overhang_px": cover.overhang_px}
+
+
+def _spelled_field(value: object) -> str:
+    """Spell a camera's field: numbers to seven digits, which is all that a calibration knows."""
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return f"[{', '.join(map(_spelled_field, value))}]" if isinstance(value, list | tuple) else str(value)
 
 
 def _spelled(residual: Residual) -> str:

@@ -15,9 +15,10 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of one run, from what metrics.json holds of it."""
     yield f"{how_it_ended(metrics)}"
     if metrics["clearance_executed_m"] is not None:
+        asked = f" ({_of(metrics, 'clearance_asked_m')} asked)" if metrics["clearance_asked_m"] else ""
         yield (
             f"camera to obstacles   {_of(metrics, 'clearance_planned_m')} {_planned(metrics)}, "
-            f"{_of(metrics, 'clearance_executed_m')} executed ({_of(metrics, 'clearance_asked_m')} asked)"
+            f"{_of(metrics, 'clearance_executed_m')} executed{asked}"
         )
     yield from _links(metrics)
     yield (
@@ -57,7 +58,7 @@ def _times(metrics: Mapping[str, Any]) -> str:
     if metrics["planning_seconds"] is not None:
         told.append(f"planning {_of(metrics, 'planning_seconds')}")
     code = sum(metrics.get(f"{stage}_code_seconds", 0.0) for stage in _STAGES)
-    loading = f" ({spell(code, 's')} of it loading or compiling code)" if code else ""
+    loading = f" ({spell(code, 's')} of all that loading or compiling code)" if code else ""
     return f"{', '.join(told)}{loading}; the motion took {_of(metrics, 'servo_seconds')}"
 
 

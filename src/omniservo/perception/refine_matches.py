@@ -117,7 +117,8 @@ def refine_matches(
     count = int(good.sum())
     least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
     if count < least:
-        words = f"{count} of {len(good)} pairs look alike all round; {least} are needed"
+        seen_in = f"{len(initial.points)} and {len(goal.points)} features"
+        words = f"{count} of {len(good)} pairs look alike all round; {least} are needed, of {seen_in}"
         return refused("too_few", words)
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 MANY_METRES = 10.0
 """A body larger than this is told of [m]."""
 
+FAR_AWAY = 100.0
+"""So is a target or a goal with a coordinate beyond this, from the initial camera [m]."""
+
 _MOMENTS = np.linspace(0.0, 1.0, 17)
 
 Corners = FloatArray
@@ -30,6 +33,8 @@ Corners = FloatArray
 
 def size_notices(problem: PlanningProblem) -> tuple[str, ...]:
     """Return a line for each body larger than 10 m, or farther from points and camera than these are wide.
+
+    And for a target or a goal with a coordinate beyond 100 m.
 
     Nothing is wrong with such a body, but a file in millimetres that is read as one in metres is one: the
     obstacle that was meant is then not where it is taken to be. All parts of a file are one body. Of
@@ -47,7 +52,16 @@ def size_notices(problem: PlanningProblem) -> tuple[str, ...]:
         advice[name] = "are all lengths in m?" if file is None else "if that file is in mm, state units: mm"
         bodies[name] = _around(bodies[name], box) if name in bodies else box
     told = ((name, words) for name, box in bodies.items() for words in _oddities(box, scene))
-    return tuple(f"{name} is {words}; {advice[name]}" for name, words in told)
+    away = (("target", problem.points), ("goal", problem.goal_translation))
+    far = ((name, float(np.abs(places).max())) for name, places in away)
+    return (
+        *(
+            f"the {name} has coordinates of {x:.3g} m; are all lengths in m?"
+            for name, x in far
+            if x > FAR_AWAY
+        ),
+        *(f"{name} is {words}; {advice[name]}" for name, words in told),
+    )
 
 
 def _oddities(box: Corners, scene: Corners) -> Iterator[str]:
