@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import pytest
 import yaml
 
-from omniservo.calibration import named_camera, save_camera
+from omniservo.calibration import named_camera
 from omniservo.calibration.hand_eye import load_robot_poses
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
@@ -40,7 +40,6 @@ MISSPELT = {
     "a task": (lambda: load_task("paper-exampel-1"), "paper-example-"),
     "an arm": (lambda: load_arm("u5re"), "ur5e"),
     "a preset": (lambda: named_camera("fe186"), "fe185"),
-    "a calibration format": (lambda: save_camera(preset("fe185"), "camera.yaml", "kalbir"), "kalibr"),
     "a problem's field": (
         lambda: PlanningProblem.from_dict({**PROBLEM, "visiblity_margin": 2}),
         "visibility_margin",

@@ -64,6 +64,6 @@ class FollowingWatch:
         k, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
         raise NotFollowing(
             f"{self._arm.joint_names[j]} turned by {np.rad2deg(moved[k, j]):.2f} deg in "
-            f"{self._windows[k]:.3g} s; what was sent asks for {np.rad2deg(low[k, j]):.2f} … "
+            f"{self._windows[k]:.1f} s; what was sent asks for {np.rad2deg(low[k, j]):.2f} … "
             f"{np.rad2deg(high[k, j]):.2f} deg"
         )
