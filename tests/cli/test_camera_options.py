@@ -100,6 +100,13 @@ def test_presets_are_shown_by_name_and_an_unknown_one_lists_them(capsys):
     assert err == f"omniservo: camera 'fe186': neither a file nor a preset: {legal}; did you mean 'fe185'?\n"
 
 
+def test_a_misspelt_format_of_cameras_is_told_with_the_one_that_was_meant(capsys, tmp_path):
+    code, _, err = call(capsys, "camera", "convert", "fe185", tmp_path / "c.yaml", "--to", "kalbir")
+    assert code == 2
+    assert "format: 'kalbir' given; legal: own, mei, " in err
+    assert err.endswith("; did you mean 'kalibr'?\n")
+
+
 @pytest.mark.parametrize("option", [("--camera-name", "cam0"), ("--max-angle", 82), ("--largest-px", 2)])
 def test_an_option_of_the_camera_needs_the_camera(capsys, tmp_path, option):
     code, _, err = call(capsys, "teach", "paper-example-1", "--out", tmp_path / "goal.json", *option)

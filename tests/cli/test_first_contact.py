@@ -209,6 +209,17 @@ def test_a_run_ends_in_five_lines_in_mm():
     json.dumps(lines)
 
 
+def test_the_nearest_thing_of_a_run_is_a_table_where_there_is_no_obstacle():
+    alone = {"arm_clearance_executed_m": None, "link_clearance_executed_m": 0.083}
+    (line,) = [line for line in run_summary(METRICS | alone) if "any link" in line]
+    assert line == "any link to anything  83.00 mm executed"
+    assert not [
+        line
+        for line in run_summary(METRICS | {**alone, "link_clearance_executed_m": None})
+        if "any link" in line
+    ]
+
+
 def test_a_run_says_of_what_loading_code_was_a_part_and_no_demand_that_nobody_made():
     slow = {"planning_seconds": 0.8, "planning_code_seconds": 0.79, "estimation_seconds": 0.2}
     lines = list(run_summary(METRICS | slow | {"estimation_code_seconds": 0.11, "clearance_asked_m": 0.0}))

@@ -45,12 +45,13 @@ def how_it_ended(metrics: Mapping[str, Any]) -> str:
 
 
 def _links(metrics: Mapping[str, Any]) -> Iterator[str]:
-    executed = metrics["arm_clearance_executed_m"]
-    if executed is None:
+    told = (metrics["arm_clearance_executed_m"], metrics.get("link_clearance_executed_m"))
+    measured = [gap for gap in told if gap is not None]
+    if not measured:
         return
     asked = metrics.get("link_clearance_asked_m")
     more = "" if asked is None else f" ({spell(asked, 'm')} asked)"
-    yield f"any link to anything  {spell(executed, 'm')} executed{more}"
+    yield f"any link to anything  {spell(min(measured), 'm')} executed{more}"
 
 
 def _times(metrics: Mapping[str, Any]) -> str:

@@ -29,7 +29,7 @@ def score(
         "clearance_asked_m": task.planning.clearance,
         "clearance_planned_m": None if plan is None else plan.least_clearance(task.planning.common_obstacles),
         "clearance_executed_m": _least_clearance(task, log.column("time"), positions),
-        "arm_clearance_executed_m": float(np.min(log.column("arm_clearance"))) if log.rows else None,
+        "arm_clearance_executed_m": _least_arm_clearance(task, log),
         "visibility_planned_px": None if plan is None else plan.least_visibility(),
         "visibility_executed_px": _least_visibility(task, log),
         **_final_errors(log, truth),
@@ -40,6 +40,10 @@ def score(
         "filtered_frames": _filtered(log),
         "contacts": sorted(list(pair) for pair in log.contacts),
     }
+
+
+def _least_arm_clearance(task: Task, log: RunLog) -> float | None:
+    return float(np.min(log.column("arm_clearance"))) if log.rows and task.obstacles else None
 
 
 def _filtered(log: RunLog) -> int:
