@@ -224,5 +224,5 @@ def test_a_run_says_of_what_loading_code_was_a_part_and_no_demand_that_nobody_ma
     slow = {"planning_seconds": 0.8, "planning_code_seconds": 0.79, "estimation_seconds": 0.2}
     lines = list(run_summary(METRICS | slow | {"estimation_code_seconds": 0.11, "clearance_asked_m": 0.0}))
     assert lines[1].endswith("64.98 mm executed")
-    words = "motion and structure 200 ms, planning 800 ms (900 ms of all that loading or compiling code);"
+    words = "motion and structure 200 ms, planning 800 ms (900 ms of both was loading or compiling code);"
     assert words in lines[-1]

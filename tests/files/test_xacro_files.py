@@ -87,12 +87,6 @@ def test_a_package_is_found_where_it_is_said_to_be_or_where_ros_has_it(tmp_path,
     assert "<link" in expand_xacro(moved, arguments, {"arm_description": root})
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{root}")
     assert "<link" in expand_xacro(moved, arguments)
-    monkeypatch.delenv("ROS_PACKAGE_PATH")
-    installed = tmp_path / "prefix" / "share" / "arm_description"
-    installed.parent.mkdir(parents=True)
-    root.rename(installed)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'prefix'}")
-    assert "<link" in expand_xacro(moved, arguments)
 
 
 def test_nothing_of_a_xacro_file_is_evaluated_where_it_is_only_read(capsys, tmp_path):

@@ -59,7 +59,7 @@ def _times(metrics: Mapping[str, Any]) -> str:
     if metrics["planning_seconds"] is not None:
         told.append(f"planning {_of(metrics, 'planning_seconds')}")
     code = sum(metrics.get(f"{stage}_code_seconds", 0.0) for stage in _STAGES)
-    loading = f" ({spell(code, 's')} of all that loading or compiling code)" if code else ""
+    loading = f" ({spell(code, 's')} of both was loading or compiling code)" if code else ""
     return f"{', '.join(told)}{loading}; the motion took {_of(metrics, 'servo_seconds')}"
 
 

@@ -12,7 +12,7 @@ from omniservo.planning.constraints.push import ASLEEP, push_centre
 
 @leaf
 def free_side_gap(x: float, y: float, z: float, plane: FloatArray) -> float:
-    """Return n·(x, y, z) − (b + d) of a ``plane`` (6,) (see `Demands`)."""
+    """Return n·(x, y, z) − (b + d) of a ``plane`` (6,) (see `Constraints`)."""
     return float(plane[0] * x + plane[1] * y + plane[2] * z - plane[3])
 
 
