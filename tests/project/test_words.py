@@ -33,6 +33,8 @@ REPLACED = {
     r"joints' turn": "search seeded from joint-space curves",
     r"\bin the way\b": "obstacle",
     r"\bhandy\b": "suggested",
+    r"\b(of|along|out of) the hand\b": "of the end-effector",
+    r"\bup is up\b": "drawn upright, equal axis scaling",
     r"\bstray(s|ed)?\b": "deviates",
     r"\btake[sn]? up\b": "followed from, absorbed",
     r"[Pp]lanned again on the way|[Pp]lanning again on the way": "replanning",

@@ -37,7 +37,7 @@ def link_clearance(result: RunResult) -> Drawing | None:
     if low < 0.0:
         axes.axhspan(low, 0.0, color=FORBIDDEN, zorder=0)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("link to the nearest thing [mm]")
+    axes.set_ylabel("link to the nearest body [mm]")
     legend_below(figure, axes, 3)
     things = "the nearest of the obstacles that the planner knows and the floor"
     if whole.asked is None:

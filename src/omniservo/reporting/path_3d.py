@@ -48,7 +48,7 @@ def path_3d(result: RunResult) -> Drawing:
     return Drawing(
         "path-3d",
         "Path of the camera in space",
-        "In the initial camera frame; up is up, and a millimetre is equally long everywhere. "
+        "In the initial camera frame, drawn upright with equal axis scaling. "
         f"{_obstacles_in_words(result.task)}Small pyramids: the camera, looking through its base. What is "
         "far from path and target is cut off.",
         figure,

@@ -64,8 +64,8 @@ def rotation(result: RunResult) -> Drawing | None:
     return Drawing(
         "rotation",
         "Rotation of the robot",
-        "The rotation vector (axis times angle) of the hand since the start, about the axes of the initial "
-        f"camera; the paper calls these q4, q5, q6. Dashed: the plan. {_most(executed.rotations)}",
+        "The rotation vector (axis times angle) of the end-effector since the start, about the axes of the "
+        f"initial camera; the paper calls these q4, q5, q6. Dashed: the plan. {_most(executed.rotations)}",
         figure,
     )
 

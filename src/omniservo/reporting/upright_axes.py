@@ -15,7 +15,7 @@ _NAMES = "xyz"
 
 @dataclass(frozen=True)
 class UprightAxes:
-    """Which axis of the initial camera frame is drawn along which axis of the page: up is up.
+    """Which axis of the initial camera frame is drawn along which axis of the page: upright.
 
     The plotted coordinates are a rotation of the camera's, so nothing is mirrored.
     """
