@@ -18,8 +18,10 @@ from omniservo.errors import (
     ServoStop,
     StaleImage,
 )
-from omniservo.robots import RobotState
-from omniservo.safety import image_watch
+from omniservo.robots import RobotState, load_arm
+from omniservo.safety import SafetyOptions, image_watch
+from omniservo.safety.following_watch import FollowingWatch
+from omniservo.safety.motion_history import MotionHistory
 
 LINES = ("read", "image", "command")
 
@@ -332,6 +334,56 @@ def test_sound_drives_of_other_gains_and_late_readings_are_not_stopped(guard, wr
     supervisor.wait(0.3)
 
 
+class Drive:
+    """A joint of every arm's kind: dead time, time constant, gain; it is watched every 5 ms."""
+
+    def __init__(self, delay=0.0, constant=0.005, gain=1.0):
+        self.delay, self.constant, self.gain = round(delay / 1e-3), constant, gain
+        arm = load_arm("ur5e")
+        self.q, self.v, self.sent = np.zeros(6), np.zeros(6), [np.zeros(6)] * (self.delay + 1)
+        self.history = MotionHistory(self.state(0.0), 0.5 * arm.joint_acceleration)
+        self.watch = FollowingWatch(arm, SafetyOptions())
+
+    def state(self, time):
+        return RobotState(time, self.q.copy(), self.v.copy())
+
+    def follow(self, velocity, until, dead=np.inf):
+        """Return when the watch tells that it does not follow; infinity: never."""
+        for k in range(1, round(until / 1e-3)):
+            time = 1e-3 * k
+            wanted = self.gain * self.sent[-1 - self.delay] if time < dead else np.zeros(6)
+            self.v = self.v + (wanted - self.v) * min(1.0, 1e-3 / self.constant)
+            self.q = self.q + 1e-3 * self.v
+            if k % 5 == 0:
+                self.history.measured(self.state(time))
+                try:
+                    self.watch.check(self.history)
+                except NotFollowing:
+                    return time
+                self.history.sent(np.full(6, velocity(time)))
+            self.sent.append(np.full(6, velocity(time)))
+        return np.inf
+
+
+def swing(time):
+    """A speed that grows to 0.9 rad/s and back, again and again."""
+    return 0.9 * np.sin(np.pi * time / 1.5)
+
+
+@pytest.mark.parametrize("gain", [0.8, 1.0, 1.45])
+@pytest.mark.parametrize(
+    ("delay", "constant"), [(0.0, 0.02), (0.0, 0.1), (0.0, 0.2), (0.1, 0.1), (0.2, 0.03)]
+)
+def test_a_sound_drive_may_have_any_dead_time_and_time_constant_within_the_lag(delay, constant, gain):
+    assert Drive(delay, constant, gain).follow(swing, 4.0) == np.inf
+
+
+@pytest.mark.parametrize("dead", [1.6, 1.7, 2.25])
+def test_a_joint_that_dies_while_it_speeds_up_is_told_at_once(dead):
+    """A drive whose lag may be anything at any time would explain a joint that stays behind."""
+    assert Drive().follow(swing, 4.0, dead) - dead < 0.08
+
+
 def test_a_robot_that_moves_on_a_little_after_braking_may_be_commanded_again(guard, written):
     supervisor = guard()
     for _ in range(3):
@@ -471,6 +523,18 @@ def test_how_far_time_stamps_are_off_is_known_from_the_images_before(run):  # no
 def test_points_that_jump_are_told_by_the_second_image_that_shows_it(run):  # noqa: F811
     stop, steps = run(lambda k: MOVING, prepare=pictured(lambda p, before: p + 20.0), time_limit=2.0)
     assert (stop.reason, len(steps)) == ("inconsistent_image", 15 + 1)
+
+
+def test_a_single_odd_image_is_no_reference_for_the_next(run):  # noqa: F811
+    def once(p, before):
+        odd = not once.seen
+        once.seen = True
+        return p + 20.0 if odd else p
+
+    once.seen = False
+    stop, _ = run(lambda k: MOVING, prepare=pictured(once), time_limit=1.0)
+    assert once.seen
+    assert stop.reason == "time_limit"
 
 
 def test_one_image_of_four_that_disagrees_is_none_and_two_in_a_row_are(run, monkeypatch):  # noqa: F811

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.errors import NotFollowing
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import Arm
 from omniservo.safety.motion_history import SPACING, MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
@@ -14,14 +14,17 @@ WINDOWS = np.array([0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
 """in reaction times: how far back motion is compared; slow motion needs the longer ones to be told, a reading
 that jumps the shortest"""
 
-LAGS = 11
-"""of the drive, from none to the most"""
+DELAYS = np.linspace(0.0, 1.0, 6)
+"""dead times of drives, of the most lag"""
 
-LAG_RANGES = ((0, 4), (2, 6), (4, 8), (6, 10), (0, 10))
-"""first and last of `LAGS`: within one of these a drive's lag stays,"""
+CONSTANTS = np.array([0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
+"""their time constants, likewise; together they are no more than the most lag"""
+
+STEPS, SPAN = 10, 3
+"""What was sent is sampled so many times in the most lag, and back to so many times that."""
 
 GAINS = 10
-"""and its gain between one of so many, from the least to the most, and the next but one."""
+"""A drive's gain is between one of so many, from the least to the most, and the next but one."""
 
 MEMORY = 2.0
 """A drive within other bounds for so long [s] is another drive."""
@@ -30,13 +33,14 @@ MEMORY = 2.0
 class FollowingWatch:
     """Compares how far every joint turned with how far it was sent.
 
-    Over a time T a drive of lag l in [0, L] and gain g in [g₀, g₁] turns by g (S(t − l) − S(t − T − l)), S
-    the integral of the velocities sent; one that cannot accelerate as fast as they ask for by something
-    between this and the same of D, which goes after them with the least acceleration of a drive. A lag
-    spread over a range gives an average of these. What the joint turned beyond the largest or short of the
-    smallest of them by more than ``following_error``, and by how far S and D differ over T, no such drive
-    explains. Gain and lag belong to a drive: of all combinations of a part of the gains and a part of the
-    lags, one must explain all that a joint did in the last `MEMORY`.
+    A drive has a dead time d, a time constant τ with d + τ in [0, L], and a gain g in [g₀, g₁]: over a time T
+    it turns by g (S∘w (t) − S∘w (t − T)), S the integral of the velocities sent and w the delayed exponential
+    e^(−(s − d)/τ)/τ over s > d that they are averaged with. One that cannot accelerate as fast as they ask
+    for turns by something between this and the same of D, which goes after them with the least acceleration
+    of a drive. What the joint turned beyond the largest or short of the smallest of them by more than
+    ``following_error``, and by how far S and D differ over T, no such drive explains. Dead time, time
+    constant and gain belong to a drive: of all cells of a grid over them, one must explain all that a joint
+    did in the last `MEMORY`.
 
     Args:
         arm: for its joints' names.
@@ -48,11 +52,13 @@ class FollowingWatch:
         self._arm, self._options = arm, options
         self._windows = options.reaction * WINDOWS
         self._back = np.concatenate(([0.0], self._windows))
-        self._sent_back = self._back[:, None] + np.linspace(0.0, options.drive_lag, LAGS)
+        lags: FloatArray = np.arange(-1.0, STEPS * SPAN + 2) * (options.drive_lag / STEPS)
+        self._sent_back = self._back[:, None] + lags[1:-1]
+        self._weights, self._cells = _drives(lags, options.drive_lag)
         gains = np.linspace(options.least_gain, options.most_gain, GAINS)
         self._gains = np.stack((gains[:-2], gains[2:]))[..., None, None, None]
         self._checked = -np.inf
-        self._refuted = np.full((GAINS - 2, len(LAG_RANGES), arm.dof), -np.inf)
+        self._refuted = np.full((GAINS - 2, len(self._cells), arm.dof), -np.inf)
         """when a drive with these bounds last did not explain a joint's motion [s]"""
 
     def check(self, history: MotionHistory) -> None:
@@ -68,7 +74,7 @@ class FollowingWatch:
         turned = history.at(now - self._back)[0]
         moved = turned[0] - turned[1:]
         low, high = self._explained(history)
-        beyond = np.maximum(low - moved, moved - high)  # (gains, lags, windows, n)
+        beyond = np.maximum(low - moved, moved - high)  # (gains, cells, windows, n)
         recent = now - self._refuted <= MEMORY
         wrong = beyond.max(axis=2) > self._options.following_error
         self._refuted[wrong] = now
@@ -86,11 +92,46 @@ class FollowingWatch:
         )
 
     def _explained(self, history: MotionHistory) -> tuple[FloatArray, FloatArray]:
-        """Return the least and the most that drives turn their joints by, (gains, lags, windows, n) [rad]."""
-        fast, slow = (sent[0] - sent[1:] for sent in history.at(history.time - self._sent_back)[1:])
-        apart, least, most = np.abs(fast - slow), np.minimum(fast, slow), np.maximum(fast, slow)
-        parts = [slice(first, last + 1) for first, last in LAG_RANGES]
-        apart = np.stack([apart[:, part].max(axis=1) for part in parts])
-        low = np.stack([least[:, part].min(axis=1) for part in parts])
-        high = np.stack([most[:, part].max(axis=1) for part in parts])
+        """Return the least and the most that drives turn joints by, (gains, cells, windows, n) [rad]."""
+        averaged = [
+            np.tensordot(self._weights, sent, axes=(1, 1))
+            for sent in history.at(history.time - self._sent_back)[1:]
+        ]
+        fast, slow = (sent[:, :1] - sent[:, 1:] for sent in averaged)  # (drives, windows, n)
+        apart = np.abs(fast - slow)[self._cells].max(axis=1)
+        low = np.minimum(fast, slow)[self._cells].min(axis=1)
+        high = np.maximum(fast, slow)[self._cells].max(axis=1)
         return (self._gains * low).min(axis=0) - apart, (self._gains * high).max(axis=0) + apart
+
+
+def _drives(lags: FloatArray, most: float) -> tuple[FloatArray, IntArray]:
+    """Return how drives weigh what was sent so long ago, and which of them bound the cells of the grid.
+
+    Args:
+        lags: evenly spaced, one more before the first and after the last than are weighed [s].
+        most: dead time and time constant together [s].
+
+    Returns:
+        (drives, lags − 2) weights of a function that is linear between the lags, exact; (cells, 4) rows.
+    """
+    rows: dict[tuple[int, int], int] = {}
+    weights: list[FloatArray] = []
+    for i, delay in enumerate(most * DELAYS):
+        for j, constant in enumerate(most * CONSTANTS):
+            since = lags - delay
+            # Twice integrated, the exponential is τ e^(−s/τ) after the dead time and τ − s before it; its
+            # second difference is the integral of the exponential times the hat function of a lag.
+            twice = constant * np.exp(-np.maximum(since, 0.0) / max(constant, 1e-12)) + np.maximum(
+                -since, 0.0
+            )
+            weight = np.diff(twice, 2) / (lags[1] - lags[0])
+            weight[-1] += 1.0 - weight.sum()
+            rows[i, j] = len(weights)
+            weights.append(weight)
+    cells = [
+        [rows[i, j], rows[i + 1, j], rows[i, j + 1], rows[i + 1, j + 1]]
+        for i in range(len(DELAYS) - 1)
+        for j in range(len(CONSTANTS) - 1)
+        if DELAYS[i] + CONSTANTS[j] < 1.0 - 1e-9
+    ]
+    return np.array(weights), np.array(cells)

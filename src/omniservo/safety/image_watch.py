@@ -134,8 +134,12 @@ class ImageWatch:
             self._still = self._seen[-1] if self._seen and _stands_still(self._seen[-1], now) else now
         told = [self._disagreement(before, now, points) for before in self._before(now)]
         self._first = self._first or now
-        self._seen.append(now)
-        self._wrong = np.where(np.any([wrong for wrong, _ in told], axis=0), self._wrong + 1, 0)
+        odd = np.zeros(OFFSETS, dtype=np.bool_)
+        for wrong, _ in told:
+            odd |= wrong
+        if not odd[time - self._refuted > MEMORY].all():  # a single odd image is no reference for the next
+            self._seen.append(now)
+        self._wrong = np.where(odd, self._wrong + 1, 0)
         refuted = self._wrong >= IN_A_ROW
         self._refuted[refuted] = time
         if (time - self._refuted <= MEMORY).all():

@@ -69,7 +69,7 @@ class SafetyOptions:
     supervisor found the robot; None: anywhere that the joints allow"""
     least_features: int = 4
     """Fewer points stop the robot; a pose needs four."""
-    growing_px: float = 10.0
+    growing_px: float = 15.0
     """The image error may grow freely below this [px];"""
     growing_time: float = 1.0
     """above it, an error that grew from third to third of this time stops the robot [s]."""
