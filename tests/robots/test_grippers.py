@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 from urdf_arms import SEVEN, SIX, fingers, urdf
 
 from omniservo.errors import InputError
-from omniservo.robots import Arm, ArmBodies
+from omniservo.robots import Arm, ArmBodies, MountedCamera
 from omniservo.robots.collision.own_sight import own_sight_in
 
 NAMES = tuple(row[0] for row in SIX)
@@ -73,7 +73,7 @@ def test_fingers_are_held_at_the_zero_of_their_range_or_its_nearer_end(tmp_path)
 
 def test_fingers_hide_points_where_they_are_held_and_go_with_the_camera(tmp_path):
     """The camera sits beside the hand; the first line goes through the left finger, the second beside it."""
-    beside = RigidTransform.from_translation([0.06, 0.0, 0.0])
+    beside = MountedCamera(RigidTransform.from_translation([0.06, 0.0, 0.0]))
     behind, ahead = [-0.02, 0.0, 0.2], [0.10, 0.0, 0.3]
     for lower, link in ((0.0, "left"), (0.03, "")):
         arm = read(tmp_path, urdf(extra=fingers(lower=lower)), tool="tool0")

@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
-from omniservo.robots import Solid, load_arm, own_sight
+from omniservo.robots import CAMERA_HOUSING, MountedCamera, Solid, load_arm, own_sight
 from omniservo.robots.collision.own_sight import _Lines, own_sight_in
 from omniservo.robots.collision.sight_kernel import SURFACE
 
 MOUNT = RigidTransform.from_translation([0.0, 0.0, 0.09])
+CAMERA = MountedCamera(MOUNT)
 AHEAD = np.radians([0.0, 20.0, 110.0, 0.0, 50.0, 0.0])
 START = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2])
 
@@ -54,11 +55,11 @@ def test_points_before_the_camera_are_free_on_the_whole_path(arm):
     path = straight_joint_path(START, START + np.array([0.3, 0.2, -0.1, 0.4, 0.1, 0.2]))
     ahead = arm.base_T_flange(START) * MOUNT
     points = ahead.apply(np.array([[0.0, 0.0, 0.5], [0.1, 0.0, 0.4], [0.0, -0.1, 0.4]]))
-    assert own_sight(arm, path, MOUNT, points).status == "free"
+    assert own_sight(arm, path, CAMERA, points).status == "free"
     for link in ("wrist", "base"):
-        assert own_sight(arm, path, MOUNT, points, kept={link: 2.0}).link == link
+        assert own_sight(arm, path, CAMERA, points, kept={link: 2.0}).link == link
     assert (
-        own_sight(arm, path, MOUNT, points, kept={"flange": 0.2}).status == "free"
+        own_sight(arm, path, CAMERA, points, kept={"flange": 0.2}).status == "free"
     )  # it goes with the camera
 
 
@@ -68,7 +69,7 @@ def test_what_is_called_free_or_hidden_is_what_rays_meet(arm, hit):
         begin = random.uniform(-1.5, 1.5, 6)
         path = straight_joint_path(begin, begin + random.uniform(-0.2, 0.2, 6))
         point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
-        found = own_sight(arm, path, MOUNT, [point])
+        found = own_sight(arm, path, CAMERA, [point])
         seen[found.status] += 1
         if found.status == "free":
             assert all(hit(q, point) == "" for q in path(np.linspace(0.0, 1.0, 40)))
@@ -88,7 +89,7 @@ def test_links_that_pass_through_a_line_of_sight_between_places_are_found(arm, h
         point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
         hidden = np.mean([hit(q, point) != "" for q in path(w)])
         if hidden > 0.0:
-            assert own_sight(arm, path, MOUNT, [point]).status == "hidden"
+            assert own_sight(arm, path, CAMERA, [point]).status == "hidden"
             short += hidden < 0.2
     assert short >= 3
 
@@ -120,7 +121,7 @@ def test_links_keep_what_they_may_stray_from_every_line_but_what_carries_the_cam
         begin = random.uniform(-1.5, 1.5, 6)
         path = straight_joint_path(begin, begin + random.uniform(-0.2, 0.2, 6))
         point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
-        found = own_sight(arm, path, MOUNT, [point], kept=margins)
+        found = own_sight(arm, path, CAMERA, [point], kept=margins)
         if found.status == "free":
             seen["free"] += 1
             assert min(distances(q, point).min() for q in path(np.linspace(0.0, 1.0, 9))) >= kept - 1e-6
@@ -161,7 +162,7 @@ def test_what_stands_around_hides_what_rays_meet_there(name):
         point = random.uniform([-0.5, -0.5, 0.0], [0.5, 0.5, 0.8])
         if trial % 3 == 0:  # it lies on what stands around
             point = around[0].pose.translation + np.array([0.0, 0.0, around[0].size[0]])
-        found = own_sight(arm, path, MOUNT, [point], surroundings=around)
+        found = own_sight(arm, path, CAMERA, [point], surroundings=around)
         met = {hit(q, point) for q in path(w)} - {""}
         if found.status == "free":
             seen["free"] += 1
@@ -186,10 +187,10 @@ def test_points_on_a_table_and_before_a_wall_are_not_hidden_by_them(arm):
     points = np.array([[x + 0.1, 0.1, 0.0], [x + 0.3, 0.05, 0.3], low])
     around = TABLE, wall
     for strays in (0.0, 0.02):
-        found = own_sight(arm, path, MOUNT, points, surroundings=around, camera_strays=strays)
+        found = own_sight(arm, path, CAMERA, points, surroundings=around, camera_strays=strays)
         assert found.status == "free"
-    assert own_sight(arm, path, MOUNT, points[:1] - [0, 0, 0.002], surroundings=around).link == "table"
-    assert own_sight(arm, path, MOUNT, points[1:2] - [-0.003, 0, 0], surroundings=around).link == "wall"
+    assert own_sight(arm, path, CAMERA, points[:1] - [0, 0, 0.002], surroundings=around).link == "table"
+    assert own_sight(arm, path, CAMERA, points[1:2] - [-0.003, 0, 0], surroundings=around).link == "wall"
 
 
 @pytest.mark.parametrize(("before", "status"), [(0.9e-3, "free"), (1.1e-3, "hidden"), (-1e-3, "free")])
@@ -198,9 +199,9 @@ def test_the_last_millimetre_before_a_point_is_the_surface_that_it_lies_on(arm, 
     around = camera * RigidTransform.from_translation([0.0, 0.0, 0.5 - before + 0.01])
     plate = Solid.box("plate", around, [0.1, 0.1, 0.01])
     point = camera.apply([0.0, 0.0, 0.5])
-    assert own_sight_in(arm, START, MOUNT, [point], surroundings=(plate,)).status == status
+    assert own_sight_in(arm, START, CAMERA, [point], surroundings=(plate,)).status == status
     near = straight_joint_path(START, START + 1e-5)
-    assert own_sight(arm, near, MOUNT, [point], surroundings=(plate,)).status == status
+    assert own_sight(arm, near, CAMERA, [point], surroundings=(plate,)).status == status
 
 
 def test_a_camera_that_strays_is_kept_free_by_what_its_lines_then_sweep(arm):
@@ -213,7 +214,7 @@ def test_a_camera_that_strays_is_kept_free_by_what_its_lines_then_sweep(arm):
         post = somewhere(random, "capsule", "post")
         place = camera.apply(random.uniform([-0.1, -0.1, 0.05], [0.1, 0.1, 0.4]))
         post = Solid("post", "capsule", 0.3 * post.size, RigidTransform.from_translation(place))
-        found = own_sight_in(arm, START, MOUNT, [point], surroundings=(post,), camera_strays=strays)
+        found = own_sight_in(arm, START, CAMERA, [point], surroundings=(post,), camera_strays=strays)
         ends = place[:, None] + np.array([[0, 0], [0, 0], [-1, 1]]) * post.size[1]
         begin, along = ends[:, 0], ends[:, 1] - ends[:, 0]
         line = camera.translation + shares[:, None] * (point - camera.translation)
@@ -240,7 +241,7 @@ def test_a_half_space_is_kept_off_a_line_by_what_the_camera_strays_at_either_end
         end = centre + share * (point - centre)
         ends = normal @ centre - strays, normal @ end - (1.0 - share) * strays
         side = Solid.half_space("side", normal, min(ends) - left)
-        lines = _Lines(arm, MOUNT, point[None], (side,), {}, strays)
+        lines = _Lines(arm, CAMERA, point[None], (side,), {}, strays)
         lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
         assert lines.are_clear(START, np.zeros(6)) == (left > 0.0)
         lowest.append(int(np.argmin(ends)))
@@ -257,11 +258,11 @@ def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     hit = rays(arm, (post,))
     hidden = [hit(q, point) == "post" for q in path(np.linspace(0.0, 1.0, 301))]
     assert 0.0 < np.mean(hidden) < 0.1
-    found = own_sight(arm, path, MOUNT, [point], surroundings=(post,))
+    found = own_sight(arm, path, CAMERA, [point], surroundings=(post,))
     assert (found.status, found.link) == ("hidden", "post")
     assert found.w == pytest.approx(0.437, abs=0.05)
-    assert own_sight(arm, path, MOUNT, [point], surroundings=(post,), span=(0.5, 1.0)).status == "free"
-    assert own_sight(arm, path, MOUNT, [point]).status == "free"
+    assert own_sight(arm, path, CAMERA, [point], surroundings=(post,), span=(0.5, 1.0)).status == "free"
+    assert own_sight(arm, path, CAMERA, [point]).status == "free"
 
 
 def test_a_speck_that_no_part_of_a_path_tells_from_a_line_is_not_called_free(arm):
@@ -269,7 +270,7 @@ def test_a_speck_that_no_part_of_a_path_tells_from_a_line_is_not_called_free(arm
     path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)
     point = np.array([1.2, 0.5, 0.4])
     middle = 0.5 * ((arm.base_T_flange(path(0.437)) * MOUNT).translation + point)
-    found = own_sight(arm, path, MOUNT, [point], surroundings=(Solid.sphere("speck", middle, 1e-6),))
+    found = own_sight(arm, path, CAMERA, [point], surroundings=(Solid.sphere("speck", middle, 1e-6),))
     assert (found.status, found.link) == ("hidden", "speck")
     assert found.w == pytest.approx(0.437, abs=1e-3)
     assert 0.0 < found.gap < 1e-3
@@ -290,14 +291,14 @@ def test_whichever_point_is_hidden_by_whichever_body_however_little_is_found(arm
         for name, left in (("in", -2e-4), ("beside", 2e-4))
     )
     for around in ((into, beside), (beside, into)):
-        found = own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=around)
+        found = own_sight_in(arm, START, CAMERA, camera.apply(points), surroundings=around)
         assert (found.status, found.link, found.point) == ("hidden", "in", hidden)
-    assert own_sight_in(arm, START, MOUNT, camera.apply(points), surroundings=(beside,)).status == "free"
+    assert own_sight_in(arm, START, CAMERA, camera.apply(points), surroundings=(beside,)).status == "free"
 
 
 def test_the_flange_hides_what_is_inside_it(arm):
     inside = (arm.base_T_flange(START) * MOUNT).apply([0.0, 0.0, -0.09 - 0.012])
-    assert own_sight_in(arm, START, MOUNT, [inside]).link == "flange"
+    assert own_sight_in(arm, START, CAMERA, [inside]).link == "flange"
 
 
 @pytest.mark.parametrize(
@@ -309,7 +310,7 @@ def test_what_is_allowed_for_rounding_grows_with_coordinates(arm, away, gap, sta
     ball = Solid(
         "ball", "sphere", [0.2], RigidTransform.from_translation(ahead.apply([0.2 + gap, 0.0, away]))
     )
-    assert own_sight_in(arm, AHEAD, MOUNT, point[None], surroundings=(ball,)).status == status
+    assert own_sight_in(arm, AHEAD, CAMERA, point[None], surroundings=(ball,)).status == status
 
 
 PLACES = {"at its end": -1.0, "near its end": 0.99, "in its middle": 0.5, "near the camera": 0.02}
@@ -328,7 +329,7 @@ def test_what_a_line_meets_anywhere_within_the_turns_is_never_called_clear(arm, 
         whole = 1.0 - SURFACE / np.linalg.norm(point - centre)
         place = centre + (whole * (1.0 - 1e-9) if share < 0.0 else share) * (point - centre)
         speck = Solid("speck", "sphere", np.array([1e-7]), RigidTransform.from_translation(place))
-        lines = _Lines(arm, MOUNT, point[None], (speck,), {}, 0.0)
+        lines = _Lines(arm, CAMERA, point[None], (speck,), {}, 0.0)
         lines._sights = lines._sights._replace(hiders=np.array([lines._shapes.kinds.size - 2]))
         assert not lines.are_clear(q, turns)
 
@@ -351,10 +352,83 @@ def test_what_a_link_carries_where_a_line_ends_that_has_become_longer_is_never_c
     speck = f'<geom type="sphere" size="1e-7" pos="{" ".join(map(repr, place.tolist()))}"/>'
     file = tmp_path / "arm.xml"
     file.write_text(text.replace(link, link + speck))
-    lines = _Lines(load_arm(file), MOUNT, point[None], (), {}, 0.0)
+    lines = _Lines(load_arm(file), CAMERA, point[None], (), {}, 0.0)
     small = np.flatnonzero((lines._shapes.kinds == 2) & (lines._shapes.sizes[:, 0] < 1e-6))
     lines._sights = lines._sights._replace(hiders=small)
     assert len(small) == 1
     assert not lines.are_clear(q, turns)
     assert not lines.are_clear(there, np.zeros(6))
     assert lines.are_clear(q, np.zeros(6))
+
+
+def before(point, half, aside=0.0):
+    """A box of half extents half way to a point in the camera frame, moved aside along x."""
+    place = 0.5 * np.asarray(point) + [aside, 0.0, 0.0]
+    return Solid.box("bracket", RigidTransform.from_translation(place), half)
+
+
+@pytest.mark.parametrize("kept", [None, {"flange": 0.2}])
+def test_what_is_mounted_hides_what_is_behind_it_in_the_cameras_frame_whatever_the_posture(arm, kept):
+    """It goes with the camera: neither links that stray nor a camera that does bring it nearer to a line."""
+    seen = np.array([[0.0, 0.0, 0.5], [0.15, 0.0, 0.5]])
+    for aside, link in ((0.01 - 2e-4, "bracket"), (0.01 + 2e-4, "")):
+        camera = MountedCamera(MOUNT, (*CAMERA_HOUSING, before(seen[0], [0.01, 0.02, 0.01], -aside)))
+        for q in (AHEAD, START, START + 0.1):
+            points = (arm.base_T_flange(q) * MOUNT).apply(seen)
+            found = own_sight_in(arm, q, camera, points, kept=kept, camera_strays=0.03)
+            assert (found.link, found.status) == (link, "hidden" if link else "free")
+            if link:
+                assert (found.point, found.kept) == (0, 0.0)
+                assert found.gap == pytest.approx(-2e-4, abs=2e-5)
+
+
+def test_what_passes_behind_a_mounted_body_for_a_moment_is_found(arm):
+    """The camera turns past a point: a thin rod that it carries hides it at less than a tenth of the path."""
+    path = straight_joint_path(AHEAD, AHEAD + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.6]), knots=2)
+    point = (arm.base_T_flange(path(0.437)) * MOUNT).apply([0.1, 0.0, 0.5])
+    rod = Solid("rod", "capsule", [0.002, 0.02], RigidTransform.from_translation([0.05, 0.0, 0.25]))
+    camera = MountedCamera(MOUNT, (rod,))
+    found = own_sight(arm, path, camera, [point])
+    assert (found.status, found.link) == ("hidden", "rod")
+    assert found.w == pytest.approx(0.437, abs=0.06)
+    assert own_sight(arm, path, camera, [point], span=(0.6, 1.0)).status == "free"
+    assert own_sight(arm, path, CAMERA, [point]).status == "free"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_mounted_hides_what_rays_meet_there(arm, kind):
+    random, seen = np.random.default_rng(13), {"free": 0, "hidden": 0}
+    for _ in range(40):
+        size = random.uniform(
+            0.01, 0.04, {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}[kind]
+        )
+        corners = random.uniform(-0.04, 0.04, (8, 3)) if kind == "hull" else None
+        pose = RigidTransform.from_components(
+            random.uniform([-0.06, -0.06, 0.08], [0.06, 0.06, 0.3]), Rotation.random(rng=random)
+        )
+        solid = Solid("body", kind, size, pose, corners)
+        q, point = START + random.uniform(-0.3, 0.3, 6), random.uniform([-0.1, -0.1, 0.4], [0.1, 0.1, 0.6])
+        camera = arm.base_T_flange(q) * MOUNT
+        found = own_sight_in(arm, q, MountedCamera(MOUNT, (solid,)), camera.apply(point)[None])
+        hit = rays(arm, (solid.moved(camera),))(q, camera.apply(point))
+        seen[found.status] += 1
+        assert (found.link, found.status == "hidden") == (hit, hit == "body")
+    assert min(seen.values()) >= 5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_mounted_body_that_holds_the_cameras_centre_is_looked_out_of(arm, kind):
+    """It reaches 5 mm before the centre; 1 mm farther on, with the centre outside, it hides the point."""
+    size = {
+        "sphere": [0.02],
+        "capsule": [0.01, 0.01],
+        "cylinder": [0.02, 0.02],
+        "box": [0.02] * 3,
+        "hull": [],
+    }
+    corners = 0.02 * np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T if kind == "hull" else None
+    point = (arm.base_T_flange(START) * MOUNT).apply([0.0, 0.0, 0.5])[None]
+    for ahead, status in ((-0.015, "free"), (0.019, "free"), (0.021, "hidden")):
+        place = RigidTransform.from_translation([0.0, 0.0, ahead])
+        body = Solid("body", kind, size[kind], place, corners)
+        assert own_sight_in(arm, START, MountedCamera(MOUNT, (body,)), point).status == status

@@ -11,7 +11,8 @@ from tests.whole_arm.arm_scenes import FLANGE_T_CAMERA, random_task
 from omniservo import cameras
 from omniservo.planning import PlanningProblem
 from omniservo.replanning import replan_with_arm
-from omniservo.robots import CAMERA_HOUSING, Solid, load_arm, own_sight, shipped_tube
+from omniservo.risk import plan_links_at_risk
+from omniservo.robots import CAMERA_HOUSING, MountedCamera, Solid, load_arm, own_sight, shipped_tube
 from omniservo.whole_arm import ArmSetting, plan_with_arm
 from omniservo.whole_arm.judged_branch import judged_branch
 
@@ -22,7 +23,11 @@ def task(name, seed):
 
 def sight_of(problem, setting, branch):
     points = setting.base_T_initial.apply(problem.points)
-    return own_sight(setting.arm, branch, setting.flange_T_camera, points)
+    return own_sight(setting.arm, branch, camera_of(setting), points)
+
+
+def camera_of(setting):
+    return MountedCamera(setting.flange_T_camera, setting.mounted)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +91,8 @@ def test_links_keep_off_lines_of_sight_what_they_and_the_camera_stray(hidden):
     points = setting.base_T_initial.apply(problem.points)
     links = {link: stray for link, stray in tube.links.items() if "&" not in link}
     straying = {"kept": links, "camera_strays": tube.position}
-    mount = setting.flange_T_camera
-    assert own_sight(setting.arm, found.branch, mount, points, **straying).status == "free"
+    camera = camera_of(setting)
+    assert own_sight(setting.arm, found.branch, camera, points, **straying).status == "free"
     loose = replace(setting, tube=replace(tube, position=0.3))
     refused = plan_with_arm(asked, loose).plan
     assert refused.status == "infeasible"
@@ -197,3 +202,55 @@ def test_what_stands_around_is_kept_off_by_what_the_camera_strays():
     strays = replace(setting, tube=tube)
     assert re.match(r"plate comes within \d\.\d+ mm of the line", judged_at(strays, problem, AHEAD))
     assert plan_with_arm(problem, strays).plan.status == "infeasible"
+
+
+def bracket(center, half):
+    return Solid.box("bracket", RigidTransform.from_translation(center), half)
+
+
+def test_a_mounted_body_before_the_camera_hides_all_points_and_one_beside_none():
+    """In planning, replanning and at a stated risk; where no sight is asked for it may."""
+    problem, setting = looking()
+    first = plan_with_arm(problem, setting)
+    assert first.certified
+    for body, hides in (
+        (bracket([0.0, 0.0, 0.1], [0.05, 0.05, 0.002]), True),
+        (bracket([0.1, 0.0, 0.05], [0.02, 0.02, 0.002]), False),
+    ):
+        carrying = replace(setting, mounted=(*CAMERA_HOUSING, body))
+        plans = [
+            plan_with_arm(problem, carrying),
+            replan_with_arm(first.plan, first.branch, 0.3, problem, carrying),
+            plan_links_at_risk(problem, carrying, 0.05)[0],
+        ]
+        assert [found.certified for found in plans] == [not hides] * 3
+        blind = replace(problem, occlusion=False)
+        assert plan_with_arm(blind, carrying).certified
+        for found in plans if hides else ():
+            assert found.plan.status == "infeasible"
+            assert re.match(
+                r"the start pose is not free: bracket stands [\d.]+ mm into the line of sight to point \d$",
+                found.plan.reason,
+            )
+
+
+def test_a_mounted_body_that_hides_a_point_in_the_goal_image_or_on_the_way_is_named():
+    problem, setting = looking()
+    first = plan_with_arm(problem, setting)
+    for w, pattern in (
+        (
+            1.0,
+            r"the goal pose is not free in any of \d+ postures: bracket stands .* line of sight to point 8",
+        ),
+        (0.5, r"a point is hidden: bracket stands .* point 8 at w = 0\.\d+"),
+    ):
+        seen = first.plan.path(w).inv().apply(GRID[8])
+        carrying = replace(setting, mounted=(*CAMERA_HOUSING, bracket(0.3 * seen, [0.001] * 3)))
+        points = carrying.points_in_sight(problem)
+        judged = judged_branch(carrying, carrying.bodies(()), first.branch, points)
+        assert re.match(r"a point is hidden: bracket .* point 8", judged.reason)
+        found = plan_with_arm(problem, carrying)
+        assert w < 1.0 or re.match(pattern, found.plan.reason)
+        assert w == 1.0 or re.match(pattern, judged.reason)
+        if found.certified:
+            assert carrying.own_sight(found.branch, points).status == "free"

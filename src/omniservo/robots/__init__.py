@@ -13,6 +13,7 @@ from omniservo.robots.collision.arm_clearance import (
 )
 from omniservo.robots.collision.camera_housing import CAMERA_HOUSING
 from omniservo.robots.collision.link_gaps import FARTHEST, link_gaps
+from omniservo.robots.collision.mounted_camera import MountedCamera
 from omniservo.robots.collision.own_sight import OwnSight, own_sight
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.link import Link, Shape
@@ -39,6 +40,7 @@ __all__ = [
     "FollowedPath",
     "JointPath",
     "Link",
+    "MountedCamera",
     "OwnSight",
     "PathFailure",
     "Robot",

@@ -14,7 +14,17 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, JointPath, OwnSight, Solid, Tube, own_sight
+from omniservo.robots import (
+    SELF_CLEARANCE,
+    Arm,
+    ArmBodies,
+    JointPath,
+    MountedCamera,
+    OwnSight,
+    Solid,
+    Tube,
+    own_sight,
+)
 from omniservo.robots.arm import SINGULAR_VALUE
 from omniservo.robots.collision.own_sight import own_sight_in
 from omniservo.short_repr import short_repr
@@ -40,7 +50,7 @@ class ArmSetting:
     start: FloatArray | None = None
     """(n,) where the arm stands [rad], read-only; None: any posture that sees the initial image"""
     mounted: tuple[Solid, ...] = ()
-    """what the flange carries, in the camera frame"""
+    """what the flange carries, in the camera frame; what of it holds the camera's centre hides no point"""
     surroundings: tuple[Solid, ...] = ()
     """what else stands around than a problem's obstacles, in the base frame"""
     clearance: float | None = 0.0
@@ -123,13 +133,13 @@ class ArmSetting:
     def own_sight(
         self, path: JointPath, base_points: FloatArray, span: tuple[float, float] = (0.0, 1.0)
     ) -> OwnSight:
-        """Return what of the arm or of its surroundings hides points (m, 3) on a path; see `own_sight`.
+        """Return what of the arm, of what it carries or around it hides points (m, 3); see `own_sight`.
 
         Lines of sight are kept as free as what the arm may stray asks for.
         """
         kept, strays = self._strays
         return own_sight(
-            self.arm, path, self.flange_T_camera, base_points,
+            self.arm, path, self._camera, base_points,
             surroundings=self.surroundings, kept=kept, camera_strays=strays, span=span,
         )  # fmt: skip
 
@@ -137,9 +147,13 @@ class ArmSetting:
         """Return what hides points (m, 3) in one posture (n,); see `own_sight`."""
         kept, strays = self._strays
         return own_sight_in(
-            self.arm, q, self.flange_T_camera, base_points,
+            self.arm, q, self._camera, base_points,
             surroundings=self.surroundings, kept=kept, camera_strays=strays,
         )  # fmt: skip
+
+    @property
+    def _camera(self) -> MountedCamera:
+        return MountedCamera(self.flange_T_camera, self.mounted)
 
     @property
     def _strays(self) -> tuple[dict[str, float], float]:

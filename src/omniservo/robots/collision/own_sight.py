@@ -1,15 +1,13 @@
-"""Whether the arm, or what stands around it, hides points from its camera, between any samples too."""
+"""Whether the arm, what it carries or what stands around it hides points from its camera, for all w."""
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
@@ -17,17 +15,16 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
-from omniservo.robots.collision.arm_bodies import ArmBodies
-from omniservo.robots.collision.gap_kernels import TAPERED, middle_of_piece
+from omniservo.robots.collision.arm_bodies import MOUNTED, ArmBodies
+from omniservo.robots.collision.gap_kernels import HALF_SPACE, TAPERED, middle_of_piece, slab
+from omniservo.robots.collision.gap_search import widen
+from omniservo.robots.collision.mounted_camera import MountedCamera
 from omniservo.robots.collision.shapes import PlacedShapes
 from omniservo.robots.collision.sight_kernel import LEFT, POINT, SHAPE, Sights, nearest_to_sights
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.joint_path import JointPath
 
 _LINE = "line of sight"
-
-_THIN = 1e-6
-"""[m] radius of the line that depths are measured of"""
 
 _SHORTEST = 2.0**-12
 """of the path: parts that are no longer are called hidden where they cannot be told from it"""
@@ -41,11 +38,11 @@ class OwnSight:
     status: Literal["free", "hidden"]
     """free: no body comes nearer to a line of sight than it is to keep, for every w"""
     link: str
-    """the link, or what stands around, that hides a point; "" where none does"""
+    """the link, or what is carried or stands around, that hides a point; "" where none does"""
     point: int
     w: float
     gap: float
-    """of body and line there [m]; negative: depth"""
+    """of body and line there [m]; negative: depth, how far it would have to go across the line"""
     kept: float = 0.0
     """what that body was to keep from it, at the camera [m]"""
 
@@ -56,7 +53,7 @@ class OwnSight:
             return ""
         line = f"the line of sight to point {self.point}"
         if self.gap <= 0.0:
-            return f"{self.link} stands {-1e3 * self.gap:.2f} mm into {line}"
+            return f"{self.link} stands {1e3 * abs(self.gap):.2f} mm into {line}"
         if self.gap <= self.kept:
             kept = f"{1e3 * self.kept:.2f} mm are kept from it for what a run strays"
             return f"{self.link} comes within {1e3 * self.gap:.2f} mm of {line} ({kept})"
@@ -71,7 +68,7 @@ class OwnSight:
 def own_sight(
     arm: Arm,
     path: JointPath,
-    flange_T_camera: RigidTransform,
+    camera: MountedCamera,
     base_points: npt.ArrayLike,
     *,
     surroundings: tuple[Solid, ...] = (),
@@ -79,18 +76,18 @@ def own_sight(
     camera_strays: float = 0.0,
     span: tuple[float, float] = (0.0, 1.0),
 ) -> OwnSight:
-    """Look whether the arm, or what stands around it, hides points from the camera on a path.
+    """Look whether the arm, what it carries or what stands around hides points from the camera on a path.
 
     A line of sight runs from the camera's centre to `SURFACE` before a point that stands still. The path is
     halved until, in the middle of each part, every body is farther from every line than the two can come
     nearer to each other before the part ends (`nearest_to_sights`). Distances are bounded from below by slabs
-    between the two, as for `arm_clearance`. What the camera's holder carries, `ArmSetting.mounted`, is not
-    looked at.
+    between the two, as for `arm_clearance`. A mounted body that holds the camera's centre is what the camera
+    looks out of, and hides nothing.
 
     Args:
         arm: whose links, the base among them, may hide points.
         path: of that arm.
-        flange_T_camera: where the camera sits.
+        camera: where it sits, and what is mounted beside it.
         base_points: (m, 3) in the base frame [m].
         surroundings: what else may, in the base frame.
         kept: by link, what it keeps from every line [m]: how far it may be from where the path has it. None:
@@ -103,7 +100,7 @@ def own_sight(
     Raises:
         InputError: wrong shape, NaN or infinity.
     """
-    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    lines = _Lines(arm, camera, base_points, surroundings, kept or {}, camera_strays)
     still = np.zeros(arm.dof)
     knots, pieces = path.bernstein_pieces(*span)
     work = [(float(knots[i]), float(knots[i + 1]), pieces[i]) for i in range(len(pieces))][::-1]
@@ -123,7 +120,7 @@ def own_sight(
 def own_sight_in(
     arm: Arm,
     q: npt.ArrayLike,
-    flange_T_camera: RigidTransform,
+    camera: MountedCamera,
     base_points: npt.ArrayLike,
     *,
     surroundings: tuple[Solid, ...] = (),
@@ -131,7 +128,7 @@ def own_sight_in(
     camera_strays: float = 0.0,
 ) -> OwnSight:
     """Look whether points are hidden in one posture q (n,); its w is 0. See `own_sight`."""
-    lines = _Lines(arm, flange_T_camera, base_points, surroundings, kept or {}, camera_strays)
+    lines = _Lines(arm, camera, base_points, surroundings, kept or {}, camera_strays)
     is_clear = lines.are_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
     return _FREE if is_clear else lines.hidden(0.0)
 
@@ -140,12 +137,12 @@ _FREE = OwnSight("free", "", -1, 0.0, 0.0)
 
 
 class _Lines:
-    """The arm, what stands around, and one body that becomes every line of sight in turn."""
+    """The arm, what it carries and stands around, and one body that becomes every line of sight in turn."""
 
     def __init__(
         self,
         arm: Arm,
-        flange_T_camera: RigidTransform,
+        camera: MountedCamera,
         base_points: npt.ArrayLike,
         surroundings: tuple[Solid, ...],
         kept: Mapping[str, float],
@@ -153,30 +150,33 @@ class _Lines:
     ) -> None:
         points = finite_array("base_points", base_points, (None, 3))
         finite_number("camera_strays", camera_strays, minimum=0.0)
-        self._bodies = bodies = _arm_with_line(arm, surroundings)
+        self._bodies = bodies = _arm_with_line(arm, camera, surroundings)
         shapes, self._found, self._q = bodies.shapes, np.zeros(3), np.zeros(arm.dof)
+        carried = bodies.shapes_of(MOUNTED).tolist() if camera.mounted else []
+        self._carried = dict(zip(carried, (solid.name for solid in camera.mounted), strict=True))
         line = len(shapes.kinds) - 1  # it was added last
         self._shapes = shapes._replace(kinds=shapes.kinds.copy(), sizes=shapes.sizes.copy())
         self._shapes.kinds[line] = TAPERED
         at_points = np.array([kept.get(bodies.owner(g), 0.0) for g in range(len(shapes.kinds))])
         at_camera = at_points + camera_strays
         at_points[shapes.carried == arm.dof] = at_camera[shapes.carried == arm.dof] = 0.0
-        centre = (arm.base_T_flange(np.zeros(arm.dof)) * flange_T_camera).translation
+        centre = (arm.base_T_flange(self._q) * camera.flange_T_camera).translation
         hiders = bodies.touched[bodies.touched != line]
         self._sights = Sights(points, np.array(centre), hiders, line, at_camera, at_points)
-        self._data = mujoco.MjData(bodies.model)
         self._chain, self._scene = (
             arm.chain,
             PlacedShapes(
                 frames=np.zeros((arm.dof + 1, 3, 4)),
                 anchors=np.empty((arm.dof, 3)),
                 directions=np.empty((arm.dof, 3)),
-                places=self._data.geom_xpos,
-                axes=self._data.geom_xmat,
+                places=np.empty((len(shapes.kinds), 3)),
+                axes=np.empty((len(shapes.kinds), 9)),
                 moves=np.zeros((0, 0)),
                 normals=np.zeros((0, 3)),
             ),
         )
+        around_camera = [g for g in carried if self._left_of(g, self._sights.centre) < 0.0]
+        self._sights = self._sights._replace(hiders=np.setdiff1d(hiders, around_camera))
 
     def are_clear(self, q: FloatArray, turns: FloatArray) -> bool:
         """Tell whether ``turns`` leave something of every gap in a posture; see `nearest_to_sights`."""
@@ -188,31 +188,40 @@ class _Lines:
         """Return that at ``w`` what left least of a line, when they were last looked at, hides it."""
         shape, point = int(self._found[SHAPE]), int(self._found[POINT])
         kept = float(self._sights.at_camera[shape])
-        return OwnSight("hidden", self._bodies.owner(shape), point, w, self._gap(shape, point), kept)
+        link = self._carried.get(shape) or self._bodies.owner(shape)
+        return OwnSight("hidden", link, point, w, self._gap(shape, point), kept)
 
     def _gap(self, shape: int, point: int) -> float:
-        """Return the distance of a shape and a line [m]; negative: depth, which MuJoCo finds roughly."""
+        """Return the distance of a shape and a line [m]; negative: depth, the least across the line."""
+        left, line = self._left_of(shape, self._sights.points[point]), self._sights.line
+        shapes, placed = self._shapes, (self._scene.places, self._scene.axes)
+        known = shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, *placed
+        if left == math.inf:  # so far that the search was spared
+            left, _ = widen(shape, line, *known, np.zeros(3), np.empty(6), np.empty((4, 7)))
+        if left >= 0.0 or shapes.kinds[shape] == HALF_SPACE:
+            return float(left)
+        axes, best, within = self._scene.axes[line].reshape(3, 3), 0.0, math.pi
+        for _ in range(3):
+            turns = best + np.linspace(-within, within, 33)
+            across = axes[:, :2] @ [np.cos(turns), np.sin(turns)]
+            depths = [-slab(shape, line, *known, *normal) for normal in across.T.tolist()]
+            best, within = float(turns[np.argmin(depths)]), within / 16.0
+        return -max(min(depths), 0.0)
+
+    def _left_of(self, shape: int, point: FloatArray) -> float:
+        """Return the slab between a shape and the thin line to a point (3,) [m]; see `nearest_to_sights`."""
         nothing = np.zeros_like(self._sights.at_camera)
         thin = self._sights._replace(
-            points=self._sights.points[point : point + 1],
-            hiders=np.array([shape]),
-            at_camera=nothing,
-            at_points=nothing,
+            points=point[None], hiders=np.array([shape]), at_camera=nothing, at_points=nothing
         )
-        nearest_to_sights(
-            self._chain, self._shapes, self._scene, thin, self._q, np.zeros_like(self._q), self._found
-        )
-        if 0.0 <= self._found[LEFT] < math.inf:
-            return float(self._found[LEFT])
-        model, line = copy.copy(self._bodies.model), thin.line  # its sizes are not ours alone
-        model.geom_size[line] = _THIN, self._shapes.sizes[line, 1], 0.0
-        model.geom_rbound[line] = model.geom_size[line, :2].sum()
-        measured = float(mujoco.mj_geomDistance(model, self._data, shape, line, 10.0, None))
-        return min(measured, 0.0) if self._found[LEFT] < 0.0 else measured
+        still, scene = np.zeros_like(self._q), self._scene
+        nearest_to_sights(self._chain, self._shapes, scene, thin, self._q, still, self._found)
+        return float(self._found[LEFT])
 
 
 @lru_cache(maxsize=8)
-def _arm_with_line(arm: Arm, surroundings: tuple[Solid, ...]) -> ArmBodies:
-    """Return an arm, what stands around, and beside it a thin capsule."""
-    line = Solid(_LINE, "capsule", np.array([_THIN, 0.1]), RigidTransform.identity())
-    return ArmBodies(arm, surroundings=(*surroundings, line))
+def _arm_with_line(arm: Arm, camera: MountedCamera, surroundings: tuple[Solid, ...]) -> ArmBodies:
+    """Return an arm, what it carries, what stands around, and beside it a thin capsule."""
+    line = Solid(_LINE, "capsule", np.array([1e-6, 0.1]), RigidTransform.identity())
+    mounted = [solid.moved(camera.flange_T_camera) for solid in camera.mounted]
+    return ArmBodies(arm, mounted=mounted, surroundings=(*surroundings, line))

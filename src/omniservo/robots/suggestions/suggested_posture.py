@@ -15,6 +15,7 @@ from omniservo.robots.arm import Arm
 from omniservo.robots.collision.arm_bodies import MOUNTED, ArmBodies
 from omniservo.robots.collision.arm_clearance import SELF_CLEARANCE
 from omniservo.robots.collision.camera_housing import CAMERA_HOUSING
+from omniservo.robots.collision.mounted_camera import MountedCamera
 from omniservo.robots.collision.own_sight import own_sight_in
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.suggestions.first_target import FIRST_GOALS, FIRST_TARGET
@@ -67,6 +68,7 @@ class _FirstTask:
     def __init__(self, arm: Arm) -> None:
         self._arm, self._mount = arm, suggested_mount(arm)
         self._to_flange, self._camera = self._mount.inv(), tuple(s.moved(self._mount) for s in CAMERA_HOUSING)
+        self._seeing = MountedCamera(self._mount, CAMERA_HOUSING)
         self._floor = Solid.half_space("floor", [0.0, 0.0, 1.0], 0.0)
         self._bodies = ArmBodies(arm, mounted=self._camera, surroundings=(self._floor,))
         self._ranked: dict[float, list[FloatArray]] = {}
@@ -151,10 +153,8 @@ class _FirstTask:
         return True
 
     def _sees(self, q: FloatArray, target: FloatArray, around: tuple[Solid, ...]) -> bool:
-        kept = dict.fromkeys(self._bodies.links, _OFF_SIGHT)
-        return (
-            own_sight_in(self._arm, q, self._mount, target, surroundings=around, kept=kept).status == "free"
-        )
+        camera, kept = self._seeing, dict.fromkeys(self._bodies.links, _OFF_SIGHT)
+        return own_sight_in(self._arm, q, camera, target, surroundings=around, kept=kept).status == "free"
 
     def regular(self) -> FloatArray:
         """Return the posture of many, free if one is, that is farthest from singular ones."""
