@@ -95,6 +95,25 @@ def test_every_constraint_of_the_problem_is_in_the_certificate_once(paper):
     }
 
 
+@pytest.mark.parametrize(("size", "left", "unit"), [(0.1, 0.2, "px"), (10.0, 0.6, "m")])
+def test_the_worst_constraint_is_that_of_the_smallest_margin_as_an_angle(paper, size, left, unit):
+    """Metres over the points' mean distance, pixels over the focal length: 0.2 m is much of a small one."""
+    fields, goal = paper(1).to_dict(), size * paper(1).goal_translation
+    fields["goal"]["translation"] = goal.tolist()
+    fields |= {
+        "points": (size * paper(1).points).tolist(),
+        "obstacles": [{"type": "sphere", "center": [0, -left - 10 * size, 0], "radius": 0}],
+        "clearance": 10 * size,
+        "least_distance": 0.0,
+    }
+    problem = PlanningProblem.from_dict(fields)
+    _, certificate = certify(problem, straight(problem))
+    distance = np.linalg.norm(problem.points, axis=1).mean()
+    units = {"m": distance, "px": min(problem.camera.fx, problem.camera.fy), "rad": 1.0, "1": 1.0}
+    assert certificate.worst == min(certificate.constraints, key=lambda c: c.margin / units[c.unit])
+    assert certificate.worst.unit == unit
+
+
 def test_a_violation_is_refuted_with_the_place_where_it_is_worst(paper):
     problem = paper(1)
     verdict, certificate = certify(problem, straight(problem))
@@ -214,6 +233,7 @@ def test_margins_agree_with_the_cameras_own_limits(random_problems, margin):
         (lambda u, v: (u, v + np.array([[0, 1e-6, 0]] * 3)), "its end misses the goal by"),
         (lambda u, v: (u + np.array([[0, 1e-6, 0]] * 4), v), "its end misses the goal by"),
         (lambda u, v: (np.hstack([np.zeros((4, 2)), u]), v), "degrees 4 and 2 given; legal: 1 to 2"),
+        (lambda u, v: (u, np.hstack([np.zeros((3, 2)), v])), "degrees 2 and 4 given; legal: 1 to 2"),
         (lambda u, v: (u, v[:, -1:]), "degrees 2 and 0 given"),
         (lambda u, v: (u * 0.0, v), "the quaternion is 0"),
     ],

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
@@ -190,6 +190,41 @@ def test_a_link_that_touches_something_where_the_arm_is_now_is_said(planned):
     assert rest.plan.status == "infeasible"
     assert "the start pose is not free" in rest.plan.reason
     assert "obstacle 0" in rest.plan.reason
+
+
+def test_a_link_that_touches_something_where_the_arm_is_to_go_is_said(planned):
+    """A ball that the housing would be in at the goal, where the camera's centre keeps its clearance."""
+    problem, setting, found = planned
+    there = Sphere(problem.initial_T_goal.apply([0.0, 0.0, -0.075]), 0.01)
+    touched = replace(problem, obstacles=(there,), clearance=0.01)
+    rest = replan_with_arm(found.plan, found.branch, 0.4, touched, setting)
+    assert rest.plan.status == "infeasible"
+    assert "the goal pose is not free" in rest.plan.reason
+    assert rest.attempts == 0
+
+
+def test_bodies_that_are_given_are_those_that_are_kept_off(planned):
+    problem, setting, found = planned
+    elbow = setting.base_T_initial.inv().apply([0.0, 0.0, 0.45])
+    for obstacles, status in (((Sphere(elbow, 0.05),), "infeasible"), (problem.obstacles, "certified")):
+        bodies = setting.bodies(obstacles)
+        rest = replan_with_arm(found.plan, found.branch, 0.4, problem, setting, bodies=bodies)
+        assert rest.plan.status == status
+
+
+def test_camera_and_joints_go_on_from_the_pose_that_is_known(planned):
+    """The camera is 1 mm and 0.2° beside the old path: the new one begins there, and the arm stands there."""
+    problem, setting, found = planned
+    pose = found.plan.path(0.4) * RigidTransform.from_exp_coords([0.003, 0.0, -0.002, 0.001, 0.0, 0.0005])
+    rest = replan_with_arm(found.plan, found.branch, 0.4, problem, setting, pose=pose)
+    assert rest.certified
+    ends = pose * rest.plan.path(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(
+        ends.as_matrix(), [pose.as_matrix(), problem.initial_T_goal.as_matrix()], atol=1e-8
+    )
+    for s, camera in zip((0.0, 1.0), ends, strict=True):
+        flange = setting.arm.base_T_flange(rest.branch(s))
+        np.testing.assert_allclose(flange.as_matrix(), setting.base_T_flange(camera).as_matrix(), atol=2e-6)
 
 
 def test_a_search_for_a_camera_path_that_there_is_not_ends_with_its_time(planned):

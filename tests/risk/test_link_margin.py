@@ -1,5 +1,6 @@
 """An uncertain camera mount and estimate: what they take from gaps is what sampled ones take."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from omniservo.estimation import estimate_two_view
 from omniservo.risk import Executions, link_margin, plan_arm_with_risk, plan_links_at_risk
 from omniservo.risk.gap_slopes import gap_slopes
 from omniservo.risk.link_margin import Taken, _mounts, resting_moves, taken_by
+from omniservo.risk.safe_path import allowed_violations
 from omniservo.robots import Tube, load_arm
 from omniservo.whole_arm import plan_with_arm
 
@@ -139,6 +141,75 @@ def test_what_misses_anything_however_little_is_not_called_kept(planned, monkeyp
     assert plan_links_at_risk(problem, setting, 0.08)[0].certified
 
 
+@pytest.mark.parametrize("missing", [0.0, 0.004])
+def test_clearance_grows_by_what_the_worst_sample_misses_that_may_not(planned, monkeypatch, missing):
+    """Samples that miss 0, 0.1, 0.2, … mm less, of which as many may as keep the bound within the risk."""
+    problem, setting, _ = planned
+    most = allowed_violations(0.05, 1000)
+    ladder = 1e-4 * (np.arange(1000.0) - most) - missing
+    samples = [Taken(left, np.zeros(1000), np.zeros(1000)) for left in (ladder, np.ones(1000))]
+    asked = []
+
+    def planned_with(problem, setting, **options):
+        asked.append(setting.clearance)
+        return plan_with_arm(problem, setting, **options)
+
+    monkeypatch.setattr(link_margin, "plan_with_arm", planned_with)
+    monkeypatch.setattr(link_margin, "taken_by", lambda *_: samples[len(asked) - 1])
+    found, margin = plan_links_at_risk(problem, setting, 0.05)
+    added = [0.0, link_margin.AHEAD * missing] if missing else [0.0]
+    assert asked == pytest.approx([setting.clearance + more for more in added])
+    assert found.certified
+    assert margin.added == pytest.approx(added[-1])
+    assert found.clearance.clearance == pytest.approx(asked[-1])
+
+
+def test_one_sample_more_than_allowed_is_not_called_kept(planned, monkeypatch):
+    problem, setting, _ = planned
+    most = allowed_violations(0.05, 1000)
+    for violated, added in ((most, False), (most + 1, True)):
+        misses = np.where(np.arange(1000) < violated, -1e-5, 1.0)
+        monkeypatch.setattr(link_margin, "taken_by", lambda *_, m=misses: Taken(m, 0.0 * m, 0.0 * m))
+        found, margin = plan_links_at_risk(problem, setting, 0.05)
+        assert (margin.added > 0.0, found.certified) == (added, not added)
+
+
+def test_what_links_stray_is_taken_from_gaps_before_mount_and_estimate_are(planned, monkeypatch):
+    problem, setting, _ = planned
+    parts = setting.bodies(problem.obstacles).tube_parts
+    strayed = replace(
+        setting, tube=Tube(np.full(6, 0.01), dict.fromkeys(parts, 0.005), 0.005, 1.0, 0.02, 0.01)
+    )
+    left = []
+
+    def taken(given, bodies, *others):
+        left.append(
+            [taken_by(given, each, *others).left for each in (bodies, setting.bodies(problem.obstacles))]
+        )
+        return taken_by(given, bodies, *others)
+
+    monkeypatch.setattr(link_margin, "taken_by", taken)
+    assert plan_links_at_risk(problem, strayed, 0.05)[0].certified
+    for with_tube, without in left:
+        np.testing.assert_allclose(with_tube, without - 0.005, atol=1e-9)
+
+
+def test_what_is_left_falls_by_the_slope_against_which_mount_and_camera_go(planned, monkeypatch):
+    """Small errors, along and against the slopes of the gap that is nearest anywhere."""
+    problem, setting, found = planned
+    bodies, path, branch = setting.bodies(problem.obstacles), found.plan.path, found.branch
+    at = [gap_slopes(setting, bodies, path(w), branch(w)) for w in np.linspace(0.0, 1.0, 33)]
+    nearest = min((slopes for slopes in at if len(slopes.left)), key=lambda slopes: slopes.left.min())
+    k = int(np.argmin(nearest.left))
+    still = Executions(problem, np.stack([problem.points] * 2), np.zeros((2, 0)))
+    for slopes in ((nearest.by_mount[k], np.zeros(6)), (np.zeros(6), nearest.by_move[k])):
+        mounts, moves = (np.outer([-1e-6, 1e-6], slope) for slope in slopes)
+        monkeypatch.setattr(link_margin, "resting_moves", lambda *_, moves=moves: moves)
+        taken = taken_by(setting, bodies, path, branch, mounts, still)
+        change = 1e-6 * np.square(slopes).sum()
+        np.testing.assert_allclose(taken.left - nearest.left[k], [-change, change], atol=1e-3 * change)
+
+
 def test_what_links_stray_is_kept_by_every_pair_beyond_its_clearance(planned):
     problem, setting, _ = planned
     parts = setting.bodies(problem.obstacles).tube_parts
@@ -211,14 +282,20 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
         replace(setting, tube=tube).bodies(problem.obstacles)
 
 
-def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planned):
-    problem, setting, _ = planned
+@pytest.fixture(scope="module")
+def estimate(planned):
+    """From two images of the planned task, with little noise."""
+    problem, _, _ = planned
     random, views = np.random.default_rng(4), []
     for pose in (RigidTransform.identity(), problem.initial_T_goal):
         pixels, _ = problem.camera.project(pose.inv().apply(problem.points))
         views.append(pixels + 0.02 * random.standard_normal(pixels.shape))
     length = float(np.linalg.norm(problem.initial_T_goal.translation))
-    estimate = estimate_two_view(problem.camera, *views, scale=length, noise=0.02)
+    return estimate_two_view(problem.camera, *views, scale=length, noise=0.02)
+
+
+def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planned, estimate):
+    problem, setting, _ = planned
     answer = plan_arm_with_risk(problem, setting, estimate, risk=0.2, mount_covariance=COVARIANCE)
     assert answer.plan.status == "certified", answer.plan.reason
     assert answer.links is not None
@@ -226,3 +303,39 @@ def test_the_risk_is_shared_between_the_cameras_demands_and_the_arms_gaps(planne
     assert answer.links.violated <= answer.links.risk
     assert answer.links.mount > 1e-3
     assert answer.links.estimate > 1e-5
+
+
+@pytest.mark.parametrize(("risk", "rows"), [(0.2, None), (0.008, [0, 1, 2, 4, 5, 7])])
+def test_gaps_are_sampled_about_the_estimates_followed_points_often_enough(
+    planned, estimate, monkeypatch, risk, rows
+):
+    """Whatever points and goal the problem has."""
+    problem, setting, _ = planned
+    given, sampled = [], sys.modules["omniservo.risk.plan_arm_with_risk"]
+
+    def spied(asked, setting, share, **options):
+        given.append((asked, share, options["executions"]))
+        return plan_links_at_risk(asked, setting, share, **options)
+
+    monkeypatch.setattr(sampled, "plan_links_at_risk", spied)
+    other = replace(problem, points=problem.points + 0.001)
+    plan_arm_with_risk(other, setting, estimate, risk=risk, points=rows)
+    followed = estimate.points[estimate.inliers if rows is None else rows]
+    for asked, share, executions in given:
+        assert share == pytest.approx(0.5 * risk)
+        assert len(executions.points) == max(1000, np.ceil(10.0 / share))
+        for stated in (asked, executions.problem):
+            np.testing.assert_array_equal(stated.points, followed)
+            assert stated.initial_T_goal is estimate.initial_T_goal
+        np.testing.assert_allclose(executions.points.mean(axis=0), followed, atol=2e-3)
+    assert given
+
+
+def test_an_arm_that_need_keep_no_clearance_has_to_follow_all_the_same(planned, estimate):
+    problem, setting, _ = planned
+    alone = replace(setting, clearance=None)
+    answer = plan_arm_with_risk(problem, alone, estimate, risk=0.2)
+    assert (answer.ok, answer.risk, answer.links) == (True, 0.2, None)
+    regular = plan_arm_with_risk(problem, replace(alone, singular_value=0.9), estimate, risk=0.2)
+    assert not regular.ok
+    assert "the arm is singular" in regular.plan.reason

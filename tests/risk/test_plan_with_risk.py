@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -127,6 +128,16 @@ def test_the_plan_keeps_the_widened_margins_by_the_independent_verifier(paper):
     )
     assert verify_plan(found.plan).status == "certified"
     assert found.predicted_bound <= 0.01
+
+
+def test_a_plan_is_ok_by_the_bound_on_its_risk_and_not_by_what_the_samples_show(paper, monkeypatch):
+    """Few enough samples violate anything; what so few of them leave possible is more than the risk."""
+    for bound, ok in ((0.01, True), (0.0101, False)):
+        doubted = sys.modules["omniservo.risk.plan_with_risk"]
+        monkeypatch.setattr(doubted, "upper_bound", lambda violations, samples, bound=bound: bound)
+        found = plan_with_risk(paper(1), estimated(paper(1), noise=1e-4), risk=0.01)
+        assert found.predicted < 0.01
+        assert (found.ok, found.plan.status) == (ok, "certified" if ok else "not_found")
 
 
 def test_less_risk_takes_more_margin(paper):
