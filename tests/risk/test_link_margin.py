@@ -16,6 +16,7 @@ from omniservo.risk.link_margin import Taken, _mounts, resting_moves, taken_by
 from omniservo.risk.safe_path import allowed_violations
 from omniservo.robots import Tube, load_arm
 from omniservo.whole_arm import plan_with_arm
+from omniservo.whole_arm.solids_of import solids_of
 
 COVARIANCE = np.diag([1e-6, 4e-6, 2e-6, 1e-6, 3e-6, 2e-6])
 """1 to 2 mm, 1 to 1.7 mrad"""
@@ -80,6 +81,25 @@ def test_slopes_are_finite_differences_of_gaps_with_another_mount_and_another_wa
     assert checked >= 6
 
 
+def test_what_is_known_in_the_base_frame_stays_there_whatever_the_mount_is(planned):
+    """The same bodies as obstacles and as surroundings have other slopes; both are those of differences."""
+    problem, setting, found = planned
+    around = solids_of(problem.obstacles, setting.base_T_initial)
+    alone, standing = replace(problem, obstacles=()), replace(setting, surroundings=around)
+    q, pose = found.branch(0.5), found.plan.path(0.5)
+    bodies = standing.bodies(())
+    slopes = gap_slopes(standing, bodies, pose, q)
+    assert not np.allclose(
+        slopes.by_mount, gap_slopes(setting, setting.bodies(problem.obstacles), pose, q)[1]
+    )
+    bodies.place(q)
+    pairs = [n.pair for n in bodies.near(setting.clearance_around + 0.1) if bodies.is_around(n.pair)]
+    assert pairs
+    for pair, slope in zip(pairs, slopes.by_mount, strict=True):
+        ends = [[gap_with(alone, standing, found, 0.5, xi, pair) for xi in (u, -u)] for u in 1e-6 * np.eye(6)]
+        np.testing.assert_allclose(slope, np.diff(ends, axis=1)[:, 0] / -2e-6, atol=0.02)
+
+
 def test_what_samples_take_is_what_the_gaps_of_those_mounts_lose(planned):
     problem, setting, found = planned
     bodies, random = setting.bodies(problem.obstacles), np.random.default_rng(1)
@@ -141,13 +161,13 @@ def test_what_misses_anything_however_little_is_not_called_kept(planned, monkeyp
     assert plan_links_at_risk(problem, setting, 0.08)[0].certified
 
 
-@pytest.mark.parametrize("missing", [0.0, 0.004])
+@pytest.mark.parametrize("missing", [(), (0.004,), (0.003, 0.001)])
 def test_clearance_grows_by_what_the_worst_sample_misses_that_may_not(planned, monkeypatch, missing):
     """Samples that miss 0, 0.1, 0.2, … mm less, of which as many may as keep the bound within the risk."""
     problem, setting, _ = planned
     most = allowed_violations(0.05, 1000)
-    ladder = 1e-4 * (np.arange(1000.0) - most) - missing
-    samples = [Taken(left, np.zeros(1000), np.zeros(1000)) for left in (ladder, np.ones(1000))]
+    ladder = 1e-4 * (np.arange(1000.0) - most)
+    samples = [Taken(ladder - short, np.zeros(1000), np.zeros(1000)) for short in (*missing, 0.0)]
     asked = []
 
     def planned_with(problem, setting, **options):
@@ -157,7 +177,7 @@ def test_clearance_grows_by_what_the_worst_sample_misses_that_may_not(planned, m
     monkeypatch.setattr(link_margin, "plan_with_arm", planned_with)
     monkeypatch.setattr(link_margin, "taken_by", lambda *_: samples[len(asked) - 1])
     found, margin = plan_links_at_risk(problem, setting, 0.05)
-    added = [0.0, link_margin.AHEAD * missing] if missing else [0.0]
+    added = link_margin.AHEAD * np.cumsum((0.0, *missing))
     assert asked == pytest.approx([setting.clearance + more for more in added])
     assert found.certified
     assert margin.added == pytest.approx(added[-1])
