@@ -109,7 +109,16 @@ def test_nothing_of_a_xacro_file_is_evaluated_where_it_is_only_read(capsys, tmp_
 
 
 BAD = {
-    "no argument": ({}, None, "when evaluating expression 'radius * factor'"),
+    "no argument": (
+        {},
+        None,
+        "when evaluating expression 'radius * factor'; when instantiating macro: tube (",
+    ),
+    "a misspelt argument": (
+        {"width": "1", "tol": "hand"},
+        None,
+        "argument 'tol': the file has none of this name; legal: width, tool; did you mean 'tool'?",
+    ),
     "an endless macro": (
         {"width": "1"},
         '<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>',

@@ -8,17 +8,19 @@ memory, which holds accidents, not attackers.
 
 from __future__ import annotations
 
+import io
 import json
 import resource
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import redirect_stderr
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.files import read_text
 from omniservo.files.ros_packages import RosPackages
 from omniservo.files.xml_files import XmlElement
@@ -48,7 +50,8 @@ def expand_xacro(
             beside the file, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH.
 
     Raises:
-        InputError: the package xacro is not installed, or xacro cannot expand the file; the message says why.
+        InputError: the package xacro is not installed, the file has no such argument, or xacro cannot expand
+            it; the message says why, and in which macro.
     """
     file = Path(path)
     read_text(file, max_bytes=_LARGEST)
@@ -106,11 +109,35 @@ def _expanded(asked: dict[str, Any]) -> str:
     sys.modules["ament_index_python.packages"] = ament
     import xacro  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
-    document = xacro.process_file(asked["file"], mappings=asked["arguments"])
+    arguments = _Arguments(asked["arguments"])
+    document = xacro.process_file(asked["file"], mappings=arguments)
+    for name in asked["arguments"]:
+        if name not in arguments.used:
+            known = [other for other in arguments if other in arguments.used]
+            raise InputError(
+                f"argument {spelled(name)}: the file has none of this name; legal: "
+                f"{', '.join(known) or 'none'}{did_you_mean(name, known)}"
+            )
     for element in document.getElementsByTagName("mesh"):
         named = element.getAttribute("filename")
         element.setAttribute("filename", _in_package(named, found))
     return str(document.toprettyxml(indent="  "))
+
+
+class _Arguments(dict[str, str]):
+    """Arguments of a file by name, which know which of them it used."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.used: set[object] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.used.add(name)
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.used.add(name)
+        return super().__getitem__(name)
 
 
 def _in_package(reference: str, found: Mapping[str, str]) -> str:
@@ -127,8 +154,19 @@ def _words(error: BaseException) -> str:
     inner = error
     while isinstance(wrapped := getattr(inner, "exc", None), BaseException):
         inner = wrapped
-    said = inner if isinstance(inner, InputError) else error
-    return " ".join(str(said).split())[:_LONGEST] or type(error).__name__
+    if isinstance(inner, InputError):
+        return str(inner)
+    said = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
+    return f"{said}; {_place()}"
+
+
+def _place() -> str:
+    """Return in which macro of which file xacro was."""
+    import xacro  # type: ignore[import-not-found,import-untyped,unused-ignore]
+
+    with redirect_stderr(io.StringIO()) as said:
+        xacro.print_location()
+    return " ".join(said.getvalue().split())[:_LONGEST]
 
 
 def _answer() -> None:
