@@ -6,6 +6,7 @@ from board_views import board, draw_views
 
 import omniservo
 from omniservo import InputError, UnifiedCamera, calibrate_camera, preset
+from omniservo.calibration.adjustment.calibration import spelled_parameters
 from omniservo.calibration.adjustment.lens import NAMES
 
 FISHEYE = preset("fe185")
@@ -62,8 +63,16 @@ def test_without_distortion_auto_stays_with_the_plain_model_and_gives_the_number
     found = calibrate_camera(*drawn, SIZE)
     assert found.distortion == "none"
     assert found.camera.distortion == (0.0, 0.0, 0.0, 0.0)
-    assert "not supported" in found.distortion_reason
+    assert found.distortion_reason.startswith("the views do not support distortion: on views left out")
     assert f"{found.held_out.px:.4g} px" in found.distortion_reason
+
+
+def test_every_length_of_a_camera_is_said_in_pixels_and_the_rest_without_a_unit(clean):
+    said = {name: words for name, *words in spelled_parameters(clean)}
+    assert list(said) == list(clean.parameter_names)
+    for name, words in said.items():
+        assert all(word.endswith(" px") == (name in ("fx", "fy", "cx", "cy")) for word in words)
+    assert f"fx = {clean.camera.fx:.6g} px ± " in clean.report()
 
 
 @pytest.mark.parametrize("seed", [1, 2])

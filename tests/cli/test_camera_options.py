@@ -94,6 +94,8 @@ def test_presets_are_shown_by_name_and_an_unknown_one_lists_them(capsys):
     assert "fx             296.9365 px\n" in said
     assert "max_angle      1.61443 rad\nusable angle   92.500 deg" in said
     assert "None" not in said
+    said = call(capsys, "camera", "show", "hyper-catadioptric")[1]
+    assert "\ndead_zone      center [511, 384.5], radius 46 px\n" in said
     code, _, err = call(capsys, "camera", "show", "fe186")
     legal = ", ".join(PRESETS)
     assert code == 2

@@ -61,7 +61,9 @@ def test_field_is_drawn_with_its_limits(name, tmp_path):
     assert ("plans keep to" in labels) == (name == "distorted")
     assert any(label.startswith("usable to") for label in labels) == (name in ("fisheye", "mirror"))
     hatched = any(getattr(c, "hatches", None) and c.hatches[0] for c in axes.collections)
-    assert hatched == (name in ("fisheye", "mirror", "masked"))
+    assert hatched == (name in ("fisheye", "mirror", "masked")) == ("past 90°" in labels)
+    beyond = {t.get_text() for t in drawings[1].figure.legends[0].get_texts()}
+    assert ("90°: no plane Z = 1 beyond" in beyond) == (CAMERAS[name].usable_angle > np.pi / 2)
     assert axes.yaxis_inverted()
     files = write_drawings(drawings, tmp_path)
     assert sorted(f.suffix for f in files) == [".png", ".png", ".svg", ".svg"]

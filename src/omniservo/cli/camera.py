@@ -34,7 +34,7 @@ _ANY_PX = 1e9
 """a camera is shown however badly the unified model stands for it"""
 
 _UNITS = {
-    **dict.fromkeys(("fx", "fy", "cx", "cy", "width", "height", "deviation_px"), " px"),
+    **dict.fromkeys(("fx", "fy", "cx", "cy", "width", "height", "dead_zone", "mask", "deviation_px"), " px"),
     "max_angle": " rad",
 }
 """of a camera's fields"""
@@ -190,6 +190,8 @@ def _spelled_field(value: object) -> str:
     """Spell a camera's field: numbers to seven digits, which is all that a calibration knows."""
     if isinstance(value, float):
         return f"{value:.7g}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_spelled_field(part)}" for name, part in value.items())
     return f"[{', '.join(map(_spelled_field, value))}]" if isinstance(value, list | tuple) else str(value)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,11 @@ from omniservo.simulation import OutsideView, Scene, Viewpoint, World
 
 _PICTURE = 720
 """[px] side of the image"""
-_AXIS = 0.11
-"""length of the flange's axes over the distance of the eye"""
+_AXIS = 0.14
+"""length of the flange's axes over the arm's size"""
+_FILLED = 0.92
+"""part of the image's height or width that the arm takes"""
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 _MARK = 36
 """[px] marks that are nearer would cover each other"""
 
@@ -27,7 +31,7 @@ def draw_arm(arm: Arm, q: FloatArray) -> list[Drawing]:
     """Return the arm in a joint configuration (n,) [rad], beside its joints' ranges and speeds."""
     world = World(_scene(arm, q))
     data = world.data_at(q)
-    viewpoint = _viewpoint(arm, world, data)
+    viewpoint, axis = _viewpoint(arm, world, data)
     view = OutsideView(world, viewpoint, width=_PICTURE, height=_PICTURE, shows_camera=False)
     with styled():
         figure = new_figure(10.2, 5.2)
@@ -36,7 +40,7 @@ def draw_arm(arm: Arm, q: FloatArray) -> list[Drawing]:
         picture.set_axis_off()
         picture.set_title("at the flange: x red, y green, z blue", fontsize=9, fontweight="normal")
         _mark_joints(picture, view, data)
-        _mark_flange(picture, view, arm.base_T_flange(q), _AXIS * math.dist(viewpoint.eye, viewpoint.focus))
+        _mark_flange(picture, view, _flange_axes(arm, q, axis))
         _draw_ranges(ranges, arm)
     posture = ", ".join(f"{angle:z.0f}" for angle in np.rad2deg(q))
     caption = (
@@ -51,19 +55,40 @@ def _scene(arm: Arm, q: FloatArray) -> Scene:
     return Scene(arm, nowhere, nowhere, preset("perspective"), q)
 
 
-def _viewpoint(arm: Arm, world: World, data: Any) -> Viewpoint:
-    """Return the view across the arm, from its right and a little above, that shows all of it."""
-    shown = world.arm_geoms[world.model.geom_bodyid[world.arm_geoms] != world.model.body("camera").id]
-    centers, radii = data.geom_xpos[shown], world.model.geom_rbound[shown, None]
-    low, high = (centers - radii).min(axis=0), (centers + radii).max(axis=0)
-    middle, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
+def _viewpoint(arm: Arm, world: World, data: Any) -> tuple[Viewpoint, float]:
+    """Return the view across the arm, from its right and a little above, and the flange's axes' length [m].
+
+    With a, b, c a corner's coordinates to the right, upwards and towards the eye, which is at (a₀, b₀, d),
+    it is shown where |a − a₀| and |b − b₀| are at most T (d − c): the least d and the middle of both.
+    """
+    model = world.model
+    shown = world.arm_geoms[model.geom_bodyid[world.arm_geoms] != model.body("camera").id]
+    boxes, turns = model.geom_aabb[shown], data.geom_xmat[shown].reshape(-1, 3, 3)
+    corners = boxes[:, None, :3] + _CORNERS * boxes[:, None, 3:]
+    corners = (data.geom_xpos[shown, None] + corners @ turns.transpose(0, 2, 1)).reshape(-1, 3)
+    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    corners = np.vstack([corners, _flange_axes(arm, data.qpos, _AXIS * size)])
     ahead = arm.base_T_flange(data.qpos).translation[:2]
     length = float(np.linalg.norm(ahead))
     forward = ahead / length if length > 0.05 * size else np.array([1.0, 0.0])
     aside = np.array([forward[1], -forward[0]])
     way = np.append(0.45 * forward + 0.8 * aside, 0.35)
-    eye = middle + 1.3 * size * way / np.linalg.norm(way)
-    return Viewpoint(tuple(eye.tolist()), tuple(middle.tolist()))
+    way /= np.linalg.norm(way)
+    right = np.cross([0.0, 0.0, 1.0], way)
+    right /= np.linalg.norm(right)
+    across = np.stack([right, np.cross(way, right)])
+    T = _FILLED * math.tan(0.5 * Viewpoint.field_of_view)
+    sides, towards = corners @ across.T, T * (corners @ way)[:, None]
+    most, least = (sides + towards).max(axis=0), (sides - towards).min(axis=0)
+    focus = 0.5 * (most + least) @ across
+    eye = focus + float((most - least).max()) / (2.0 * T) * way
+    return Viewpoint(tuple(eye.tolist()), tuple(focus.tolist())), _AXIS * size
+
+
+def _flange_axes(arm: Arm, q: FloatArray, length: float) -> FloatArray:
+    """Return the flange's origin and the ends of its axes (4, 3), in the base frame [m]."""
+    ends: FloatArray = arm.base_T_flange(q).apply(np.vstack([np.zeros(3), length * np.eye(3)]))
+    return ends
 
 
 def _mark_joints(axes: Axes, view: OutsideView, data: Any) -> None:
@@ -80,8 +105,7 @@ def _mark_joints(axes: Axes, view: OutsideView, data: Any) -> None:
         axes.text(u, v, ", ".join(names), ha="center", va="center", color=EXECUTED, weight="bold", bbox=box)
 
 
-def _mark_flange(axes: Axes, view: OutsideView, base_T_flange: RigidTransform, length: float) -> None:
-    ends = base_T_flange.apply(np.vstack([np.zeros(3), length * np.eye(3)]))
+def _mark_flange(axes: Axes, view: OutsideView, ends: FloatArray) -> None:
     start, *tips = view.project(ends)
     for tip, colour in zip(tips, ("#d1001c", THREE[2], "#0050d8"), strict=True):
         axes.annotate("", tip, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.8})
@@ -94,8 +118,9 @@ def _draw_ranges(axes: Axes, arm: Arm) -> None:
     for place, first, last, speed in zip(
         places.tolist(), low.tolist(), high.tolist(), np.rad2deg(arm.joint_speed).tolist(), strict=True
     ):
-        axes.text(first, place - 0.42, _degrees(first), ha="left", va="center", fontsize=8)
-        axes.text(last, place - 0.42, _degrees(last), ha="right", va="center", fontsize=8)
+        for angle, side in ((first, "left"), (last, "right")):
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+            axes.text(angle, place - 0.42, _degrees(angle), ha=side, va="center", fontsize=8, bbox=box)
         axes.text(
             0.5 * (first + last), place, f"{speed:.0f} °/s", ha="center", va="center", fontsize=9,
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.5},
@@ -107,7 +132,7 @@ def _draw_ranges(axes: Axes, arm: Arm) -> None:
     names = [f"{number} {name}" for number, name in enumerate(arm.joint_names, 1)]
     axes.set_yticks(places, names)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("joint position [deg]")
+    axes.set_xlabel("joint position [deg]; on the bars: highest speed")
     axes.set_title(f"{arm.name}: reaches {arm.reach:.2f} m from its first axis")
 
 

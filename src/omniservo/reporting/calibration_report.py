@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from omniservo.calibration import Calibration, ImageCalibration
-from omniservo.calibration.adjustment.calibration import parameter_values
+from omniservo.calibration.adjustment.calibration import spelled_parameters
 from omniservo.cameras import UnifiedCamera
 from omniservo.files import write_whole
 from omniservo.reporting.calibration_figures import calibration_drawings, view_residuals
@@ -78,10 +78,8 @@ def _numbers(found: Calibration, camera: UnifiedCamera) -> list[tuple[str, str, 
 def _parameters(result: ImageCalibration) -> Markup:
     found = result.calibration
     rows = [
-        [name, f"{value:.6g}", f"± {std:.2g}", "yes" if found.identifiable.get(name) else "no"]
-        for name, value, std in zip(
-            found.parameter_names, parameter_values(found), found.standard_deviations, strict=True
-        )
+        [name, value, deviation, "yes" if found.identifiable.get(name) else "no"]
+        for name, value, deviation in spelled_parameters(found)
     ]
     return table(
         ["parameter", "value", "standard deviation", "known to 1% (centre, distortion: of the image)"], rows

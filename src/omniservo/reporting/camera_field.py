@@ -91,7 +91,7 @@ def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Draw
     axes.grid(visible=False)
     axes.set_xlabel("u [px]")
     axes.set_ylabel("v [px]")
-    legend_below(figure, axes, 3)
+    legend_below(figure, axes, 4)
     caption = (
         "White: angles from the axis; thick, with a dark border: 90°. Tinted: what is no usable part of "
         "the image. Hatched: seen past 90°, which the virtual plane Z = 1 loses."
@@ -108,11 +108,27 @@ def _rings(axes: Axes, camera: CentralModel, u: FloatArray, v: FloatArray) -> No
     levels = [level for level in np.arange(step, largest, step) if level != 90.0]
     if levels:
         lines = axes.contour(u, v, angles, levels=levels, colors="white", linewidths=0.9)
-        axes.clabel(lines, fmt="%.0f°", fontsize=8)
+        near = [_above(camera, math.radians(level)) for level in levels]
+        for text in axes.clabel(lines, fmt="%.0f°", fontsize=8, manual=[p for p in near if p is not None]):
+            text.set_path_effects([Stroke(linewidth=2.0, foreground=ASKED), Normal()])
+        lines.set_path_effects([Stroke(linewidth=1.7, foreground=ASKED), Normal()])
     if largest > 90.0:
         lines = axes.contour(u, v, angles, levels=[90.0], colors="white", linewidths=2.2)
         lines.set_path_effects([Stroke(linewidth=3.8, foreground=ASKED), Normal()])
         axes.contourf(u, v, angles, levels=[90.0, 181.0], colors="none", hatches=["///"])
+        axes.fill([], [], fc="none", ec="black", lw=0.0, hatch="///", label="past 90°")
+
+
+def _above(camera: CentralModel, angle: float) -> tuple[float, float] | None:
+    """Return the topmost pixel at an angle from the axis that has room for a label; None: none is shown."""
+    ring = _circle(camera, angle)
+    shown = ring[camera.in_image(np.nan_to_num(ring, nan=-1e6))]
+    if not len(shown):
+        return None
+    border = np.minimum(shown, [camera.width, camera.height] - shown).min(axis=1)
+    shown = shown[border >= min(0.05 * camera.width, border.max())]
+    u, v = shown[np.argmin(shown[:, 1])]
+    return float(u), float(v)
 
 
 def _limits(axes: Axes, camera: CentralModel) -> None:
@@ -168,12 +184,13 @@ def _against_the_angle(camera: CentralModel) -> Drawing:
         x, rows = np.degrees(angles[seen]), values[seen]
         axes.fill_between(x, np.nanmin(rows, axis=1), np.nanmax(rows, axis=1), color=color, alpha=0.25, lw=0)
         axes.plot(x, np.nanmedian(rows, axis=1), color=color, ls=dashes, label=label)
-    axes.axvline(90.0, color=ASKED, ls=":", lw=1.4) if camera.usable_angle > 0.5 * math.pi else None
+    if camera.usable_angle > 0.5 * math.pi:
+        axes.axvline(90.0, color=ASKED, ls=":", lw=1.4, label="90°: no plane Z = 1 beyond")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("angle from the axis [deg]")
     axes.set_ylabel("pixels a degree [px/deg]")
-    legend_below(figure, axes, 2)
+    legend_below(figure, axes, 3)
     caption = "Lines: the median over all directions that the image shows; bands: smallest to largest."
     return Drawing("camera-density", "Pixels a degree against the angle from the axis", caption, figure)
 

@@ -108,7 +108,7 @@ class Calibration:
     def __repr__(self) -> str:
         words = [self.status, f"{len(self.views_used)} views"]
         if self.camera is not None:
-            words += [f"{self.rms_px:.3g} px rms", f"xi {self.camera.xi:.4g}, fx {self.camera.fx:.5g}"]
+            words += [f"{self.rms_px:.3g} px rms", f"xi {self.camera.xi:.4g}, fx {self.camera.fx:.5g} px"]
         return f"Calibration({', '.join(words)})"
 
     @property
@@ -170,7 +170,7 @@ def identifiability(calibration: Calibration) -> str:
     weak = [name for name in ("xi", "fx", "fy") if not calibration.identifiable.get(name, False)]
     ends = calibration.equivalent[:1] + calibration.equivalent[1:][-1:]
     spread = " … ".join(
-        f"ξ = {e.xi:.4g}, fx = {e.fx:.5g}, k1 = {e.k1:.4g} (rms {e.rms_px:.2g} px)" for e in ends
+        f"ξ = {e.xi:.4g}, fx = {e.fx:.5g} px, k1 = {e.k1:.4g} (rms {e.rms_px:.2g} px)" for e in ends
     )
     if len(ends) == 1:
         spread = "none with another ξ"
@@ -182,18 +182,23 @@ def identifiability(calibration: Calibration) -> str:
 
 
 def _parameters(calibration: Calibration) -> str:
-    values = parameter_values(calibration)
-    pairs = zip(calibration.parameter_names, values, calibration.standard_deviations, strict=True)
-    return ", ".join(f"{name} = {value:.6g} ± {std:.2g}" for name, value, std in pairs)
+    return ", ".join(
+        f"{name} = {value} {deviation}" for name, value, deviation in spelled_parameters(calibration)
+    )
 
 
-def parameter_values(calibration: Calibration) -> tuple[float, ...]:
-    """Return the camera's parameters in the order of ``parameter_names``."""
+def spelled_parameters(calibration: Calibration) -> list[tuple[str, str, str]]:
+    """Return each parameter's name, value and standard deviation, in words with their units."""
     camera = calibration.camera
     if camera is None:
-        return ()
-    every = (camera.fx, camera.fy, camera.cx, camera.cy, camera.xi, *camera.distortion)
-    return every[: len(calibration.parameter_names)]
+        return []
+    values = (camera.fx, camera.fy, camera.cx, camera.cy, camera.xi, *camera.distortion)
+    known = zip(calibration.parameter_names, values, calibration.standard_deviations, strict=False)
+    units = dict.fromkeys(("fx", "fy", "cx", "cy"), " px")
+    return [
+        (name, f"{value:.6g}{units.get(name, '')}", f"± {deviation:.2g}{units.get(name, '')}")
+        for name, value, deviation in known
+    ]
 
 
 def _field(calibration: Calibration) -> str:

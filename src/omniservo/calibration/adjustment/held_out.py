@@ -76,9 +76,9 @@ def held_out(views: Views, state: State, free: BoolArray, keep: BoolArray) -> He
 def distortion_helps(plain: HeldOut | None, distorted: HeldOut | None) -> tuple[bool, str]:
     """Return whether held-out views support distortion, and the evidence in words.
 
-    It does when the pooled rms falls by at least 1% and the mean over views of ln(plain error / distorted
-    error) is above 0 in a
-    one-sided t test at 1%. A ratio a view, because views differ in sharpness far more than models do.
+    They do when the pooled rms falls by at least 1% and the mean over views of ln(plain error / distorted
+    error) is above 0 in a one-sided t test at 1%. A ratio a view, because views differ in sharpness far more
+    than models do.
     """
     if plain is None or distorted is None:
         return False, f"no distortion: too few views to test it; at least {LEAST_VIEWS} are needed"
@@ -96,7 +96,5 @@ def distortion_helps(plain: HeldOut | None, distorted: HeldOut | None) -> tuple[
         f"distortion ({100.0 * gain:+.1f}% better); better by view with t = {t:.1f}, p = {p:.2g}"
     )
     needed = f"{100.0 * _LEAST_GAIN:.0f}% and p ≤ {_SIGNIFICANCE:g} are needed"
-    return (
-        helps,
-        f"{'distortion is supported' if helps else 'distortion is not supported'}: {numbers}; {needed}",
-    )
+    found = "the views support distortion" if helps else "the views do not support distortion"
+    return helps, f"{found}: {numbers}; {needed}"
