@@ -13,7 +13,14 @@ from omniservo.cameras.distorted_region import smallest_scale
 from omniservo.cameras.model_domain import model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.body_arrays import bodies_of, clearance_of, hulls_of, motion_indices, motions_of
+from omniservo.planning.body_arrays import (
+    bodies_of,
+    clearance_of,
+    hulls_of,
+    is_body,
+    motion_indices,
+    motions_of,
+)
 from omniservo.planning.certificate import margin_kinds
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.obstacles.ball_tree import BallTree
@@ -157,8 +164,7 @@ def _clearance_kind(obstacle: Obstacle) -> int:
     """Return the kind of an obstacle's clearance: a sphere that moves is a body."""
     if isinstance(obstacle, HalfSpace | Cloud):
         return margin_kinds.FREE_SIDE if isinstance(obstacle, HalfSpace) else margin_kinds.CLOUD
-    still = isinstance(obstacle, Sphere) and obstacle.motion is None
-    return margin_kinds.CLEARANCE if still else margin_kinds.BODY
+    return margin_kinds.BODY if is_body(obstacle) else margin_kinds.CLEARANCE
 
 
 def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:

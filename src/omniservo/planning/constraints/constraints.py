@@ -22,7 +22,7 @@ class Constraints(NamedTuple):
     obstacles: FloatArray
     """spheres that stand still (m, 5): centre, radius, radius + clearance [m]"""
     bodies: FloatArray
-    """boxes, capsules, meshes and spheres that move (b, 24), see `body_gap`"""
+    """bodies, among them spheres that move (b, 25), see `body_gap`"""
     hulls: Hull
     """vertices, faces and edges of all meshes, joined"""
     planes: FloatArray

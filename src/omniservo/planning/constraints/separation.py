@@ -1,8 +1,9 @@
 """Bodies, and all that moves: separating planes, one for a piece of the path (convex hull property).
 
 On [w₀, w₁] the path lies in the hull of its control points T_k there. Where one direction n has
-n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) the body's support (of boxes and capsules n·c + Σ e_k|n·a_k| + r‖n‖,
-of a mesh max n·v), the camera centre keeps the distance d. A line of sight from t to h is clear if
+n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) the body's support (of a box or capsule n·c + Σ e_k|n·a_k| + r‖n‖,
+of a cylinder n·c + e₁|n·a₁| + e₂ √((n·a₂)² + (n·a₃)²), of an ellipsoid n·c + √Σ(e_k n·a_k)², of a mesh
+max n·v), the camera centre keeps the distance d. A line of sight from t to h is clear if
 n·T_k ≥ s(n) and n·h ≥ s(n). Of a body that moves T_k are the control points of t − m and h those of h − m,
 all beyond the plane (`motion`). Pieces are halved until each has its plane; the planes are the proof
 (docs/verification.md). Bodies: see `solid_gap`.
@@ -47,7 +48,7 @@ class _Body(NamedTuple):
     """A body to keep off, and where the planes that show it are written."""
 
     numbers: FloatArray
-    """(24,), see `body_gap`."""
+    """(25,), see `body_gap`."""
     hull: Hull
     reach: float
     """[m]"""
@@ -117,9 +118,9 @@ def separate(
         size: their magnitude.
         h: control points of the other end of the lines of sight (3, k+1), from `point_from_body`; (3, 0): the
             path alone.
-        body: (24,), see `body_gap`.
+        body: (25,), see `body_gap`.
         hulls: of all meshes.
-        reach: distance to keep from the core, a box, a mesh, a segment or a point [m].
+        reach: distance to keep from the core [m].
         planes: a row (w₀, w₁, n) for each piece is written here as far as there is room, (…, 5).
 
     Returns:
