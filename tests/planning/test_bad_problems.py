@@ -41,6 +41,13 @@ FULL: dict[str, Any] = {
             "half_extents": [0.1, 0.1, 0.1],
         },
         {"type": "capsule", "from": [0.5, 0.5, 0.0], "to": [0.5, 0.6, 0.0], "radius": 0.1},
+        {"type": "cylinder", "from": [0.7, 0.5, 0.0], "to": [0.7, 0.6, 0.0], "radius": 0.1},
+        {
+            "type": "ellipsoid",
+            "center": [0.0, -0.8, 0.0],
+            "quaternion": [0.0, 0.0, 0.0, 1.0],
+            "radii": [0.1, 0.1, 0.1],
+        },
         {"type": "half_space", "normal": [0.0, 0.0, 1.0], "offset": -0.5},
         {"type": "cloud", "points": [[0.5, 0.0, 0.0], [0.5, 0.1, 0.0]], "radius": 0.01},
         {"type": "mesh", "vertices": [[0.5, 0.5, 0.5], [0.6, 0.5, 0.5], [0.5, 0.6, 0.5], [0.5, 0.5, 0.6]]},
