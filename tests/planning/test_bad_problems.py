@@ -14,7 +14,7 @@ from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
-from omniservo.planning.obstacles.obstacle_fields import _FIELDS as OBSTACLE_FIELDS
+from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.planning.problem_file import _REQUIRED, OPTIONAL
 
 FULL: dict[str, Any] = {
@@ -201,9 +201,9 @@ def test_the_full_document_is_legal_and_has_every_field(tmp_path):
     problem = PlanningProblem.load(file)
     assert set(FULL) == {*_REQUIRED, *OPTIONAL}
     assert set(FULL["camera"]) == set(problem.camera.to_dict())
-    assert {o["type"] for o in FULL["obstacles"]} == set(OBSTACLE_FIELDS)
+    assert {o["type"] for o in FULL["obstacles"]} == set(KINDS)
     for obstacle in FULL["obstacles"]:
-        assert {"type", *OBSTACLE_FIELDS[obstacle["type"]][1]} == set(obstacle) - {"clearance", "motion"}
+        assert {"type", *KINDS[obstacle["type"]].FIELDS} == set(obstacle) - {"clearance", "motion"}
 
 
 @pytest.mark.parametrize("path", list(places(FULL)), ids=lambda p: ".".join(map(str, p)))
