@@ -41,6 +41,9 @@ FULL: dict[str, Any] = {
             "half_extents": [0.1, 0.1, 0.1],
         },
         {"type": "capsule", "from": [0.5, 0.5, 0.0], "to": [0.5, 0.6, 0.0], "radius": 0.1},
+        {"type": "half_space", "normal": [0.0, 0.0, 1.0], "offset": -0.5},
+        {"type": "cloud", "points": [[0.5, 0.0, 0.0], [0.5, 0.1, 0.0]], "radius": 0.01},
+        {"type": "mesh", "vertices": [[0.5, 0.5, 0.5], [0.6, 0.5, 0.5], [0.5, 0.6, 0.5], [0.5, 0.5, 0.6]]},
         {"type": "cylinder", "from": [0.7, 0.5, 0.0], "to": [0.7, 0.6, 0.0], "radius": 0.1},
         {
             "type": "ellipsoid",
@@ -48,9 +51,6 @@ FULL: dict[str, Any] = {
             "quaternion": [0.0, 0.0, 0.0, 1.0],
             "radii": [0.1, 0.1, 0.1],
         },
-        {"type": "half_space", "normal": [0.0, 0.0, 1.0], "offset": -0.5},
-        {"type": "cloud", "points": [[0.5, 0.0, 0.0], [0.5, 0.1, 0.0]], "radius": 0.01},
-        {"type": "mesh", "vertices": [[0.5, 0.5, 0.5], [0.6, 0.5, 0.5], [0.5, 0.6, 0.5], [0.5, 0.5, 0.6]]},
     ],
     "clearance": 0.01,
     "least_distance": 0.02,
@@ -227,7 +227,7 @@ REQUIRED = [
         ("obstacles", i, name)
         for i, o in enumerate(FULL["obstacles"])
         for name in o
-        if name not in MAY_BE_NULL and (o["type"], name) != ("box", "quaternion")
+        if name not in MAY_BE_NULL and not (o["type"] in ("box", "ellipsoid") and name == "quaternion")
     ),
     ("workspace", "min"),
     ("workspace", "max"),
