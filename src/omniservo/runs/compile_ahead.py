@@ -23,8 +23,6 @@ from omniservo.tracking import PathTracker
 ENOUGH = 100
 """Where so many kernels are compiled, it is no first run."""
 
-_CHILD = "from omniservo.runs.compile_ahead import compile_ahead; compile_ahead()"
-
 
 @contextmanager
 def compiling_ahead() -> Iterator[subprocess.Popen[bytes] | None]:
@@ -35,7 +33,7 @@ def compiling_ahead() -> Iterator[subprocess.Popen[bytes] | None]:
         return
     nowhere = subprocess.DEVNULL
     with subprocess.Popen(
-        [sys.executable, "-c", _CHILD], stdin=nowhere, stdout=nowhere, stderr=nowhere
+        [sys.executable, "-m", "omniservo.runs.compile_ahead"], stdin=nowhere, stdout=nowhere, stderr=nowhere
     ) as child:
         try:
             yield child
@@ -49,8 +47,10 @@ def compile_ahead() -> None:
     camera = preset("fe185")
     points = np.array([[x, y, 0.5 - abs(x)] for x in (-0.1, 0.0, 0.1) for y in (-0.09, 0.0, 0.08)])
     goal = RigidTransform.from_components([0.1, -0.05, 0.12], RigidTransform.identity().rotation)
-    ball = Sphere([0.05, -0.025, 0.06], 0.01)
+    ball = Sphere(np.array([0.05, -0.025, 0.06]), 0.01)
     plan = plan_path(PlanningProblem(camera, points, goal, obstacles=(ball,), clearance=0.05))
+    if plan.path is None:  # it has one
+        return
     goal_pixels = camera.project(goal.inv().apply(points))[0]
     tracker = PathTracker(plan, camera, goal_pixels=goal_pixels, time_law=RestToRestLaw(4.0))
     for step, pose in enumerate(plan.path(np.linspace(0.0, 0.05, 20))):
@@ -62,3 +62,7 @@ def compile_ahead() -> None:
 def _cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+if __name__ == "__main__":
+    compile_ahead()
