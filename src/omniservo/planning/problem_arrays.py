@@ -22,7 +22,7 @@ from omniservo.planning.body_arrays import (
     motions_of,
 )
 from omniservo.planning.certificate import margin_kinds
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import Constraints, Slots
 from omniservo.planning.obstacles.ball_tree import BallTree
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
@@ -69,7 +69,7 @@ def constraints_of(problem: PlanningProblem, limits: ImageLimits) -> Constraints
         disc=_disc(problem.camera, limits),
         mask_edges=_mask_edges(problem.camera, limits),
         mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),
-    )
+    ).with_slots()
 
 
 def searched_constraints(problem: PlanningProblem) -> Constraints:
@@ -131,6 +131,7 @@ def _constraints_in_space(problem: PlanningProblem) -> Constraints:
         least_distance=float(problem.least_distance),
         occlusion=bool(problem.occlusion),
         ell=max(1e-6, float(distances.mean())),
+        slots=Slots(*[0] * len(Slots._fields)),
     )
 
 

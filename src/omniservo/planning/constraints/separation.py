@@ -30,10 +30,11 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.constraints.body_gap import EXTENT, MOTION, RADIUS, REACH, is_solid
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.planning.constraints.visibility import sum_of_controls
 
@@ -210,32 +211,23 @@ def prove_bodies_clear(
 
 
 @kernel
-def push_off_bodies(
-    bodies: FloatArray,
-    hulls: Hull,
-    motions: FloatArray,
-    points: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Push the centre off the bodies, then its lines of sight to ``points`` (n, 3) (see `push`).
+def push_off_bodies(constraints: Constraints, samples: Samples) -> None:
+    """Push the centre off the bodies, and its lines of sight to the target points (see `push`).
 
     g = (gap − reach)/max(reach, ℓ/20) with the gap of `solid_gap` and its nearest part s:
-    ∂g/∂t = (1 − s) n. Groups: every body's clearance, then every body's sights, whose reach is the radius.
+    ∂g/∂t = (1 − s) n. The reach of a line of sight is the body's radius.
     """
-    m = bodies.shape[0]
-    for i in range(m):
-        body, hull = bodies[i], hull_of(bodies[i], hulls)
-        for kind in range(2 if points.shape[0] > 0 else 1):
-            group, reach = first + i + m * kind, body[REACH] if kind == 0 else body[RADIUS]
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
+    bodies, motions, points = constraints.bodies, constraints.motions, constraints.points
+    for i in range(bodies.shape[0]):
+        body, hull = bodies[i], hull_of(bodies[i], constraints.hulls)
+        for kind in range(2 if constraints.occlusion else 1):
+            group = (constraints.slots.bodies if kind == 0 else constraints.slots.body_sights) + i
+            reach = body[REACH] if kind == 0 else body[RADIUS]
             if targets[group] == ASLEEP or (reach <= 0.0 and not is_solid(body)):
                 continue
-            unit = max(reach, 0.05 * ell)
+            unit = max(reach, 0.05 * constraints.ell)
             for s in range(poses.shape[0]):
                 mx, my, mz = displacement(motions, body[MOTION], poses[s, AT])
                 x, y, z = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
