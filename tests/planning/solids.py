@@ -1,11 +1,20 @@
 """Solid obstacles as test references: distances by definition or by SciPy, and problems about them."""
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize_scalar, nnls
+from scipy.optimize import lsq_linear, minimize, minimize_scalar, nnls
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
-from omniservo.planning import CameraPath, Capsule, HalfSpace, Mesh, PlanningProblem, Sphere
+from omniservo.planning import (
+    CameraPath,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    PlanningProblem,
+    Sphere,
+)
 
 FINE = np.linspace(0.0, 1.0, 5001)
 POINTS = np.array([[-0.1, -0.1, 0.6], [0.1, -0.1, 0.55], [0.1, 0.1, 0.6], [-0.1, 0.1, 0.62], [0, 0, 0.58]])
@@ -25,6 +34,9 @@ def distances(obstacle, x):
     if isinstance(obstacle, Mesh):
         flat = [hull_distance(obstacle.vertices, p, p) for p in np.reshape(x, (-1, 3))]
         return np.reshape(flat, np.shape(x)[:-1])
+    if isinstance(obstacle, Cylinder | Ellipsoid):
+        flat = [sight_distance(obstacle, p, p) for p in np.reshape(x, (-1, 3))]
+        return np.reshape(flat, np.shape(x)[:-1])
     if isinstance(obstacle, HalfSpace):
         return x @ obstacle.normal - obstacle.offset
     if isinstance(obstacle, Capsule):
@@ -40,6 +52,8 @@ def sight_distance(obstacle, t, h):
     """Distance of the segment from t to h to the surface, by SciPy's bounded least squares."""
     if isinstance(obstacle, Mesh):
         return hull_distance(obstacle.vertices, t, h)
+    if isinstance(obstacle, Cylinder | Ellipsoid):
+        return round_distance(obstacle, t, h)
     if isinstance(obstacle, Sphere):
         columns, center, low, high, radius = [], obstacle.center, [], [], obstacle.radius
     elif isinstance(obstacle, Capsule):
@@ -51,6 +65,42 @@ def sight_distance(obstacle, t, h):
     system = np.column_stack([h - t, *(-c for c in columns)])
     found = lsq_linear(system, center - t, bounds=([0.0, *low], [1.0, *high]), method="bvls")
     return np.sqrt(2.0 * found.cost) - radius
+
+
+def round_distance(obstacle, t, h):
+    """Distance of the segment from t to h to a cylinder or an ellipsoid outside: SciPy's SLSQP."""
+    if isinstance(obstacle, Cylinder):
+        center, half = 0.5 * (obstacle.start + obstacle.end), 0.5 * (obstacle.end - obstacle.start)
+        length = np.linalg.norm(half)
+        axes = np.linalg.svd(half[None] / length)[2].T
+        axes[:, 0] = half / length
+        sizes = np.array([length, obstacle.radius, obstacle.radius])
+        within = [lambda y: 1.0 - y[0] ** 2, lambda y: 1.0 - y[1] ** 2 - y[2] ** 2]
+    else:
+        center, sizes = obstacle.center, obstacle.radii
+        axes = Rotation.from_quat(obstacle.quaternion).as_matrix()
+        within = [lambda y: 1.0 - y[:3] @ y[:3]]
+    spread = axes * sizes
+
+    def apart(y):
+        return center + spread @ y[:3] - t - y[3] * (h - t)
+
+    for start in (
+        [0.0, 0.0, 0.0, 0.5],
+        [0.3, 0.2, 0.1, 0.9],
+    ):  # convex: one start is enough, if SLSQP ends well
+        found = minimize(
+            lambda y: float(apart(y) @ apart(y)),
+            start,
+            jac=lambda y: 2.0 * np.append(spread.T @ apart(y), -(h - t) @ apart(y)),
+            bounds=[(None, None)] * 3 + [(0.0, 1.0)],
+            constraints=[{"type": "ineq", "fun": f} for f in within],
+            method="SLSQP",
+            options={"ftol": 1e-16, "maxiter": 500},
+        )
+        if min(f(found.x) for f in within) > -1e-9:
+            return np.sqrt(max(found.fun, 0.0))
+    raise AssertionError(found.message)
 
 
 def hull_distance(vertices, t, h):
@@ -80,7 +130,7 @@ def true_clearance(obstacle, path):
     def away(w):
         return distances(obstacle, path.positions(w) - displaced(obstacle, w))
 
-    w = FINE[::25] if isinstance(obstacle, Mesh) else FINE
+    w = FINE[::50] if isinstance(obstacle, Mesh | Cylinder | Ellipsoid) else FINE
     values = away(w)
     k = int(np.argmin(values))
     around = w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)]

@@ -14,7 +14,7 @@ from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem
-from omniservo.planning.obstacles.obstacle_fields import _FIELDS as OBSTACLE_FIELDS
+from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.planning.problem_file import _REQUIRED, OPTIONAL
 
 FULL: dict[str, Any] = {
@@ -44,6 +44,13 @@ FULL: dict[str, Any] = {
         {"type": "half_space", "normal": [0.0, 0.0, 1.0], "offset": -0.5},
         {"type": "cloud", "points": [[0.5, 0.0, 0.0], [0.5, 0.1, 0.0]], "radius": 0.01},
         {"type": "mesh", "vertices": [[0.5, 0.5, 0.5], [0.6, 0.5, 0.5], [0.5, 0.6, 0.5], [0.5, 0.5, 0.6]]},
+        {"type": "cylinder", "from": [0.7, 0.5, 0.0], "to": [0.7, 0.6, 0.0], "radius": 0.1},
+        {
+            "type": "ellipsoid",
+            "center": [0.0, -0.8, 0.0],
+            "quaternion": [0.0, 0.0, 0.0, 1.0],
+            "radii": [0.1, 0.1, 0.1],
+        },
     ],
     "clearance": 0.01,
     "least_distance": 0.02,
@@ -194,9 +201,9 @@ def test_the_full_document_is_legal_and_has_every_field(tmp_path):
     problem = PlanningProblem.load(file)
     assert set(FULL) == {*_REQUIRED, *OPTIONAL}
     assert set(FULL["camera"]) == set(problem.camera.to_dict())
-    assert {o["type"] for o in FULL["obstacles"]} == set(OBSTACLE_FIELDS)
+    assert {o["type"] for o in FULL["obstacles"]} == set(KINDS)
     for obstacle in FULL["obstacles"]:
-        assert {"type", *OBSTACLE_FIELDS[obstacle["type"]][1]} == set(obstacle) - {"clearance", "motion"}
+        assert {"type", *KINDS[obstacle["type"]].FIELDS} == set(obstacle) - {"clearance", "motion"}
 
 
 @pytest.mark.parametrize("path", list(places(FULL)), ids=lambda p: ".".join(map(str, p)))
@@ -220,7 +227,7 @@ REQUIRED = [
         ("obstacles", i, name)
         for i, o in enumerate(FULL["obstacles"])
         for name in o
-        if name not in MAY_BE_NULL and (o["type"], name) != ("box", "quaternion")
+        if name not in MAY_BE_NULL and not (o["type"] in ("box", "ellipsoid") and name == "quaternion")
     ),
     ("workspace", "min"),
     ("workspace", "max"),

@@ -217,7 +217,7 @@ BAD = {
     "normal zero": (half_space(normal=[0, 0, 0]), "normal: length 0 given"),
     "offset": (half_space(offset=float("inf")), "offset: inf given"),
     "own clearance": (half_space(clearance=-1), "clearance: -1 given; legal: >= 0"),
-    "unknown": ({"type": "torus"}, "type: 'torus' given; legal: 'sphere', 'box', 'capsule', 'half_space'"),
+    "unknown": ({"type": "torus"}, "type: 'torus' given; legal: 'sphere', 'box', 'capsule', 'cylinder'"),
     "type a list": ({"type": ["box"]}, r"type: \['box'\] given"),
 }
 

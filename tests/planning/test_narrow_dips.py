@@ -13,6 +13,13 @@ BODIES = {
     "moving half-space": {"type": "half_space", "normal": [1, 0, 0], "offset": -0.8, "motion": [[0, 0]] * 3},
     "sphere": {"type": "sphere", "center": [-0.9, 0, 0], "radius": 0.1},
     "capsule": {"type": "capsule", "from": [-0.9, -0.1, 0], "to": [-0.9, 0.1, 0], "radius": 0.1},
+    "cylinder": {"type": "cylinder", "from": [-0.9, 0, 0], "to": [-0.8, 0, 0], "radius": 0.1},
+    "ellipsoid": {
+        "type": "ellipsoid",
+        "center": [-0.85, 0, 0],
+        "quaternion": [0, 0, 0, 1],
+        "radii": [0.05, 0.1, 0.2],
+    },
     "box": {
         "type": "box",
         "center": [-0.85, 0, 0],

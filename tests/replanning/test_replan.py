@@ -11,7 +11,9 @@ from omniservo.planning import (
     Box,
     CameraPath,
     Capsule,
+    Cylinder,
     Degrees,
+    Ellipsoid,
     HalfSpace,
     Plan,
     Sphere,
@@ -132,6 +134,8 @@ def everything(paper):
         Box([0.4, 0.1, 0.2], [0.05, 0.1, 0.02], Rotation.from_rotvec([0.3, 0.2, 0.1]).as_quat()),
         Capsule([-0.3, -0.2, 0.0], [-0.2, -0.3, 0.3], 0.02),
         HalfSpace(np.array([0.6, 0.0, 0.8]), -0.5),
+        Cylinder([0.3, -0.2, 0.0], [0.2, -0.3, 0.3], 0.02),
+        Ellipsoid([-0.4, 0.3, 0.2], [0.05, 0.1, 0.02], Rotation.from_rotvec([0.3, 0.2, 0.1]).as_quat()),
     )
     workspace = Workspace([-0.5, -0.6, -0.5], [0.5, 0.6, 0.5], (HalfSpace([0.0, 0.0, 1.0], -0.3),))
     return replace(paper(1), obstacles=obstacles, workspace=workspace, occlusion=True, clearance=0.02)

@@ -9,7 +9,18 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Box, CameraPath, Capsule, Cloud, HalfSpace, Mesh, Sphere, Workspace
+from omniservo.planning import (
+    Box,
+    CameraPath,
+    Capsule,
+    Cloud,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    Sphere,
+    Workspace,
+)
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.widened import widened
@@ -162,6 +173,8 @@ def test_demands_with_room_are_those_of_obstacles_that_ask_for_more(planned):
         HalfSpace([0.0, 1.0, 0.0], -0.8),
         Box([0.3, 0.4, 0.0], [0.02, 0.03, 0.04], [0, 0, 0, 1], clearance=0.005),
         Capsule([0.5, 0.5, 0.1], [0.5, 0.6, 0.1], 0.02),
+        Cylinder([0.5, 0.7, 0.1], [0.5, 0.8, 0.1], 0.02),
+        Ellipsoid([0.5, 0.7, 0.3], [0.02, 0.03, 0.04], [0, 0, 0, 1]),
         Mesh(vertices),
         Cloud(np.random.default_rng(0).uniform(0.6, 0.7, (30, 3)), 0.01),
     )

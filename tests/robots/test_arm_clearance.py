@@ -18,9 +18,9 @@ CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), 
 
 
 def random_solid(random, name):
-    kind = ("sphere", "capsule", "cylinder", "box", "hull")[random.integers(5)]
+    kind = ("sphere", "capsule", "cylinder", "box", "ellipsoid", "hull")[random.integers(6)]
     pose = RigidTransform.from_components(random.uniform(-0.3, 0.3, 3), Rotation.random(rng=random))
-    count = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}[kind]
+    count = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "hull": 0}[kind]
     vertices = random.uniform(-0.1, 0.1, (12, 3)) if kind == "hull" else None
     return Solid(name, kind, random.uniform(0.01, 0.1, count), pose, vertices)
 
@@ -29,6 +29,8 @@ def inside(solid, local):
     """Points (m, 3) in [−1, 1]³ to points of the solid, in its outer frame."""
     if solid.kind == "box":
         points = local * solid.size
+    elif solid.kind == "ellipsoid":
+        points = local / np.maximum(1.0, np.linalg.norm(local, axis=1, keepdims=True)) * solid.size
     elif solid.kind == "hull":
         weights = np.abs(local @ np.random.default_rng(0).normal(size=(3, len(solid.vertices)))) + 1e-9
         points = (weights / weights.sum(axis=1, keepdims=True)) @ solid.vertices
@@ -116,11 +118,11 @@ def test_bounds_of_a_distance_that_a_search_finds_hold_it_between_them_and_meet(
 @pytest.mark.parametrize("seed", range(6))
 def test_surroundings_that_were_moved_are_as_if_built_there(seed):
     random = np.random.default_rng([8, seed])
-    arm, kinds = load_arm("rx60"), ("sphere", "capsule", "cylinder", "box", "hull")
+    arm, kinds = load_arm("rx60"), ("sphere", "capsule", "cylinder", "box", "hull", "ellipsoid")
 
     def solids(hull):
         made = []
-        while len(made) < 5:
+        while len(made) < len(kinds):
             solid = random_solid(random, kinds[len(made)])
             if solid.kind == solid.name:
                 made.append(hull if solid.kind == "hull" and hull else solid)

@@ -134,7 +134,7 @@ def test_links_keep_what_they_may_stray_from_every_line_but_what_carries_the_cam
     assert min(seen.values()) >= 4
 
 
-KINDS = ("sphere", "capsule", "cylinder", "box", "hull")
+KINDS = ("sphere", "capsule", "cylinder", "box", "ellipsoid", "hull")
 
 
 def somewhere(random, kind, name):
@@ -144,7 +144,7 @@ def somewhere(random, kind, name):
     pose = RigidTransform.from_components(turned.apply(place), Rotation.random(rng=random))
     if kind == "hull":
         return Solid(name, kind, np.zeros(0), pose, random.uniform(-0.12, 0.12, (8, 3)))
-    size = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3}[kind]
+    size = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3}[kind]
     return Solid(name, kind, random.uniform(0.01, 0.12, size), pose)
 
 

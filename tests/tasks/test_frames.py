@@ -53,6 +53,11 @@ def block(initial_T, spot=BLOCK):
     return {"center": (1e3 * seen.translation).tolist(), "half_extents": spot[1], "rotation_vector": vector}
 
 
+def ellipsoid(initial_T):
+    fields = block(initial_T)
+    return {"radii": fields.pop("half_extents"), **fields}
+
+
 def known(frame, initial_T):
     """One obstacle of every kind."""
     spots = {kind: (1e3 * initial_T.inv().apply(rows)).tolist() for kind, rows in SPOTS.items()}
@@ -63,6 +68,8 @@ def known(frame, initial_T):
         for obstacle in (
             {"center": spots["sphere"][0], "radius": 5},
             {"type": "capsule", "from": spots["capsule"][0], "to": spots["capsule"][1], "radius": 7},
+            {"type": "cylinder", "from": spots["capsule"][0], "to": spots["capsule"][1], "radius": 7},
+            {"type": "ellipsoid", **ellipsoid(initial_T)},
             {"type": "cloud", "points": spots["cloud"], "radius": 3},
             {"type": "half_space", "normal": normal.tolist(), "offset": float(1e3 * offset)},
             {"type": "box", **block(initial_T)},

@@ -159,13 +159,17 @@ def test_the_planner_knows_every_kind_of_obstacle_in_metres(tmp_path):
         {"type": "box", "center": [0, 0, 50], "half_extents": [10, 20, 30], "rotation_vector": [0, 0, 90]},
         {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, 40], "radius": 5, "clearance": 7},
         {"type": "half_space", "normal": [0, 0, -1], "offset": -300},
+        {"type": "cylinder", "from": [0, 0, 0], "to": [0, 0, 40], "radius": 5},
+        {"type": "ellipsoid", "center": [0, 0, 50], "radii": [10, 20, 30], "rotation_vector": [0, 0, 90]},
     ]
     task = load_task(written(tmp_path, changed("planning.obstacles", obstacles)))
-    sphere, box, capsule, wall = (o.obstacle for o in task.planning.obstacles)
+    sphere, box, capsule, wall, rod, egg = (o.obstacle for o in task.planning.obstacles)
     at = np.array([[0.1, 0.0, 0.05]])
     assert sphere.distance(at)[0] == pytest.approx(np.hypot(0.09, 0.05))
     assert box.distance(at)[0] == pytest.approx(0.08)
     assert capsule.distance(at)[0] == pytest.approx(np.hypot(0.1, 0.01) - 0.005)
+    assert rod.distance(at)[0] == pytest.approx(np.hypot(0.095, 0.01))
+    assert egg.distance(at)[0] == pytest.approx(0.08)
     assert wall.distance(at)[0] == pytest.approx(0.25)
     assert capsule.clearance == pytest.approx(0.007)
 

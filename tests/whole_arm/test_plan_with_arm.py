@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Box, Capsule, HalfSpace, Mesh, Sphere, plan_path
+from omniservo.planning import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Mesh, Sphere, plan_path
 from omniservo.robots import ArmBodies, Solid, follow_path, load_arm, shipped_arms
 from omniservo.robots.arm import SINGULAR_VALUE
 from omniservo.whole_arm import plan_with_arm
@@ -306,6 +306,8 @@ def test_obstacles_become_the_same_bodies_in_the_base_frame():
         Sphere(random.normal(size=3), 0.1),
         Box(random.normal(size=3), np.array([0.1, 0.2, 0.3]), turned),
         Capsule(random.normal(size=3), random.normal(size=3), 0.05),
+        Cylinder(random.normal(size=3), random.normal(size=3), 0.05),
+        Ellipsoid(random.normal(size=3), np.array([0.1, 0.2, 0.3]), turned),
         HalfSpace(normal, 0.1),
         Mesh(random.normal(size=(8, 3)) * 0.3),
     )

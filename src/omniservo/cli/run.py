@@ -64,6 +64,7 @@ def run(
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
         from omniservo.runs import NoPath, run_into
+        from omniservo.runs.compile_ahead import compiling_ahead
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
@@ -71,7 +72,8 @@ def run(
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
         try:
-            with whole_folder(folder, force=force, room=_ROOM * (3 if method == "compare" else 1)) as work:
+            room = _ROOM * (3 if method == "compare" else 1)
+            with compiling_ahead(), whole_folder(folder, force=force, room=room) as work:
                 found = run_into(
                     work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
                 )

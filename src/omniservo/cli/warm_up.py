@@ -16,9 +16,10 @@ def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     with output.working("starting", compiles=True) as progress:
         progress("loading", 0.0)
         from omniservo.geometry.compiler_watch import CompilerWatch
+        from omniservo.runs.compile_ahead import compiling_ahead
         from omniservo.runs.warm_up import warm_up as do_small_jobs
 
-        with CompilerWatch() as watch:
+        with compiling_ahead(), CompilerWatch() as watch:
             do_small_jobs(progress)
     output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; kept for every later call")
     if not record.save():

@@ -8,6 +8,8 @@ from omniservo.planning.improving_plans import improving_plans
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
+from omniservo.planning.obstacles.cylinder import Cylinder
+from omniservo.planning.obstacles.ellipsoid import Ellipsoid
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.sphere import Sphere
@@ -26,7 +28,9 @@ __all__ = [
     "Certificate",
     "Cloud",
     "ConstraintMargin",
+    "Cylinder",
     "Degrees",
+    "Ellipsoid",
     "HalfSpace",
     "Mesh",
     "Plan",

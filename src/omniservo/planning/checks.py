@@ -14,6 +14,9 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 LARGEST = 1e6
 """Coordinates and lengths are at most this [m]: squares and their squares stay far from overflow."""
 
+SMALLEST = 1e-9
+"""What is round has radii of at least this [m]: their squares stay far from underflow."""
+
 
 def bounded_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -> FloatArray:
     """Return ``value`` as a read-only array of this shape with every number in [−1e6, 1e6].

@@ -21,7 +21,7 @@ from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
-from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.obstacle import KINDS, Obstacle
 from omniservo.planning.problem_file import MOST_POINTS, problem_fields, read_problem
 from omniservo.planning.quick_poses import quaternion_of
 from omniservo.planning.size_notices import size_notices
@@ -126,7 +126,7 @@ class PlanningProblem:
             if not isinstance(obstacle, Obstacle):
                 kind = type(obstacle).__name__
                 raise InputError(
-                    f"obstacles[{i}]: {kind} given; legal: Sphere, Box, Capsule, HalfSpace, Mesh, Cloud"
+                    f"obstacles[{i}]: {kind} given; legal: {', '.join(k.__name__ for k in KINDS.values())}"
                 )
         count = sum(len(o.points) for o in obstacles if isinstance(o, Cloud))
         if count > MOST_CLOUD_POINTS:

@@ -13,9 +13,16 @@ from omniservo.cameras.distorted_region import smallest_scale
 from omniservo.cameras.model_domain import model_domain, radius_of_angle
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.body_arrays import bodies_of, clearance_of, hulls_of, motion_indices, motions_of
+from omniservo.planning.body_arrays import (
+    bodies_of,
+    clearance_of,
+    hulls_of,
+    is_body,
+    motion_indices,
+    motions_of,
+)
 from omniservo.planning.certificate import margin_kinds
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import Constraints, Slots
 from omniservo.planning.obstacles.ball_tree import BallTree
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
@@ -62,7 +69,7 @@ def constraints_of(problem: PlanningProblem, limits: ImageLimits) -> Constraints
         disc=_disc(problem.camera, limits),
         mask_edges=_mask_edges(problem.camera, limits),
         mask_firsts=np.cumsum([0, *(len(lines) for lines in limits.mask)]),
-    )
+    ).with_slots()
 
 
 def searched_constraints(problem: PlanningProblem) -> Constraints:
@@ -124,6 +131,7 @@ def _constraints_in_space(problem: PlanningProblem) -> Constraints:
         least_distance=float(problem.least_distance),
         occlusion=bool(problem.occlusion),
         ell=max(1e-6, float(distances.mean())),
+        slots=Slots(*[0] * len(Slots._fields)),
     )
 
 
@@ -157,8 +165,7 @@ def _clearance_kind(obstacle: Obstacle) -> int:
     """Return the kind of an obstacle's clearance: a sphere that moves is a body."""
     if isinstance(obstacle, HalfSpace | Cloud):
         return margin_kinds.FREE_SIDE if isinstance(obstacle, HalfSpace) else margin_kinds.CLOUD
-    still = isinstance(obstacle, Sphere) and obstacle.motion is None
-    return margin_kinds.CLEARANCE if still else margin_kinds.BODY
+    return margin_kinds.BODY if is_body(obstacle) else margin_kinds.CLEARANCE
 
 
 def _mask_edges(camera: UnifiedCamera, limits: ImageLimits) -> FloatArray:

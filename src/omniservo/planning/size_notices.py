@@ -8,13 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.obstacles.box import Box
-from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
-from omniservo.planning.obstacles.mesh import Mesh
-from omniservo.planning.obstacles.obstacle import Obstacle
-from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.planning.obstacles.obstacle import Body
 
 if TYPE_CHECKING:
     from omniservo.planning.planning_problem import PlanningProblem
@@ -72,20 +68,10 @@ def _oddities(box: Corners, scene: Corners) -> Iterator[str]:
         yield f"{size:.3g} m large{far}"
 
 
-def _box(obstacle: Obstacle) -> Corners:
-    match obstacle:
-        case Sphere():
-            return _grown(obstacle.center[None], obstacle.radius)
-        case Capsule():
-            return _grown(np.array([obstacle.start, obstacle.end]), obstacle.radius)
-        case Cloud():
-            return _grown(obstacle.points, obstacle.radius)
-        case Box():
-            return _grown(obstacle.center[None], float(np.linalg.norm(obstacle.half_extents)))
-        case Mesh():
-            return _grown(obstacle.vertices, 0.0)
-        case _:
-            raise TypeError(type(obstacle).__name__)
+def _box(obstacle: Body | Cloud) -> Corners:
+    if isinstance(obstacle, Cloud):
+        return _grown(obstacle.points, obstacle.radius)
+    return _grown(*obstacle.core.outline())
 
 
 def _grown(points: FloatArray, radius: float) -> Corners:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from omniservo.planning.checks import LARGEST
-from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.half_space import HalfSpace
+from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.workspace import Workspace
@@ -56,14 +56,11 @@ def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mappin
     own = problem.clearance if obstacle.clearance is None else obstacle.clearance
     clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
     grown = metres.get(f"occlusion obstacle {i}", 0.0)
-    changes: dict[str, Any] = {}
-    if grown > 0.0 and isinstance(obstacle, Box):
-        changes["half_extents"] = obstacle.half_extents + grown
-    elif grown > 0.0 and float(getattr(obstacle, "radius", 0.0)) > 0.0:
-        changes["radius"] = float(getattr(obstacle, "radius", 0.0)) + grown
-    else:
+    if isinstance(obstacle, HalfSpace | Mesh) or getattr(obstacle, "radius", 1.0) == 0.0:
         grown = 0.0
-    return replace(obstacle, clearance=min(max(clearance - grown, 0.0), LARGEST), **changes)
+    elif grown > 0.0:
+        obstacle = obstacle.grown(grown)
+    return replace(obstacle, clearance=min(max(clearance - grown, 0.0), LARGEST))
 
 
 def _smaller(workspace: Workspace, metres: Mapping[str, float]) -> Workspace:

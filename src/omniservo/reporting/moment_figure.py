@@ -20,7 +20,6 @@ from omniservo.planning import (
     worst_moment,
 )
 from omniservo.planning.obstacles.obstacle import Obstacle
-from omniservo.reporting.obstacle_corners import obstacle_corners
 from omniservo.reporting.spelling import spell
 from omniservo.reporting.style import (
     ASKED,
@@ -180,7 +179,7 @@ def _draw_body(axes: Axes, obstacle: Obstacle, flat: list[int], w: float, colour
         some = obstacle.points[:: 1 + len(obstacle.points) // _SHOWN_OF_CLOUD] + moved
         axes.plot(*(1e3 * some[:, flat]).T, ".", ms=1.5, color=colour)
     elif not isinstance(obstacle, HalfSpace):
-        corners, radius = obstacle_corners(obstacle)
+        corners, radius = obstacle.core.outline()
         around = (corners + moved)[:, None, flat] + max(radius, _LEAST) * _CIRCLE
         outline = 1e3 * around.reshape(-1, 2)
         hull = outline[ConvexHull(outline).vertices]

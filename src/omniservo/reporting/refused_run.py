@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, HalfSpace, Plan, worst_moment
 from omniservo.reporting.moment_figure import draw_moment
-from omniservo.reporting.obstacle_corners import obstacle_corners
 from omniservo.reporting.style import CERTIFIED, Drawing, new_figure, styled
 from omniservo.simulation import OutsideView, World
 from omniservo.simulation.scene import Scene
@@ -63,7 +62,7 @@ def _outlines(plan: Plan, scene: Scene, setting: ArmSetting, view: OutsideView) 
     outlines = []
     for obstacle in plan.problem.obstacles:
         if not isinstance(obstacle, HalfSpace | Cloud):
-            corners, radius = obstacle_corners(obstacle)
+            corners, radius = obstacle.core.outline()
             radius = max(radius, _LEAST)
             around = (corners[:, None] + radius * _DIRECTIONS).reshape(-1, 3)
             seen = view.project(world_T_initial.apply(around))

@@ -11,10 +11,12 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.obstacles.core import unit_sphere
+from omniservo.planning.obstacles.obstacle import Body
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.simulation.run_result import RunResult
-from omniservo.tasks.obstacles import BoxSection, CapsuleSection, CloudSection, SphereSection
+from omniservo.tasks.obstacles import CloudSection, HalfSpaceSection
 
 _SYMBOLS = 6
 _ROOM = 0.2
@@ -24,7 +26,6 @@ _LEAST_REACH = 0.01
 """a point without any distance around it is drawn so large [mm]"""
 _SHOWN_OF_CLOUDS = 2000
 """Points of clouds that are drawn at most: those near the way, thinned out."""
-_BITS = list(product((0, 1), repeat=3))
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,9 @@ def space_of(result: RunResult, upright: UprightAxes) -> Space:
     view = _around(np.vstack([points, *ways, *symbols]))
     clouds = [upright.apply(o.obstacle.points) for o in known if isinstance(o, CloudSection)]
     regions = [
-        _keep_out(o, planning.clearance, upright)
+        _keep_out(o.obstacle, planning.clearance, upright)
         for o in known
-        if isinstance(o, SphereSection | BoxSection | CapsuleSection)
+        if not isinstance(o, CloudSection | HalfSpaceSection)
     ]
     return Space(
         view=view,
@@ -161,30 +162,15 @@ def _cut(polygon: FloatArray, beyond: FloatArray) -> FloatArray:
     return np.array(corners).reshape(-1, 3)
 
 
-def _keep_out(
-    section: SphereSection | BoxSection | CapsuleSection, clearance: float, upright: UprightAxes
-) -> KeepOut:
-    """Return the obstacle's corners, each with a sphere of the asked distance around it."""
-    if isinstance(section, SphereSection):
-        corners, radius = np.array([section.center]), section.radius
-    elif isinstance(section, CapsuleSection):
-        corners, radius = np.array([section.start, section.end]), section.radius
-    else:
-        half = np.array(section.half_extents) * (2.0 * np.array(_BITS) - 1.0)
-        corners = section.center + section.rotation.apply(half)
-        radius = 0.0
-    own = section.clearance is not None
-    asked = clearance if section.clearance is None else section.clearance
+def _keep_out(obstacle: Body, clearance: float, upright: UprightAxes) -> KeepOut:
+    """Return points whose hull is the obstacle with the required distance around it."""
+    corners, radius = obstacle.core.outline()
+    own = obstacle.clearance is not None
+    asked = clearance if obstacle.clearance is None else obstacle.clearance
     reach = max(_LEAST_REACH, 1000.0 * (radius + asked))
-    shown = upright.apply(corners)
-    return KeepOut((shown[:, None] + reach * _unit_sphere()).reshape(-1, 3), shown.mean(axis=0), own)
-
-
-def _unit_sphere() -> FloatArray:
-    """Return points (k, 3) all over the unit sphere."""
-    polar, around = np.meshgrid(np.linspace(0, np.pi, 19), np.linspace(0, 2 * np.pi, 37)[:-1], indexing="ij")
-    grid = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
-    return np.asarray(grid.reshape(-1, 3), dtype=np.float64)
+    shown, directions = upright.apply(corners), unit_sphere()
+    farthest = shown[np.argmax(directions @ shown.T, axis=1)]
+    return KeepOut(farthest + reach * directions, shown.mean(axis=0), own)
 
 
 def _symbols(curve: Curve, size: float) -> list[FloatArray]:

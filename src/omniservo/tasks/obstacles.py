@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, field_validator
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.planning import Box, Capsule, Cloud, HalfSpace, Sphere
+from omniservo.planning import Box, Capsule, Cloud, Cylinder, Ellipsoid, HalfSpace, Sphere
 from omniservo.planning.checks import NEAR_UNIT
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
 from omniservo.tasks.framed import Framed
-from omniservo.tasks.placed import Block
+from omniservo.tasks.placed import Block, Placed
 from omniservo.tasks.quantities import Direction, Length, NonNegativeLength, Point, PositiveLength
 
 
@@ -69,6 +69,34 @@ class CapsuleSection(_Obstacle):
     def obstacle(self) -> Capsule:
         """The planner's obstacle."""
         return Capsule(np.array(self.start), np.array(self.end), self.radius, self.clearance)
+
+
+class CylinderSection(_Obstacle):
+    """A rod with flat ends."""
+
+    type: Literal["cylinder"]
+    start: Annotated[Point, Field(alias="from")]
+    end: Annotated[Point, Field(alias="to")]
+    radius: PositiveLength
+
+    @property
+    def obstacle(self) -> Cylinder:
+        """The planner's obstacle."""
+        return Cylinder(np.array(self.start), np.array(self.end), self.radius, self.clearance)
+
+
+class EllipsoidSection(Placed, _Obstacle):
+    """An ellipsoid along the axes of its frame, or turned."""
+
+    type: Literal["ellipsoid"]
+    radii: tuple[PositiveLength, PositiveLength, PositiveLength]
+    """[m]"""
+
+    @property
+    def obstacle(self) -> Ellipsoid:
+        """The planner's obstacle."""
+        center, radii = np.array(self.center), np.array(self.radii)
+        return Ellipsoid(center, radii, self.rotation.as_quat(), self.clearance)
 
 
 class HalfSpaceSection(_Obstacle):
@@ -129,7 +157,13 @@ def _sphere_by_default(value: Any) -> Any:
 
 ObstacleSection = Annotated[
     Annotated[
-        SphereSection | BoxSection | CapsuleSection | HalfSpaceSection | CloudSection,
+        SphereSection
+        | BoxSection
+        | CapsuleSection
+        | CylinderSection
+        | EllipsoidSection
+        | HalfSpaceSection
+        | CloudSection,
         Field(discriminator="type"),
     ],
     BeforeValidator(_sphere_by_default),

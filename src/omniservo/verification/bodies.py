@@ -82,7 +82,7 @@ class Box:
 
     def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
         """Return where on the segment it is nearest to the box."""
-        return _lowest(self, start, end)
+        return between_nearest(self, start, end)
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Capsule:
 
     def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
         """Return where on the segment it is nearest to the capsule's own."""
-        return _lowest(self, start, end)
+        return between_nearest(self, start, end)
 
 
 def dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
@@ -147,7 +147,7 @@ def between(start: Sequence[float], end: Sequence[float], share: float) -> list[
     return [a + share * (b - a) for a, b in zip(start, end, strict=True)]
 
 
-def _lowest(body: Body, start: Sequence[float], end: Sequence[float]) -> float:
+def between_nearest(body: Body, start: Sequence[float], end: Sequence[float]) -> float:
     """Return where on the segment the distance to the core, which is convex along it, is smallest."""
     low, high = 0.0, 1.0
     spend(_HALVINGS * 300)

@@ -9,6 +9,7 @@ from omniservo.verification.cloud_tree import Node
 from omniservo.verification.fields import Fields, Malformed, NotJudged, Vector, near_unit, numbers, shown
 from omniservo.verification.mesh import Mesh, is_flat
 from omniservo.verification.motion import Motion
+from omniservo.verification.round_bodies import Cylinder, Ellipsoid
 from omniservo.verification.work import bits, products, spend
 
 FEWEST_VERTICES, MOST_VERTICES = 4, 1000
@@ -16,7 +17,7 @@ MOST_CLOUD_POINTS = 100_000
 HIGHEST_MOTION = 16
 _OBSTACLE = 1000
 """What reading one costs, in the unit of `work`."""
-_KINDS = ("sphere", "box", "capsule", "half_space", "mesh", "cloud")
+_KINDS = ("sphere", "box", "capsule", "cylinder", "ellipsoid", "half_space", "mesh", "cloud")
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class Cloud:
     """by scale, filled when they are needed"""
 
 
-Obstacle = Sphere | HalfSpace | Box | Capsule | Mesh | Cloud
-SEPARATED = (Box, Capsule, Mesh)
+Obstacle = Sphere | HalfSpace | Box | Capsule | Cylinder | Ellipsoid | Mesh | Cloud
+SEPARATED = (Box, Capsule, Cylinder, Ellipsoid, Mesh)
 """The kinds that are proven by separating planes, which the plan states."""
 
 
@@ -76,6 +77,10 @@ def obstacle(fields: Fields, clearance: Fraction) -> Obstacle:
         fields.only("type from to radius clearance motion")
         ends, radius = (fields.vector("from", 3), fields.vector("to", 3)), fields.number("radius", above=0)
         return Capsule(*ends, radius, clearance, motion)
+    if kind == "cylinder":
+        return _cylinder(fields, clearance, motion)
+    if kind == "ellipsoid":
+        return _ellipsoid(fields, clearance, motion)
     if kind == "mesh":
         return _mesh(fields, clearance, motion)
     if kind == "cloud":
@@ -110,6 +115,23 @@ def _box(fields: Fields, clearance: Fraction, motion: Motion | None) -> Box:
         raise Malformed(f"{fields.where}.half_extents: {fields.get('half_extents')} given; legal: > 0")
     axes = axes_of(near_unit(fields.vector("quaternion", 4), f"{fields.where}.quaternion"))
     return Box(fields.vector("center", 3), axes, extents, clearance, motion)
+
+
+def _cylinder(fields: Fields, clearance: Fraction, motion: Motion | None) -> Cylinder:
+    fields.only("type from to radius clearance motion")
+    start, end = fields.vector("from", 3), fields.vector("to", 3)
+    if sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) == 0:
+        raise Malformed(f"{fields.where}.to: the same as from; a length is needed")
+    return Cylinder(start, end, fields.number("radius", above=0), clearance, motion)
+
+
+def _ellipsoid(fields: Fields, clearance: Fraction, motion: Motion | None) -> Ellipsoid:
+    fields.only("type center quaternion radii clearance motion")
+    radii = fields.vector("radii", 3)
+    if min(radii) <= 0:
+        raise Malformed(f"{fields.where}.radii: {fields.get('radii')} given; legal: > 0")
+    axes = axes_of(near_unit(fields.vector("quaternion", 4), f"{fields.where}.quaternion"))
+    return Ellipsoid(fields.vector("center", 3), axes, radii, clearance, motion)
 
 
 def _mesh(fields: Fields, clearance: Fraction, motion: Motion | None) -> Mesh:

@@ -15,7 +15,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.quick_poses import inverse
-from omniservo.planning.search.descent import ENOUGH, Room, groups, room_for, solve_damped
+from omniservo.planning.search.descent import ENOUGH, Room, room_for, solve_damped
 from omniservo.planning.search.path_family import PathFamily, set_samples, unknowns
 from omniservo.planning.search.settle import PULL
 from omniservo.robots.collision.posture_gaps import PostureGaps
@@ -143,7 +143,7 @@ class ArmDescent:
     def _end_values(self) -> FloatArray:
         """Return the smallest g of every camera constraint at the two end poses."""
         set_samples(self._family, np.array([0.0, 1.0]))
-        targets = np.full(groups(self._constraints), -np.inf)
+        targets = np.full(self._constraints.slots.total, -np.inf)
         room = room_for(2, self._constraints.points.shape[0])
         offsets = np.zeros(unknowns(self._family))
         _, least, _ = camera_equations(self._constraints, self._family, offsets, targets, 0.0, room)

@@ -12,11 +12,14 @@ from omniservo.geometry.along import along
 from omniservo.planning.obstacles.box import Box
 from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
+from omniservo.planning.obstacles.cylinder import Cylinder
+from omniservo.planning.obstacles.ellipsoid import Ellipsoid
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.mesh import Mesh
-from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.obstacle import Body, Obstacle
 from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.robots import Solid
+from omniservo.robots.collision.solid import Kind
 
 
 def solids_of(obstacles: Sequence[Obstacle], base_T_initial: RigidTransform) -> tuple[Solid, ...]:
@@ -53,22 +56,22 @@ def _solids_of_cloud(name: str, cloud: Cloud, base_T_initial: RigidTransform) ->
     ]
 
 
-def _solid(
-    name: str, obstacle: Sphere | Box | Capsule | HalfSpace | Mesh, base_T_initial: RigidTransform
-) -> Solid:
+def _solid(name: str, obstacle: Body | HalfSpace, base_T_initial: RigidTransform) -> Solid:
     match obstacle:
         case Sphere():
             return Solid.sphere(name, base_T_initial.apply(np.array(obstacle.center)), obstacle.radius)
-        case Box():
-            own = RigidTransform.from_components(
-                obstacle.center, Rotation.from_quat(np.array(obstacle.quaternion))
-            )
-            return Solid.box(name, base_T_initial * own, obstacle.half_extents)
-        case Capsule():
+        case Box() | Ellipsoid():
+            turn = Rotation.from_quat(np.array(obstacle.quaternion))
+            pose = base_T_initial * RigidTransform.from_components(obstacle.center, turn)
+            if isinstance(obstacle, Box):
+                return Solid.box(name, pose, obstacle.half_extents)
+            return Solid(name, "ellipsoid", obstacle.radii, pose)
+        case Capsule() | Cylinder():
             axis = obstacle.end - obstacle.start
             middle = RigidTransform.from_components(0.5 * (obstacle.start + obstacle.end), along(axis))
             size = np.array([obstacle.radius, 0.5 * np.linalg.norm(axis)])
-            return Solid(name, "capsule", size, base_T_initial * middle)
+            kind: Kind = "capsule" if isinstance(obstacle, Capsule) else "cylinder"
+            return Solid(name, kind, size, base_T_initial * middle)
         case HalfSpace():
             upright = base_T_initial.rotation.apply(np.array(obstacle.normal))
             height = float(obstacle.offset + base_T_initial.translation @ upright)

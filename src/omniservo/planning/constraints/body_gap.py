@@ -1,8 +1,8 @@
 """How far a segment is from a box with rounded edges: boxes and capsules are both of this kind.
 
-A body is a row (24,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance,
-motion (see `motion`), and six numbers of a mesh (see `solid_gap`). It is the ball of radius r moved over the
-box; a box has r = 0, a capsule e = (half length, 0, 0), a sphere that moves e = 0.
+A body is a row (25,): centre c, unit axes a₁ a₂ a₃ row by row, half extents e, radius r, reach r + clearance,
+motion (see `motion`), six numbers of a mesh (see `solid_gap`), and the shape of its core. It is the ball of
+radius r moved over its core; a box has r = 0, a capsule e = (half length, 0, 0), a sphere that moves e = 0.
 """
 
 import math
@@ -10,12 +10,16 @@ import math
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
 
-BODY_SIZE = 24
+BODY_SIZE = 25
 """Numbers of a row."""
 
-EXTENT, RADIUS, REACH, MOTION, CORNERS, FACES, EDGES = 12, 15, 16, 17, 18, 20, 22
-"""Where in a row: half extents e (3,), radius r, reach r + clearance [m], motion, and of a mesh the first and
-the end of its corners, faces and edges."""
+EXTENT, RADIUS, REACH, MOTION, CORNERS, FACES, EDGES, SHAPE = 12, 15, 16, 17, 18, 20, 22, 24
+"""Where in a row: half extents e (3,), radius r, reach r + clearance [m], motion, of a mesh the first and the
+end of its corners, faces and edges, and the core's shape."""
+
+CUBOID, CYLINDER, ELLIPSOID, HULL = 0.0, 1.0, 2.0, 3.0
+"""Shapes of a core: a box or less, a cylinder along a₁ with e = (half length, radius, radius), an ellipsoid
+of radii e, the hull of vertices."""
 
 _TOUCHING = 1e-14
 """Below this part of the distances involved, a gap's direction is only rounding."""
@@ -34,6 +38,16 @@ def in_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float
         float(body[3] * x + body[4] * y + body[5] * z),
         float(body[6] * x + body[7] * y + body[8] * z),
         float(body[9] * x + body[10] * y + body[11] * z),
+    )
+
+
+@leaf
+def out_of_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return x a₁ + y a₂ + z a₃."""
+    return (
+        float(body[3] * x + body[6] * y + body[9] * z),
+        float(body[4] * x + body[7] * y + body[10] * z),
+        float(body[5] * x + body[8] * y + body[11] * z),
     )
 
 
@@ -135,10 +149,5 @@ def segment_gap(
         x, y, z = x / gap, y / gap, z / gap
     else:
         x, y, z, gap, s = depth_inside(p, d, e, s)
-    return (
-        body[3] * x + body[6] * y + body[9] * z,
-        body[4] * x + body[7] * y + body[10] * z,
-        body[5] * x + body[8] * y + body[11] * z,
-        gap,
-        s,
-    )
+    nx, ny, nz = out_of_body_frame(body, x, y, z)
+    return nx, ny, nz, gap, s

@@ -29,7 +29,7 @@ from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
 
@@ -177,18 +177,12 @@ def prove_clouds_clear(
 
 
 @kernel
-def push_off_clouds(
-    constraints: Constraints,
-    poses: FloatArray,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_off_clouds(constraints: Constraints, samples: Samples) -> None:
     """Push the centre off the nearest point: g = (‖t − p‖ − reach)/max(reach, ℓ/20) (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for i in range(constraints.clouds.shape[0]):
-        group, reach = first + i, constraints.clouds[i, 5]
+        group, reach = constraints.slots.clouds + i, constraints.clouds[i, 5]
         if reach <= 0.0 or targets[group] == ASLEEP:
             continue
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)

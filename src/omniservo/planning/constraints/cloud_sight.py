@@ -32,7 +32,7 @@ from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
 
 _TOGETHER = 4
@@ -238,19 +238,13 @@ def prove_unclouded(
 
 
 @kernel
-def push_sights_off_clouds(
-    constraints: Constraints,
-    poses: FloatArray,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_sights_off_clouds(constraints: Constraints, samples: Samples) -> None:
     """Push every line of sight off the point nearest to it: g = (distance − r)/max(r, ℓ/20) (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     h = np.empty(3)
     for i in range(constraints.clouds.shape[0]):
-        group, radius = first + i, constraints.clouds[i, 4]
+        group, radius = constraints.slots.cloud_sights + i, constraints.clouds[i, 4]
         if radius <= 0.0 or targets[group] == ASLEEP:
             continue
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)

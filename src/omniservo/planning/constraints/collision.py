@@ -8,7 +8,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.place import TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
 
 @kernel
@@ -41,17 +41,10 @@ def prove_collision_free(
 
 
 @leaf
-def push_from_obstacles(
-    obstacles: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_from_obstacles(obstacles: FloatArray, ell: float, samples: Samples, first: int) -> None:
     """Push the centre out of the spheres: g = (‖t − o‖ − reach)/max(reach, ℓ/20) (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for i in range(obstacles.shape[0]):
         group, reach = first + i, obstacles[i, 4]
         if reach <= 0.0 or targets[group] == ASLEEP:

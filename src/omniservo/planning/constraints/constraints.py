@@ -1,9 +1,27 @@
 """What a path must keep, as arrays for kernels."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning.constraints.hull_gap import Hull
+
+
+class Slots(NamedTuple):
+    """Where each family's targets begin among those of a search, in this order, and how many there are."""
+
+    limits: int
+    dead_zone: int
+    least_distance: int
+    obstacles: int
+    sights: int
+    walls: int
+    bodies: int
+    body_sights: int
+    planes: int
+    masks: int
+    clouds: int
+    cloud_sights: int
+    total: int
 
 
 class Constraints(NamedTuple):
@@ -22,7 +40,7 @@ class Constraints(NamedTuple):
     obstacles: FloatArray
     """spheres that stand still (m, 5): centre, radius, radius + clearance [m]"""
     bodies: FloatArray
-    """boxes, capsules, meshes and spheres that move (b, 24), see `body_gap`"""
+    """bodies, among them spheres that move (b, 25), see `body_gap`"""
     hulls: Hull
     """vertices, faces and edges of all meshes, joined"""
     planes: FloatArray
@@ -45,3 +63,25 @@ class Constraints(NamedTuple):
     """Whether obstacles must not stand between the camera and a target point."""
     ell: float
     """ℓ, the mean distance of the target points [m]: what lengths are divided by in the search."""
+    slots: Slots
+    """see `with_slots`"""
+
+    def with_slots(self) -> Self:
+        """Return the same with the targets counted: one a row of a family's array, lines of sight apart."""
+        counts = {
+            "limits": len(self.limits),
+            "dead_zone": 1,
+            "least_distance": 1,
+            "obstacles": len(self.obstacles),
+            "sights": len(self.obstacles),
+            "walls": 6,
+            "bodies": len(self.bodies),
+            "body_sights": len(self.bodies),
+            "planes": len(self.planes),
+            "masks": len(self.mask_firsts) - 1,
+            "clouds": len(self.clouds),
+            "cloud_sights": len(self.clouds),
+            "total": 0,
+        }
+        firsts = {name: sum([*counts.values()][:i]) for i, name in enumerate(counts)}
+        return self._replace(slots=Slots(**firsts))

@@ -7,7 +7,7 @@ from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.motion import displacement, seen_from_body
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
 
 @leaf
@@ -44,17 +44,11 @@ def prove_free_sides(
 
 @leaf
 def push_to_free_side(
-    planes: FloatArray,
-    motions: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
+    planes: FloatArray, motions: FloatArray, ell: float, samples: Samples, first: int
 ) -> None:
     """Push the centre out of the solids: g = (n·t − b − d)/max(d, ℓ/20) (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for i in range(planes.shape[0]):
         group, plane = first + i, planes[i]
         if targets[group] == ASLEEP:

@@ -27,7 +27,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
-from omniservo.planning.constraints.push import ASLEEP, push_camera_point
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 from omniservo.planning.constraints.visibility import (
     OUTSIDE,
     TEST_COUNT,
@@ -152,17 +152,10 @@ def moved_outward(edges: FloatArray, margin: float, xi: float) -> FloatArray:
 
 
 @leaf
-def push_off_masks(
-    edges: FloatArray,
-    firsts: IntArray,
-    camera_points: FloatArray,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_off_masks(edges: FloatArray, firsts: IntArray, samples: Samples, first: int) -> None:
     """Push every point out of every polygon, by the edge it is farthest beyond: g = κ − n·b (see `push`)."""
+    camera_points, targets, least = samples.camera_points, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for i in range(firsts.shape[0] - 1):
         group, polygon = first + i, edges[firsts[i] : firsts[i + 1]]
         if targets[group] == ASLEEP:
@@ -182,4 +175,4 @@ def push_off_masks(
                         f * y - inverse * edge[1],
                         f * z - inverse * edge[2],
                     )
-                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[group] - g)
+                    push_camera_point(systems, costs, s, (x, y, z), (gx, gy, gz), targets[group] - g)

@@ -7,7 +7,7 @@ from omniservo.geometry.kernel import leaf
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.place import TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
 
 @leaf
@@ -24,18 +24,10 @@ def prove_least_distance(
 
 
 @leaf
-def push_from_points(
-    points: FloatArray,
-    distance: float,
-    poses: FloatArray,
-    ell: float,
-    group: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_from_points(points: FloatArray, distance: float, ell: float, samples: Samples, group: int) -> None:
     """Push the centre away from the target: g = (‖h − t‖ − distance)/ℓ (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     if targets[group] == ASLEEP:
         return
     target, lowest = targets[group], least[group]

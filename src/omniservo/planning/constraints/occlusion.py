@@ -29,7 +29,7 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.constraints.place import TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre_often
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre_often
 from omniservo.planning.constraints.visibility import sum_of_controls
 
 _STEPS = 8
@@ -186,21 +186,13 @@ def prove_unoccluded(
 
 
 @leaf
-def push_sight(
-    points: FloatArray,
-    obstacles: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_sight(points: FloatArray, obstacles: FloatArray, ell: float, samples: Samples, first: int) -> None:
     """Push the lines of sight off the spheres: g = (distance − r)/max(r, ℓ/20) (see `push`).
 
     With the nearest point q = t + k(h − t): ∂‖q − o‖/∂t = (1 − k)(q − o)/‖q − o‖.
     """
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for i in range(obstacles.shape[0]):
         group, radius = first + i, obstacles[i, 3]
         if radius <= 0.0 or targets[group] == ASLEEP:

@@ -5,16 +5,34 @@ With g ≈ g + a·ξ for a small camera motion ξ = (linear, angular) in the cam
 one normal equation a sample: ``systems[s]`` (6, 7) = [Σ a aᵀ, Σ a r], upper triangle. A row's price does not
 depend on the degree of the path. ``costs[s]`` is Σ r²/2.
 
-``poses[s]`` (14,) is R row by row, then t, then ‖φ‖², then w. ``targets`` and ``least``, the smallest g so
-far, hold all groups of constraints (`descent.groups`); a family is told where its own begin. A group whose
-target is ASLEEP is not looked at.
+A family is told which of the targets is its first (`Constraints.slots`). A group of constraints whose target
+is ASLEEP is not looked at.
 """
+
+from typing import NamedTuple
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
 
 ASLEEP = -1e300
 """Target of a group that has so much left that a descent need not look at it."""
+
+
+class Samples(NamedTuple):
+    """Where the path is looked at, what should be left there, and what becomes of it."""
+
+    poses: FloatArray
+    """(samples, 14): R row by row, then t, then ‖φ‖², then w"""
+    camera_points: FloatArray
+    """c and 1/‖c‖ (samples, n, 4)"""
+    targets: FloatArray
+    """μ of every group of constraints (m,)"""
+    least: FloatArray
+    """the smallest g of each so far (m,)"""
+    systems: FloatArray
+    """(samples, 6, 7), see above"""
+    costs: FloatArray
+    """(samples,), see above"""
 
 
 @leaf
@@ -61,18 +79,16 @@ def push_camera_point(
     systems: FloatArray,
     costs: FloatArray,
     s: int,
-    x: float,
-    y: float,
-    z: float,
-    gx: float,
-    gy: float,
-    gz: float,
+    c: tuple[float, float, float],
+    g: tuple[float, float, float],
     r: float,
 ) -> None:
-    """Add a row that depends on a point c = (x, y, z) in the camera frame: ∂g/∂c = (gx, gy, gz).
+    """Add a row that depends on a point c in the camera frame, with g = ∂g/∂c.
 
     dc = −linear − angular × c, so a = (−∂g/∂c, −c × ∂g/∂c).
     """
+    x, y, z = c
+    gx, gy, gz = g
     row = (-gx, -gy, -gz, z * gy - y * gz, x * gz - z * gx, y * gx - x * gy)
     for i in range(6):
         a = row[i]

@@ -1,8 +1,9 @@
 """Bodies, and all that moves: separating planes, one for a piece of the path (convex hull property).
 
 On [w₀, w₁] the path lies in the hull of its control points T_k there. Where one direction n has
-n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) the body's support (of boxes and capsules n·c + Σ e_k|n·a_k| + r‖n‖,
-of a mesh max n·v), the camera centre keeps the distance d. A line of sight from t to h is clear if
+n·T_k ≥ s(n) + d‖n‖ for all of them, s(n) the body's support (of a box or capsule n·c + Σ e_k|n·a_k| + r‖n‖,
+of a cylinder n·c + e₁|n·a₁| + e₂ √((n·a₂)² + (n·a₃)²), of an ellipsoid n·c + √Σ(e_k n·a_k)², of a mesh
+max n·v), the camera centre keeps the distance d. A line of sight from t to h is clear if
 n·T_k ≥ s(n) and n·h ≥ s(n). Of a body that moves T_k are the control points of t − m and h those of h − m,
 all beyond the plane (`motion`). Pieces are halved until each has its plane; the planes are the proof
 (docs/verification.md). Bodies: see `solid_gap`.
@@ -29,10 +30,11 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.constraints.body_gap import EXTENT, MOTION, RADIUS, REACH, is_solid
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.planning.constraints.visibility import sum_of_controls
 
@@ -47,7 +49,7 @@ class _Body(NamedTuple):
     """A body to keep off, and where the planes that show it are written."""
 
     numbers: FloatArray
-    """(24,), see `body_gap`."""
+    """(25,), see `body_gap`."""
     hull: Hull
     reach: float
     """[m]"""
@@ -117,9 +119,9 @@ def separate(
         size: their magnitude.
         h: control points of the other end of the lines of sight (3, k+1), from `point_from_body`; (3, 0): the
             path alone.
-        body: (24,), see `body_gap`.
+        body: (25,), see `body_gap`.
         hulls: of all meshes.
-        reach: distance to keep from the core, a box, a mesh, a segment or a point [m].
+        reach: distance to keep from the core [m].
         planes: a row (w₀, w₁, n) for each piece is written here as far as there is room, (…, 5).
 
     Returns:
@@ -209,32 +211,23 @@ def prove_bodies_clear(
 
 
 @kernel
-def push_off_bodies(
-    bodies: FloatArray,
-    hulls: Hull,
-    motions: FloatArray,
-    points: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Push the centre off the bodies, then its lines of sight to ``points`` (n, 3) (see `push`).
+def push_off_bodies(constraints: Constraints, samples: Samples) -> None:
+    """Push the centre off the bodies, and its lines of sight to the target points (see `push`).
 
     g = (gap − reach)/max(reach, ℓ/20) with the gap of `solid_gap` and its nearest part s:
-    ∂g/∂t = (1 − s) n. Groups: every body's clearance, then every body's sights, whose reach is the radius.
+    ∂g/∂t = (1 − s) n. The reach of a line of sight is the body's radius.
     """
-    m = bodies.shape[0]
-    for i in range(m):
-        body, hull = bodies[i], hull_of(bodies[i], hulls)
-        for kind in range(2 if points.shape[0] > 0 else 1):
-            group, reach = first + i + m * kind, body[REACH] if kind == 0 else body[RADIUS]
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
+    bodies, motions, points = constraints.bodies, constraints.motions, constraints.points
+    for i in range(bodies.shape[0]):
+        body, hull = bodies[i], hull_of(bodies[i], constraints.hulls)
+        for kind in range(2 if constraints.occlusion else 1):
+            group = (constraints.slots.bodies if kind == 0 else constraints.slots.body_sights) + i
+            reach = body[REACH] if kind == 0 else body[RADIUS]
             if targets[group] == ASLEEP or (reach <= 0.0 and not is_solid(body)):
                 continue
-            unit = max(reach, 0.05 * ell)
+            unit = max(reach, 0.05 * constraints.ell)
             for s in range(poses.shape[0]):
                 mx, my, mz = displacement(motions, body[MOTION], poses[s, AT])
                 x, y, z = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz

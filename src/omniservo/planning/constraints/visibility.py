@@ -33,7 +33,7 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.planning.constraints.dead_zone import Limit, disc_size, tangent_limit
-from omniservo.planning.constraints.push import ASLEEP, push_camera_point
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 
 TEST_COUNT = 14
 """Roundings of one test of a control point against a limit, those of n, κ and e included."""
@@ -176,32 +176,19 @@ def cone_value(piece: FloatArray, limit: Limit, k: int) -> float:
 
 
 @leaf
-def push_into_image(
-    limits: FloatArray,
-    disc: FloatArray,
-    camera_points: FloatArray,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Push every point into the image: g = κ − n·b, b = c/‖c‖, ∂g/∂c = −(n − (n·b) b)/‖c‖ (see `push`).
+def push_into_image(limits: FloatArray, samples: Samples, first: int) -> None:
+    """Push every point inside limits (k, 4), n of unit length (see `push`).
 
-    Args:
-        limits: (k, 4), n of unit length.
-        disc: dead zone; its limit at a point is the tangent that faces the point, scaled to unit n.
-        camera_points: c and 1/‖c‖ (s, n, 4).
-        targets: μ; the first k are the limits', the next the dead zone's.
-        least: smallest g so far.
-        systems: see `push`.
-        costs: see `push`.
+    g = κ − n·b, b = c/‖c‖, ∂g/∂c = −(n − (n·b) b)/‖c‖.
     """
-    rows = limits.shape[0]
-    for i in range(rows):
-        if targets[i] == ASLEEP:
+    camera_points, targets, least = samples.camera_points, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
+    for i in range(limits.shape[0]):
+        group = first + i
+        if targets[group] == ASLEEP:
             continue
         nx, ny, nz, kappa = limits[i, 0], limits[i, 1], limits[i, 2], limits[i, 3]
-        target, lowest = targets[i], least[i]
+        target, lowest = targets[group], least[group]
         for s in range(camera_points.shape[0]):
             for j in range(camera_points.shape[1]):
                 x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
@@ -213,23 +200,17 @@ def push_into_image(
                 if g < target:
                     f = along * inverse
                     gx, gy, gz = inverse * (f * x - nx), inverse * (f * y - ny), inverse * (f * z - nz)
-                    push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, target - g)
-        least[i] = lowest
-    if disc.shape[0] > 0 and targets[rows] != ASLEEP:
-        _push_off_disc(disc, camera_points, rows, targets, least, systems, costs)
+                    push_camera_point(systems, costs, s, (x, y, z), (gx, gy, gz), target - g)
+        least[group] = lowest
 
 
 @kernel
-def _push_off_disc(
-    disc: FloatArray,
-    camera_points: FloatArray,
-    group: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Push every point off the dead zone, by the tangent that faces it."""
+def push_off_disc(disc: FloatArray, samples: Samples, group: int) -> None:
+    """Push every point off the dead zone, by the tangent that faces it, its normal of length 1."""
+    camera_points, targets, least = samples.camera_points, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
+    if targets[group] == ASLEEP:
+        return
     for s in range(camera_points.shape[0]):
         for j in range(camera_points.shape[1]):
             x, y, z = camera_points[s, j, 0], camera_points[s, j, 1], camera_points[s, j, 2]
@@ -243,4 +224,4 @@ def _push_off_disc(
             if g < targets[group]:
                 f = along * inverse
                 gx, gy, gz = inverse * (f * x - nx), inverse * (f * y - ny), inverse * (f * z - nz)
-                push_camera_point(systems, costs, s, x, y, z, gx, gy, gz, targets[group] - g)
+                push_camera_point(systems, costs, s, (x, y, z), (gx, gy, gz), targets[group] - g)

@@ -8,7 +8,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
 from omniservo.planning.constraints.place import TX
-from omniservo.planning.constraints.push import ASLEEP, push_centre
+from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
 
 @kernel
@@ -35,17 +35,10 @@ def prove_workspace(controls: FloatArray, size: float, box: FloatArray) -> tuple
 
 
 @leaf
-def push_into_box(
-    box: FloatArray,
-    poses: FloatArray,
-    ell: float,
-    first: int,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
+def push_into_box(box: FloatArray, ell: float, samples: Samples, first: int) -> None:
     """Push the centre into the box: g = distance to a wall / ℓ (see `push`)."""
+    poses, targets, least = samples.poses, samples.targets, samples.least
+    systems, costs = samples.systems, samples.costs
     for wall in range(6):
         group, side, axis = first + wall, wall // 3, wall % 3
         if targets[group] == ASLEEP or math.isinf(box[side, axis]):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +12,7 @@ from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion, unit_vector
+from omniservo.planning.obstacles.core import Core, axes_of
 from omniservo.short_repr import short_repr
 
 
@@ -35,6 +37,8 @@ class Box:
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
+    FIELDS: ClassVar = {"center": "center", "quaternion": "quaternion", "half_extents": "half_extents"}
+
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
@@ -47,6 +51,11 @@ class Box:
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
         object.__setattr__(self, "motion", own_motion(self.motion))
 
+    @property
+    def core(self) -> Core:
+        """What the proof separates from the path."""
+        return Core(self.center, axes_of(self.quaternion), self.half_extents)
+
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
 
@@ -56,3 +65,7 @@ class Box:
         beyond -= self.half_extents
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0))
+
+    def grown(self, metres: float) -> Self:
+        """Return one that holds all within so many metres of it."""
+        return replace(self, half_extents=self.half_extents + metres)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
+from omniservo.planning.obstacles.core import Core, along_segment
 from omniservo.short_repr import short_repr
 
 
@@ -33,6 +35,8 @@ class Capsule:
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
+    FIELDS: ClassVar = {"from": "start", "to": "end", "radius": "radius"}
+
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
@@ -45,6 +49,12 @@ class Capsule:
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
         object.__setattr__(self, "motion", own_motion(self.motion))
 
+    @property
+    def core(self) -> Core:
+        """What the proof separates from the path."""
+        center, axes, half = along_segment(self.start, self.end)
+        return Core(center, axes, np.array([half, 0.0, 0.0]), self.radius)
+
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
 
@@ -55,3 +65,7 @@ class Capsule:
         part = (points - self.start) @ along / square if square > 0.0 else np.zeros(len(points))
         nearest = self.start + np.clip(part, 0.0, 1.0)[:, None] * along
         return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)
+
+    def grown(self, metres: float) -> Self:
+        """Return one that holds all within so many metres of it."""
+        return replace(self, radius=self.radius + metres)

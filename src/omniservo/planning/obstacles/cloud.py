@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class Cloud:
     file: str | None = None
     """name of the file that it was read from, for messages"""
 
+    FIELDS: ClassVar = {"points": "points", "radius": "radius"}
+
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
@@ -67,6 +69,10 @@ class Cloud:
         """
         found = [nearest_point(*self.tree, x, x, math.inf)[1] for x in map(tuple, points)]
         return np.array(found) - self.radius
+
+    def grown(self, metres: float) -> Self:
+        """Return one that holds all within so many metres of it."""
+        return replace(self, radius=self.radius + metres)
 
 
 def _checked_points(value: Any) -> FloatArray:

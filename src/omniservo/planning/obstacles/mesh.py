@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion
+from omniservo.planning.constraints.body_gap import HULL
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap
+from omniservo.planning.obstacles.core import Core
 from omniservo.planning.obstacles.hull_shape import MOST_VERTICES, convex_hull
 from omniservo.short_repr import short_repr
 
@@ -40,6 +43,8 @@ class Mesh:
     file: str | None = None
     """name of the file that it was read from, for messages"""
 
+    FIELDS: ClassVar = {"vertices": "vertices"}
+
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
@@ -54,6 +59,12 @@ class Mesh:
         object.__setattr__(self, "vertices", frozen(hull.corners))
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
         object.__setattr__(self, "motion", own_motion(self.motion))
+
+    @property
+    def core(self) -> Core:
+        """What the proof separates from the path."""
+        extents = np.abs(self.vertices).max(axis=0)
+        return Core(np.zeros(3), np.eye(3), extents, shape=HULL, vertices=self.vertices)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.

@@ -8,34 +8,18 @@ from typing import Any
 
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import file_inside
-from omniservo.planning.obstacles.box import Box
-from omniservo.planning.obstacles.capsule import Capsule
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.planning.obstacles.file_unit import UNIT_FIELDS, file_unit
-from omniservo.planning.obstacles.half_space import HalfSpace
-from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.mesh_fields import meshes_of_file
-from omniservo.planning.obstacles.obstacle import Obstacle
-from omniservo.planning.obstacles.sphere import Sphere
+from omniservo.planning.obstacles.obstacle import KINDS, Obstacle
 from omniservo.planning.stated_quaternion import ROTATION_FIELDS, stated_quaternion
-
-_FIELDS = {
-    "sphere": (Sphere, {"center": "center", "radius": "radius"}),
-    "box": (Box, {"center": "center", "quaternion": "quaternion", "half_extents": "half_extents"}),
-    "capsule": (Capsule, {"from": "start", "to": "end", "radius": "radius"}),
-    "half_space": (HalfSpace, {"normal": "normal", "offset": "offset"}),
-    "mesh": (Mesh, {"vertices": "vertices"}),
-    "cloud": (Cloud, {"points": "points", "radius": "radius"}),
-}
-"""type: class, and the attribute of each field; every type may have its own clearance and a motion as well"""
 
 
 def obstacle_fields(obstacle: Obstacle) -> dict[str, Any]:
     """Return the fields of an obstacle."""
-    kind, names = next((k, names) for k, (c, names) in _FIELDS.items() if isinstance(obstacle, c))
-    fields: dict[str, Any] = {"type": kind}
-    for field, attribute in names.items():
+    fields: dict[str, Any] = {"type": next(k for k, c in KINDS.items() if type(obstacle) is c)}
+    for field, attribute in obstacle.FIELDS.items():
         value = getattr(obstacle, attribute)
         fields[field] = value.tolist() if hasattr(value, "tolist") else value
     if obstacle.clearance is not None:
@@ -66,15 +50,16 @@ def obstacle_from_fields(value: Any, folder: Path | None = None) -> Obstacle:
         InputError: a field is missing, unknown or not legal.
     """
     kind = value.get("type") if isinstance(value, Mapping) else None
-    if isinstance(value, Mapping) and not (isinstance(kind, str) and kind in _FIELDS):
-        legal = ", ".join(map(repr, _FIELDS))
+    if isinstance(value, Mapping) and not (isinstance(kind, str) and kind in KINDS):
+        legal = ", ".join(map(repr, KINDS))
         raise InputError(
             f"type: {spelled(kind)} given; legal: {legal} (a sphere of radius 0 is a point)"
-            + did_you_mean(kind, _FIELDS)
+            + did_you_mean(kind, KINDS)
         )
     if kind == "cloud" and "file" in value:
         return _cloud_of_file(value, folder)
-    make, names = _FIELDS[kind or "sphere"]
+    make = KINDS[kind or "sphere"]
+    names = make.FIELDS
     turned = ROTATION_FIELDS if "quaternion" in names else ()
     needed = [name for name in names if name not in turned]
     fields = only_fields(value, ("type", *needed), (*turned, "clearance", "motion"))

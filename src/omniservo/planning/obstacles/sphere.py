@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
+from omniservo.planning.obstacles.core import Core
 from omniservo.short_repr import short_repr
 
 
@@ -30,6 +32,8 @@ class Sphere:
     motion: FloatArray | None = None
     """displacement at w (3, k+1), highest power first [m], k ≤ 16, read-only; None: it stands still"""
 
+    FIELDS: ClassVar = {"center": "center", "radius": "radius"}
+
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
@@ -38,9 +42,18 @@ class Sphere:
         object.__setattr__(self, "clearance", own_clearance(self.clearance))
         object.__setattr__(self, "motion", own_motion(self.motion))
 
+    @property
+    def core(self) -> Core:
+        """What the proof separates from the path."""
+        return Core(self.center, np.eye(3), np.zeros(3), self.radius)
+
     def distance(self, points: FloatArray) -> FloatArray:
         """Return the distance of points (k, 3) to the surface [m] (k,), negative inside.
 
         Where it stands without its motion.
         """
         return np.asarray(np.linalg.norm(points - self.center, axis=1) - self.radius)
+
+    def grown(self, metres: float) -> Self:
+        """Return one that holds all within so many metres of it."""
+        return replace(self, radius=self.radius + metres)

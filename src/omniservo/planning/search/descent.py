@@ -21,9 +21,9 @@ from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
 from omniservo.planning.constraints.occlusion import push_sight
 from omniservo.planning.constraints.place import AT, place
-from omniservo.planning.constraints.push import ASLEEP
+from omniservo.planning.constraints.push import ASLEEP, Samples
 from omniservo.planning.constraints.separation import push_off_bodies
-from omniservo.planning.constraints.visibility import push_into_image
+from omniservo.planning.constraints.visibility import push_into_image, push_off_disc
 from omniservo.planning.constraints.workspace import push_into_box
 from omniservo.planning.search.path_family import PathFamily, path_controls
 
@@ -70,55 +70,31 @@ def room_for(samples: int, points: int) -> Room:
     )
 
 
-@kernel
-def groups(constraints: Constraints) -> int:
-    """Return how many targets there are.
-
-    Limits, dead zone, least distance, spheres' clearances and sights, walls, bodies' clearances and sights,
-    half-spaces, polygons of the mask, clouds' clearances and sights.
-    """
-    hiding = constraints.obstacles.shape[0] + constraints.bodies.shape[0] + constraints.clouds.shape[0]
-    alone = constraints.planes.shape[0] + constraints.mask_firsts.shape[0] - 1
-    return int(constraints.limits.shape[0] + 2 * hiding + alone + 8)
-
-
 @inlined
-def push_all(
-    constraints: Constraints,
-    poses: FloatArray,
-    camera_points: FloatArray,
-    targets: FloatArray,
-    least: FloatArray,
-    systems: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Let every family push at all samples; ``targets``, ``least`` in the order of `groups`."""
-    k, m = constraints.limits.shape[0], constraints.obstacles.shape[0]
-    points, obstacles, ell = constraints.points, constraints.obstacles, constraints.ell
-    push_into_image(constraints.limits, constraints.disc, camera_points, targets, least, systems, costs)
-    push_from_points(points, constraints.least_distance, poses, ell, k + 1, targets, least, systems, costs)
-    push_from_obstacles(obstacles, poses, ell, k + 2, targets, least, systems, costs)
-    if constraints.occlusion:
-        push_sight(points, obstacles, poses, ell, k + 2 + m, targets, least, systems, costs)
-    push_into_box(constraints.box, poses, ell, k + 2 + 2 * m, targets, least, systems, costs)
-    first, bodies = k + 8 + 2 * m, constraints.bodies
-    if bodies.shape[0] > 0:
-        hidden = points if constraints.occlusion else points[:0]
-        hulls, motions = constraints.hulls, constraints.motions
-        push_off_bodies(bodies, hulls, motions, hidden, poses, ell, first, targets, least, systems, costs)
-    first += 2 * bodies.shape[0]
-    push_to_free_side(
-        constraints.planes, constraints.motions, poses, ell, first, targets, least, systems, costs
+def push_all(constraints: Constraints, samples: Samples) -> None:
+    """Let every family push at all samples."""
+    points, obstacles, ell, slots = (
+        constraints.points,
+        constraints.obstacles,
+        constraints.ell,
+        constraints.slots,
     )
-    first += constraints.planes.shape[0]
-    edges, firsts = constraints.mask_edges, constraints.mask_firsts
-    push_off_masks(edges, firsts, camera_points, first, targets, least, systems, costs)
-    first += firsts.shape[0] - 1
+    push_into_image(constraints.limits, samples, slots.limits)
+    if constraints.disc.shape[0] > 0:
+        push_off_disc(constraints.disc, samples, slots.dead_zone)
+    push_from_points(points, constraints.least_distance, ell, samples, slots.least_distance)
+    push_from_obstacles(obstacles, ell, samples, slots.obstacles)
+    if constraints.occlusion:
+        push_sight(points, obstacles, ell, samples, slots.sights)
+    push_into_box(constraints.box, ell, samples, slots.walls)
+    if constraints.bodies.shape[0] > 0:
+        push_off_bodies(constraints, samples)
+    push_to_free_side(constraints.planes, constraints.motions, ell, samples, slots.planes)
+    push_off_masks(constraints.mask_edges, constraints.mask_firsts, samples, slots.masks)
     if constraints.clouds.shape[0] > 0:
-        push_off_clouds(constraints, poses, first, targets, least, systems, costs)
+        push_off_clouds(constraints, samples)
         if constraints.occlusion:
-            first += constraints.clouds.shape[0]
-            push_sights_off_clouds(constraints, poses, first, targets, least, systems, costs)
+            push_sights_off_clouds(constraints, samples)
 
 
 @kernel
@@ -232,7 +208,7 @@ def linearise(
         poses[s, AT] = family.places[s]
         clear(systems[s])
         costs[s] = 0.0
-    push_all(constraints, poses, camera_points, targets, least, systems, costs)
+    push_all(constraints, Samples(poses, camera_points, targets, least, systems[:count], costs[:count]))
     cost = add_bending(family, x, pull, normal)
     for s in range(count):
         if costs[s] > 0.0:

@@ -10,7 +10,7 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.search.descent import PLENTY, Room, fill, groups, room_for
+from omniservo.planning.search.descent import PLENTY, Room, fill, room_for
 from omniservo.planning.search.effort_steps import bend, step_to_least_effort
 from omniservo.planning.search.path_family import (
     MAX_SAMPLES,
@@ -108,7 +108,7 @@ def leads_back(constraints: Constraints, family: PathFamily, x: FloatArray, opti
     """
     set_uniform_samples(family, LOOKS)
     room = held(room_for(LOOKS, constraints.points.shape[0]))
-    asleep, trial = np.empty(groups(constraints)), np.empty_like(x)
+    asleep, trial = np.empty(constraints.slots.total), np.empty_like(x)
     levels = np.empty((LOOKS, asleep.shape[0]))
     fill(asleep, LOOKED_AT)
     for i in range(optima.shape[0]):

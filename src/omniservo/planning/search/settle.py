@@ -13,7 +13,7 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import power_from_bernstein
 from omniservo.geometry.subdivision import PROVEN, REFUTED
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.search.descent import descend, fill, groups, linearise, reached, room_for
+from omniservo.planning.search.descent import descend, fill, linearise, reached, room_for
 from omniservo.planning.search.path_family import (
     PathFamily,
     add_sample,
@@ -53,7 +53,7 @@ def end_values(constraints: Constraints, family: PathFamily) -> FloatArray:
     add_sample(family, 0.0)
     add_sample(family, 1.0)
     size = unknowns(family)
-    least = np.empty(groups(constraints))
+    least = np.empty(constraints.slots.total)
     targets = np.empty(least.shape[0])
     fill(targets, -math.inf)
     room = held(room_for(2, constraints.points.shape[0]))

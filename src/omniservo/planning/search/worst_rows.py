@@ -10,7 +10,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import AT, place
-from omniservo.planning.constraints.push import ASLEEP
+from omniservo.planning.constraints.push import ASLEEP, Samples
 from omniservo.planning.search.descent import Room, fill, push_all
 from omniservo.planning.search.path_family import PathFamily, path_controls
 
@@ -47,7 +47,9 @@ def look_at_samples(
 def _push_at(constraints: Constraints, room: Room, s: int, targets: FloatArray, least: FloatArray) -> None:
     """Let every family push at sample s alone."""
     poses, points = room.poses[s : s + 1], room.camera_points[s : s + 1]
-    push_all(constraints, poses, points, targets, least, room.systems[s : s + 1], room.costs[s : s + 1])
+    push_all(
+        constraints, Samples(poses, points, targets, least, room.systems[s : s + 1], room.costs[s : s + 1])
+    )
 
 
 @kernel

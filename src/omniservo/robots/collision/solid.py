@@ -18,9 +18,17 @@ from omniservo.robots.collision.exact_vertices import add_hull
 from omniservo.robots.collision.plain import PLAIN
 from omniservo.short_repr import short_repr
 
-Kind = Literal["sphere", "capsule", "cylinder", "box", "hull", "half_space"]
+Kind = Literal["sphere", "capsule", "cylinder", "box", "ellipsoid", "hull", "half_space"]
 
-SIZES: dict[Kind, int] = {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0, "half_space": 0}
+SIZES: dict[Kind, int] = {
+    "sphere": 1,
+    "capsule": 2,
+    "cylinder": 2,
+    "box": 3,
+    "ellipsoid": 3,
+    "hull": 0,
+    "half_space": 0,
+}
 
 _THINNEST = 1e-6
 """What is thinner is taken to be so thick [m]: MuJoCo knows no body without a size."""
@@ -39,8 +47,8 @@ class Solid:
     """what it is called in results"""
     kind: Kind
     size: FloatArray
-    """sphere: radius. Capsule, cylinder: radius, half of the axis, which is z. Box: half extents. Hull, and
-    half-space, which is all of z ≤ 0: none. [m], read-only"""
+    """sphere: radius. Capsule, cylinder: radius, half of the axis, which is z. Box: half extents. Ellipsoid:
+    radii. Hull, and half-space, which is all of z ≤ 0: none. [m], read-only"""
     pose: RigidTransform
     """its own frame in that one"""
     vertices: FloatArray | None = None
@@ -88,12 +96,14 @@ class Solid:
         """Of the ball about its own origin that holds it [m]; not of a hull or a half-space."""
         if self.kind in ("sphere", "capsule"):
             return float(self.size.sum())
+        if self.kind == "ellipsoid":
+            return float(self.size.max())
         return float(np.linalg.norm(self.size))
 
     @property
     def half_extents(self) -> FloatArray:
         """Of the box along its axes that holds it (3,) [m]; not of a hull or a half-space."""
-        if self.kind == "box":
+        if self.kind in ("box", "ellipsoid"):
             return self.size
         across = float(self.size[0])
         half = across if self.kind == "sphere" else float(self.size[1])
@@ -125,6 +135,7 @@ _GEOMS: dict[Kind, Any] = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "hull": mujoco.mjtGeom.mjGEOM_MESH,
     "half_space": mujoco.mjtGeom.mjGEOM_PLANE,
 }
