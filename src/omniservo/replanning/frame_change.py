@@ -10,8 +10,6 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.degrees import HIGHEST_DEGREE, Degrees
-from omniservo.planning.obstacles.box import Box
-from omniservo.planning.obstacles.ellipsoid import Ellipsoid
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
@@ -63,10 +61,10 @@ def seen_from(obstacle: Obstacle, here: RigidTransform, w: float) -> Obstacle:
     changes: dict[str, Any] = {
         name: moved(here, getattr(obstacle, name)) for name in _POINTS if hasattr(obstacle, name)
     }
-    if isinstance(obstacle, Box | Ellipsoid):
-        changes["quaternion"] = (here.rotation * Rotation.from_quat(obstacle.quaternion)).as_quat()
-    elif isinstance(obstacle, HalfSpace):
+    if isinstance(obstacle, HalfSpace):
         changes = _turned_side(obstacle, here)
+    elif (turned := getattr(obstacle, "quaternion", None)) is not None:
+        changes["quaternion"] = (here.rotation * Rotation.from_quat(turned)).as_quat()
     if obstacle.motion is not None:
         changes["motion"] = shifted_motion(obstacle.motion, here.rotation, w)
     return replace(obstacle, **changes)
