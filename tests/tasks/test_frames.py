@@ -42,6 +42,7 @@ NORMAL = np.array([0.6, 0.0, 0.8])
 SPOTS = {
     "sphere": [[0.1, 0.2, 0.3]],
     "capsule": [[0.1, 0.2, 0.3], [-0.1, 0.1, 0.5]],
+    "mesh": [[0.3, 0.2, 0.1], [0.4, 0.2, 0.1], [0.3, 0.3, 0.1], [0.3, 0.2, 0.2]],
     "cloud": [[0.3, 0.2, 0.1], [0.1, 0.25, 0.4], [0.0, -0.4, 0.4]],
 }
 
@@ -71,6 +72,7 @@ def known(frame, initial_T):
             {"type": "cylinder", "from": spots["capsule"][0], "to": spots["capsule"][1], "radius": 7},
             {"type": "ellipsoid", **ellipsoid(initial_T)},
             {"type": "cloud", "points": spots["cloud"], "radius": 3},
+            {"type": "mesh", "vertices": spots["mesh"]},
             {"type": "half_space", "normal": normal.tolist(), "offset": float(1e3 * offset)},
             {"type": "box", **block(initial_T)},
         )

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.urdf_arms import urdf
 
 from omniservo.camera_files import save_camera
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
+from omniservo.planning import Sphere
 from omniservo.robots import load_arm
 from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
@@ -223,6 +225,36 @@ def test_a_cloud_is_read_from_its_file_in_the_units_of_the_task(tmp_path):
     np.testing.assert_allclose(
         load_task(written(tmp_path, inline)).planning.obstacles[0].obstacle.points, points * 1e-3
     )
+
+
+def test_a_mesh_is_read_from_its_file_part_by_part_turned_and_moved(tmp_path):
+    """Two boxes in one file in inches, in a task in millimetres."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=float)
+    lines = []
+    for part, shift in enumerate(([0, 0, 0], [5, 0, 0])):
+        lines += [f"v {x} {y} {z}" for x, y, z in corners + shift]
+        hull = ConvexHull(corners)
+        for face, equation in zip(hull.simplices, hull.equations, strict=True):
+            a, b, c = corners[face]
+            face = face if np.cross(b - a, c - a) @ equation[:3] > 0 else face[::-1]
+            lines.append("f " + " ".join(str(1 + 8 * part + k) for k in face))
+    (tmp_path / "boxes.obj").write_text("\n".join(lines))
+    mesh = {"type": "mesh", "file": "boxes.obj", "units": "in", "translation": [0, 0, 100], "clearance": 7}
+    turned = {**mesh, "rotation_vector": [0, 0, 90]}
+    task = load_task(written(tmp_path, changed("planning.obstacles", [turned, {"center": [10, 0, 0]}])))
+    *parts, ball = (section.obstacle for section in task.planning.obstacles)
+    assert (len(parts), type(ball)) == (2, Sphere)
+    for part, shift in zip(parts, ([0, 0, 0], [5, 0, 0]), strict=True):
+        x, y, z = (0.0254 * (corners + shift)).T
+        expected = np.column_stack([-y, x, z + 0.1])
+        np.testing.assert_allclose(np.sort(part.vertices, axis=0), np.sort(expected, axis=0), atol=1e-12)
+        assert (part.file, part.clearance) == ("boxes.obj", pytest.approx(0.007))
+    moved = task.planning.obstacles[0].transformed(RigidTransform.from_translation([0.1, 0.0, 0.0])).obstacle
+    np.testing.assert_allclose(moved.vertices - parts[0].vertices, np.tile([0.1, 0.0, 0.0], (8, 1)))
+    with pytest.raises(InputError, match=r"planning\.obstacles\.0\.file: given beside vertices"):
+        load_task(written(tmp_path, changed("planning.obstacles", [{**mesh, "vertices": []}])))
+    with pytest.raises(InputError, match=r"planning\.obstacles\.0\.file: .*missing\.obj"):
+        load_task(written(tmp_path, changed("planning.obstacles", [{**mesh, "file": "missing.obj"}])))
 
 
 @pytest.mark.parametrize(

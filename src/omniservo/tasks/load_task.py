@@ -6,18 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from omniservo.camera_files import load_camera, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
-from omniservo.planning.obstacles.cloud_file import read_cloud
-from omniservo.planning.obstacles.file_unit import UNIT_FIELDS, file_unit
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.fields_at import fields_at
+from omniservo.tasks.obstacle_files import with_obstacle_files
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
 from omniservo.tasks.task_files import TaskFiles
@@ -63,7 +61,7 @@ def _from_file(
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), files)
-    fields["planning"] = _found_clouds(fields.get("planning", {}), files, context["length"])
+    fields["planning"] = with_obstacle_files(fields.get("planning", {}), files, context["length"])
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
         fields["arm"] = _found_mount(_found_arm(fields["arm"], files, packages), files)
@@ -137,44 +135,6 @@ def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
     else:
         tube = TrackingTube.load(files.path("planning.tracking_tube", named))
     return {**planning, "tracking_tube": tube}
-
-
-def _found_clouds(planning: Any, files: TaskFiles, metres: float) -> Any:
-    """Return the section with the points of clouds in the place of their files."""
-    given = planning.get("obstacles") if isinstance(planning, dict) else None
-    if not isinstance(given, list):
-        return planning
-    return {**planning, "obstacles": [_found_cloud(o, i, files, metres) for i, o in enumerate(given)]}
-
-
-def _found_cloud(obstacle: Any, number: int, files: TaskFiles, metres: float) -> Any:
-    """Return an obstacle with the points of its file, in units of ``metres``, if it is a cloud's."""
-    if not isinstance(obstacle, dict) or obstacle.get("type") != "cloud" or "file" not in obstacle:
-        return obstacle
-    place, name = f"planning.obstacles.{number}", obstacle["file"]
-    own = f"{place}.file"
-    field = f"{files.source}: {own}"
-    if "points" in obstacle:
-        raise InputError(f"{field}: given beside points; legal: one of the two")
-    if not isinstance(name, str):
-        raise InputError(f"{field}: {spelled(name)} given; a path is needed")
-    try:
-        points = read_cloud(files.path(own, name))
-    except InputError as error:
-        raise InputError(str(error) if str(error).startswith(field) else f"{field}: {error}") from None
-    bad = ~np.isfinite(points).all(axis=1)
-    if bad.any():
-        raise InputError(
-            f"{field}: {name}: {int(bad.sum())} of {len(points)} points are not finite, the first is number "
-            f"{int(np.argmax(bad))}; leave them out"
-        )
-    try:
-        unit = file_unit(obstacle)
-    except InputError as error:
-        raise InputError(f"{files.source}: {place}.{error}") from None
-    points = points if unit is None else points * (unit / metres)
-    rest = {key: value for key, value in obstacle.items() if key not in UNIT_FIELDS}
-    return {**rest, "points": points.tolist()}
 
 
 def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:

@@ -10,12 +10,15 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, field_validator
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.planning import Box, Capsule, Cloud, Cylinder, Ellipsoid, HalfSpace, Sphere
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Box, Capsule, Cloud, Cylinder, Ellipsoid, HalfSpace, Mesh, Sphere
 from omniservo.planning.checks import NEAR_UNIT
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
+from omniservo.planning.obstacles.mesh import MOST_GIVEN
 from omniservo.tasks.framed import Framed
 from omniservo.tasks.placed import Block, Placed
 from omniservo.tasks.quantities import Direction, Length, NonNegativeLength, Point, PositiveLength
+from omniservo.tasks.turned import Turned
 
 
 class _Obstacle(Framed):
@@ -127,6 +130,36 @@ class HalfSpaceSection(_Obstacle):
         return HalfSpace(np.array(self.normal), self.offset, self.clearance)
 
 
+class MeshSection(Turned, _Obstacle):
+    """The convex hull of vertices, turned, then moved."""
+
+    type: Literal["mesh"]
+    vertices: Annotated[tuple[Point, ...], Field(min_length=4, max_length=MOST_GIVEN)]
+    """in the task's file in their place ``file``: an STL, OBJ or DAE, in the task's units or in those that
+    ``units`` or ``scale`` beside it state; each closed convex part of it is an obstacle"""
+    translation: Point = (0.0, 0.0, 0.0)
+    """[m]"""
+    file: str | None = None
+    """name of the file in which they stand"""
+
+    def transformed(self, a_T_b: RigidTransform) -> Self:
+        """Return the same, stated in frame b, in frame a."""
+        there = a_T_b.apply(self._placed).tolist()
+        return type(self)(  # not a copy, which would keep the obstacle of the old place
+            type="mesh", vertices=there, clearance=self.clearance, file=self.file
+        )
+
+    @cached_property
+    def obstacle(self) -> Mesh:
+        """The planner's obstacle."""
+        return Mesh(self._placed, self.clearance, file=self.file)
+
+    @property
+    def _placed(self) -> FloatArray:
+        placed: FloatArray = self.rotation.apply(np.array(self.vertices)) + self.translation
+        return placed
+
+
 class CloudSection(_Obstacle):
     """Balls of one radius about many points: what a depth camera saw."""
 
@@ -163,6 +196,7 @@ ObstacleSection = Annotated[
         | CylinderSection
         | EllipsoidSection
         | HalfSpaceSection
+        | MeshSection
         | CloudSection,
         Field(discriminator="type"),
     ],
