@@ -20,6 +20,8 @@ _LIGHT = np.array([-0.55, 0.25, 0.80])
 _TO_LIGHT = _LIGHT / np.linalg.norm(_LIGHT)
 _AMBIENT = 0.68
 _GEOM_GROUPS = 6
+_ROOM = 1.0 + 1e-9
+"""A ball's radius is rounded; what lies on it is met."""
 
 
 class RayCaster:
@@ -35,7 +37,7 @@ class RayCaster:
             world: what is looked at.
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
         """
-        self._model = _unculled(world.model)
+        self._model = _with_true_balls(world.model)
         self._data = mujoco.MjData(self._model)
         self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
         self._groups[[SURROUNDINGS_GROUP, ARM_GROUP]] = 1
@@ -80,17 +82,20 @@ class RayCaster:
         return geoms, distances, normals.reshape(count, 3)
 
 
-def _unculled(model: Any) -> Any:
-    """Return the model for rays that are tried on every link: MuJoCo leaves out some that would meet it.
+def _with_true_balls(model: Any) -> Any:
+    """Return the model for rays, with balls round each body's shapes that hold all that is seen of it.
 
-    It first asks for a ball round the link's touched shapes (MuJoCo 3.17): that ball is misplaced where the
-    link's inertia is stated off its origin with skew axes, and pictures that stick out of it are not met.
+    MuJoCo first asks whether a ray meets a body's ball (3.17): its own holds the shapes that are touched, and
+    is misplaced where the body's inertia is stated off its origin with skew axes. Pictures that stick out of
+    it would not be met. Its centre is placed relative to the body's centre of mass, which is taken here.
     """
-    unculled = copy(model)
-    trees = unculled.body_bvhadr[1:]
-    trees = trees[trees >= 0]
-    unculled.bvh_aabb[trees, 3:] = np.maximum(unculled.bvh_aabb[trees, 3:], _FARTHEST)  # a floor's is larger
-    return unculled
+    model = copy(model)
+    reach = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1) + model.geom_rbound
+    reach[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = _FARTHEST
+    for first, geoms, tree in zip(model.body_geomadr, model.body_geomnum, model.body_bvhadr, strict=True):
+        if tree >= 0:
+            model.bvh_aabb[tree] = [0.0, 0.0, 0.0, _ROOM * reach[first : first + geoms].max(), 0.0, 0.0]
+    return model
 
 
 def daylight(normals: FloatArray) -> FloatArray:
