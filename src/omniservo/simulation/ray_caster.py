@@ -30,17 +30,19 @@ class RayCaster:
     It owns MjData, so each thread needs its own; the cast releases the interpreter lock.
     """
 
-    def __init__(self, world: World, *, sees_camera: bool) -> None:
+    def __init__(self, world: World, *, sees_camera: bool, sees_arm: bool = True) -> None:
         """Prepare.
 
         Args:
             world: what is looked at.
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
+            sees_arm: whether the arm's links are.
         """
         self._model = _with_true_balls(world.model)
         self._data = mujoco.MjData(self._model)
         self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
-        self._groups[[SURROUNDINGS_GROUP, ARM_GROUP]] = 1
+        self._groups[SURROUNDINGS_GROUP] = 1
+        self._groups[ARM_GROUP] = int(sees_arm)
         self._groups[CAMERA_GROUP] = int(sees_camera)
 
     def pose_arm(self, q: FloatArray) -> Any:
@@ -48,6 +50,14 @@ class RayCaster:
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self._model, self._data)
         return self._data
+
+    def balls(self) -> tuple[FloatArray, FloatArray]:
+        """Return centres (k, 3) and radii (k,) [m] of balls round all that moves with the arm and is seen."""
+        moves = (self._groups[self._model.geom_group] > 0) & (self._model.geom_group != SURROUNDINGS_GROUP)
+        radii = np.where(
+            self._model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, np.inf, self._model.geom_rbound
+        )
+        return self._data.geom_xpos[moves], radii[moves]
 
     def cast(
         self, origin: FloatArray, directions: FloatArray
