@@ -228,7 +228,7 @@ class OutsideView:
 
     def _edges(self, image: FloatArray, panels: IntArray) -> BoolArray:
         """Where neighbours differ; within a panel its picture is averaged over each pixel already."""
-        printed = (panels >= 0) & ~differs_from_neighbour(panels, 0)
+        printed = (panels >= 0) & ~differs_from_neighbour(panels)
         return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST) & ~printed
 
     def _colours_at(
