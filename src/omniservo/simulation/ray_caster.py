@@ -38,12 +38,12 @@ class RayCaster:
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
             sees_arm: whether the arm's links are.
         """
-        self._model = _with_true_balls(world.model)
-        self._data = mujoco.MjData(self._model)
         self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
         self._groups[SURROUNDINGS_GROUP] = 1
         self._groups[ARM_GROUP] = int(sees_arm)
         self._groups[CAMERA_GROUP] = int(sees_camera)
+        self._model = _for_rays(world.model, self._groups)
+        self._data = mujoco.MjData(self._model)
 
     def pose_arm(self, q: FloatArray) -> Any:
         """Put the arm into the joints ``q`` (n,) [rad] and return the MjData with its kinematics."""
@@ -92,12 +92,14 @@ class RayCaster:
         return geoms, distances, normals.reshape(count, 3)
 
 
-def _with_true_balls(model: Any) -> Any:
-    """Return the model for rays, with balls round each body's shapes that hold all that is seen of it.
+def _for_rays(model: Any, groups: NDArray[np.uint8]) -> Any:
+    """Return the model for rays that see the groups, in which MuJoCo asks less, and nothing wrong.
 
-    MuJoCo first asks whether a ray meets a body's ball (3.17): its own holds the shapes that are touched, and
-    is misplaced where the body's inertia is stated off its origin with skew axes. Pictures that stick out of
-    it would not be met. Its centre is placed relative to the body's centre of mass, which is taken here.
+    It first asks whether a ray meets a body's ball (3.17), then for each shape whether it lies in the angles
+    of the shape's box. Its own ball holds the shapes that are touched, and is misplaced where the body's
+    inertia is stated off its origin with skew axes: what sticks out of it would not be met. Here it lies
+    round the body's centre of mass, where MuJoCo puts it, and holds all shapes. What stands around is asked
+    for by its boxes alone: all of it counts as one body, and bodies without shapes that are seen as none.
     """
     model = copy(model)
     reach = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1) + model.geom_rbound
@@ -105,6 +107,15 @@ def _with_true_balls(model: Any) -> Any:
     for first, geoms, tree in zip(model.body_geomadr, model.body_geomnum, model.body_bvhadr, strict=True):
         if tree >= 0:
             model.bvh_aabb[tree] = [0.0, 0.0, 0.0, _ROOM * reach[first : first + geoms].max(), 0.0, 0.0]
+    seen = groups[model.geom_group] > 0
+    around = np.flatnonzero(model.geom_group == SURROUNDINGS_GROUP)
+    if len(around) and np.ptp(around) + 1 == len(around):  # a body's shapes follow one another
+        holder = model.geom_bodyid[around[0]]
+        model.body_geomnum[holder] = len(around)
+        model.bvh_aabb[model.body_bvhadr[holder], 3] = _FARTHEST
+        seen[around[1:]] = False
+    passed = np.setdiff1d(np.arange(model.nbody), model.geom_bodyid[seen])
+    model.body_geomnum[passed], model.body_bvhadr[passed] = 0, -1
     return model
 
 
