@@ -197,6 +197,14 @@ def test_a_damaged_file_and_one_of_another_signature_are_not_used(compiled):
     assert loaded(cache, other) is None
 
 
+def test_what_is_only_called_leaves_its_bitcode_unread(compiled):
+    cache, anew, signature, _ = compiled
+    library = loaded(cache, signature).library
+    assert library._get_module_for_linking.cache_info().currsize == 0
+    linked = library._get_module_for_linking()
+    assert not linked.get_function(anew.overloads[signature].fndesc.mangled_name).is_declaration
+
+
 def test_a_folder_that_cannot_be_written_is_no_error(compiled, tmp_path, monkeypatch):
     cache, anew, signature, _ = compiled
     (tmp_path / "file").write_text("no folder")
@@ -251,3 +259,5 @@ def test_the_private_parts_of_numba_that_are_used_are_those_that_were_tried(comp
     assert callable(result._reduce)
     assert callable(type(result)._rebuild)
     assert result.library.has_dynamic_globals is False
+    assert callable(result.library._get_module_for_linking)
+    assert isinstance(result.library.codegen._engine._defined_symbols, set)

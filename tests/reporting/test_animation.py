@@ -1,5 +1,6 @@
 """The animation: a GIF that loops, in the run's own time, small."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from PIL import Image
 
 from omniservo.reporting import write_animation
+from omniservo.reporting.animation import animation_bytes
 from omniservo.simulation.run_result import Film
 
 
@@ -41,6 +43,12 @@ def test_animation_moves_on_both_sides(gif):
     change = np.abs(last - first).sum(axis=-1)
     assert (change[:270, :400] > 100).sum() > 100
     assert (change[:270, 420:] > 100).sum() > 100
+
+
+def test_the_page_of_the_animation_is_white(run):
+    views = tuple(np.where(view[..., :1] > 127, np.uint8([255, 255, 250]), view) for view in run.film.outside)
+    with Image.open(io.BytesIO(animation_bytes(replace(run, film=replace(run.film, outside=views))))) as film:
+        assert film.convert("RGB").getpixel((film.width - 1, film.height - 1)) == (255, 255, 255)
 
 
 def test_noise_of_the_camera_costs_few_bytes(made_up_run, tmp_path):

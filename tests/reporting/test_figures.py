@@ -47,6 +47,20 @@ def test_figures_do_not_touch_matplotlibs_settings(run):
     assert dict(mpl.rcParams) == before
 
 
+def test_a_figure_is_drawn_once_for_its_pixels_and_once_for_its_lines(run, monkeypatch):
+    drawing, draws = next(drawings(run)), []
+    once = type(drawing.figure).draw
+
+    def counted(figure, renderer):
+        draws.append(renderer)
+        once(figure, renderer)
+
+    monkeypatch.setattr(type(drawing.figure), "draw", counted)
+    for ending in ("png", "svg", "webp", "png"):
+        assert image_bytes(drawing, ending)
+    assert len(draws) == 2
+
+
 def test_equal_runs_give_equal_files(made_up_run):
     def once():
         drawing = next(d for d in drawings(made_up_run()) if d.name == "clearance")

@@ -76,6 +76,19 @@ def test_picture_follows_the_arm(make_scene):
     np.testing.assert_array_equal(first, again)
 
 
+@pytest.mark.parametrize("shadow_rays", [0, 1, 3])
+def test_a_films_pictures_are_those_that_are_drawn_whole(make_scene, shadow_rays):
+    post = SceneBox("post", RigidTransform.from_translation([0.45, -0.3, 0.3]), [0.05] * 3)
+    world = World(make_scene(obstacles=(post,)))
+    whole, film = (
+        OutsideView(world, width=240, height=180, shadow_rays=shadow_rays, films=films)
+        for films in (False, True)
+    )
+    for turn in (0.0, 0.6, -1.0):
+        joints = world.scene.start_joints + turn * np.array([1.0, 0.3, -0.5, 0.0, 1.0, 0.0])
+        np.testing.assert_array_equal(film.render(joints), whole.render(joints))
+
+
 def test_impossible_viewpoints_are_refused(make_scene):
     world = World(make_scene())
     with pytest.raises(InputError, match="above each other"):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import preset
 from omniservo.robots import Arm, load_arm, shipped_arms
-from omniservo.simulation import Scene, World
+from omniservo.simulation import Scene, SceneBox, World
 from omniservo.simulation.ray_caster import RayCaster
 
 _LINK = """<link name="l{k}">
@@ -34,11 +34,17 @@ def skew_arm(folder):
 def test_rays_meet_what_each_meets_alone(tmp_path, name):
     arm = skew_arm(tmp_path) if name == "skew" else load_arm(name)
     nowhere, middle = RigidTransform.identity(), arm.joint_range.mean(axis=1)
-    world = World(Scene(arm, nowhere, nowhere, preset("perspective"), middle))
+    posts = [
+        SceneBox(f"post {k}", RigidTransform.from_translation([0.4, 0.3 * k, 0.2]), [0.1] * 3)
+        for k in range(3)
+    ]
+    scene = Scene(arm, nowhere, nowhere, preset("perspective"), middle, obstacles=posts, floor=-0.3)
+    world = World(scene)
     caster, groups = RayCaster(world, sees_camera=True), np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
     rng = np.random.default_rng(0)
     for q in rng.uniform(*(middle + 0.5 * (arm.joint_range.T - middle)), (4, arm.dof)):
-        data = caster.pose_arm(q)
+        caster.pose_arm(q)
+        data = world.data_at(q)
         shown = np.flatnonzero(world.model.geom_group <= 2)
         eye = 1.5 * arm.reach * np.array([0.8, -0.5, 0.5])
         aims = data.geom_xpos[rng.choice(shown, 1500)] + rng.normal(0.0, 0.05, (1500, 3))

@@ -18,7 +18,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linprog
 
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.distorted_mask import distort
@@ -201,6 +200,8 @@ def _largest_convex(angles: FloatArray, least: FloatArray) -> FloatArray:
     g = least
     if (conditions @ g <= 0.0).all():
         return g
+    from scipy.optimize import linprog  # slow to import, and few images are distorted so far
+
     bounds = [(float(x), 50.0 * float(x)) for x in least]
     area = 0.0
     for _ in range(_ROUNDS):

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras.cylindrical_view import CylindricalView
@@ -162,6 +161,8 @@ def _orientation(direction: npt.ArrayLike, up: npt.ArrayLike | None) -> Rotation
 
 
 def _resampled(source: npt.NDArray[Any], pixels: FloatArray, valid: BoolArray) -> npt.NDArray[Any]:
+    from scipy.ndimage import map_coordinates  # slow to import, and few views are resampled
+
     coordinates = [np.where(valid, pixels[..., 1], 0.0), np.where(valid, pixels[..., 0], 0.0)]
     channels = source[..., None] if source.ndim == 2 else source
     planes = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -17,6 +18,9 @@ from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, v
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, TERMINATED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import AlreadyExists, InputError, NoSolutionError
+
+_GARBAGE = (20_000, 20, 20)
+"""Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""
 
 app = typer.Typer(
     name="omniservo",
@@ -57,6 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: what follows the program's name; None: what the process was called with.
     """
+    gc.set_threshold(*_GARBAGE)
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():

@@ -14,7 +14,8 @@ file its code under the other's signature. Here neither can happen:
 
 A wheel brings a folder of its own, for a generic processor, which is only read; the user's comes after it.
 Private parts of Numba, tried with 0.68.1: `Dispatcher._cache` and what it calls of a cache,
-`CompileResult._reduce` and `_rebuild`, `serialize.dumps`, `CodeLibrary.has_dynamic_globals`.
+`CompileResult._reduce` and `_rebuild`, `serialize.dumps`, `CodeLibrary.has_dynamic_globals` and
+`_get_module_for_linking`, `JitEngine._defined_symbols`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -79,9 +80,9 @@ class KernelCache:
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Return the code for a signature, or None where it has to be compiled."""
-        from numba.core.compiler import CompileResult
+        from numba.core.runtime import rtsys
 
-        target_context.refresh()
+        rtsys.initialize(target_context)  # all that code needs to run; `refresh` loads what compiles, too
         for folder in kernel_folders():
             try:
                 data = (folder / self._file(signature)).read_bytes()
@@ -91,9 +92,9 @@ class KernelCache:
             digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
             if hashlib.sha256(content).digest() != digest:
                 continue
-            kept, code = pickle.loads(content)  # noqa: S301 — what this user compiled, or installed with us
+            kept, symbols, code = pickle.loads(content)  # noqa: S301 — this user compiled it, or installed it
             if kept == signature:
-                return CompileResult._rebuild(target_context, *code)
+                return _linked(target_context, symbols, *code)
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
@@ -102,7 +103,7 @@ class KernelCache:
 
         if compiled.library.has_dynamic_globals or _stamps(kernel_files()) != _sources()[1]:
             return  # the latter: a file was edited while this process ran, and is not what was compiled
-        content = dumps((signature, compiled._reduce()))
+        content = dumps((signature, _symbols(compiled.library), compiled._reduce()))
         folder = user_folder()
         try:
             _begin(folder)
@@ -118,6 +119,36 @@ class KernelCache:
 
     def _file(self, signature: Any) -> str:
         return f"{self._name}-{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}.kernel"
+
+
+def _symbols(library: Any) -> tuple[str, ...]:
+    """Return what a library defines."""
+    module = library._get_module_for_linking()
+    both = [*module.functions, *module.global_variables]
+    return tuple(symbol.name for symbol in both if not symbol.is_declaration)
+
+
+def _linked(target_context: Any, symbols: tuple[str, ...], library: Any, *rest: Any) -> Any:
+    """Do what `CompileResult._rebuild` does, but read bitcode only for a caller that is compiled later.
+
+    That takes longer than all else, and what is called from Python needs its machine code alone.
+    """
+    from llvmlite.binding import parse_bitcode
+    from numba.core.compiler import CompileResult
+
+    name, kind, (machine_code, bitcode) = library
+    target_context.codegen()._engine._defined_symbols.update(symbols)
+    result = CompileResult._rebuild(target_context, (name, kind, (machine_code, _no_bitcode())), *rest)
+    result.library._get_module_for_linking = lru_cache(partial(parse_bitcode, bitcode))
+    return result
+
+
+@lru_cache
+def _no_bitcode() -> bytes:
+    from llvmlite.binding import parse_assembly
+
+    empty: bytes = parse_assembly("").as_bitcode()
+    return empty
 
 
 def user_folder() -> Path:
@@ -205,10 +236,14 @@ def _stamps(files: tuple[Path, ...]) -> list[tuple[int, int]]:
 
 def _key(processor: str, features: str) -> str:
     settings = {n: v for n, v in os.environ.items() if n.startswith("NUMBA_") and n not in (_NAME, _FEATURES)}
-    versions = version("numba"), version("llvmlite"), sys.implementation.cache_tag, sys.abiflags
     machine = sys.platform, platform.machine(), processor, features
-    parts = repr((_sources()[0], versions, sorted(settings.items()), machine))
+    parts = repr((_sources()[0], _versions(), sorted(settings.items()), machine))
     return hashlib.sha256(parts.encode()).hexdigest()[:20]
+
+
+@lru_cache
+def _versions() -> tuple[str | None, ...]:
+    return version("numba"), version("llvmlite"), sys.implementation.cache_tag, sys.abiflags
 
 
 def _begin(folder: Path) -> None:

@@ -6,7 +6,6 @@ import contextlib
 import math
 
 import numpy as np
-from scipy.optimize import minimize
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
@@ -78,6 +77,8 @@ def first_simplex(problem: PlanningProblem) -> FloatArray:
 
 def _maximise(value: _Objective, simplex: FloatArray) -> FloatArray:
     """Return the best point of Nelder–Mead on −G, stopped as soon as G > 0."""
+    from scipy.optimize import minimize  # slow to import, and few plans are searched for in this way
+
     best: FloatArray = simplex[0]
     most = value(best)
 

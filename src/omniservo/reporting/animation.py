@@ -35,6 +35,9 @@ _WAY = "#ff9d1c"
 _SWATCH = 12
 """Height of a mark's colour in the sheet that the palette is made from, so that thin lines keep theirs."""
 
+_NEARLY_WHITE = 247
+"""Pillow tells no colours apart whose parts differ by less than 8."""
+
 
 def write_animation(result: RunResult, path: Path) -> None:
     """Write the run as an endless animated GIF, in its own time; an existing file is replaced.
@@ -101,13 +104,13 @@ def _composed(
 ) -> Image.Image:
     """Put both images side by side over a line of words, after ``steps`` control steps."""
     height = outside.shape[0]
-    left, right = _scaled(camera, height), _scaled(outside, height)
+    left, right = _scaled(camera, height), Image.fromarray(outside)
     ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
     _mark(left, ways, result.goal_pixels, left.height / camera.shape[0])
-    sizes = [(picture.width // _FINE, height) for picture in (left, right)]
-    page = Image.new("RGB", (sizes[0][0] + _GAP + sizes[1][0], height + _FOOTER), "white")
-    page.paste(left.resize(sizes[0], Image.Resampling.BOX), (0, 0))
-    page.paste(right.resize(sizes[1], Image.Resampling.BOX), (sizes[0][0] + _GAP, 0))
+    left = left.reduce(_FINE)
+    page = Image.new("RGB", (left.width + _GAP + right.width, height + _FOOTER), "white")
+    page.paste(left, (0, 0))
+    page.paste(right, (left.width + _GAP, 0))
     font = ImageFont.truetype(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), _TEXT)
     words = _words(result, steps, last=last)
     ImageDraw.Draw(page).text((4, height + 6), words, fill="#1c1f24", font=font)
@@ -116,9 +119,9 @@ def _composed(
 
 def _scaled(image: ByteArray, height: int) -> Image.Image:
     """Return an image as RGB at the fine multiple of the height."""
-    picture = Image.fromarray(image).convert("RGB")
+    picture = Image.fromarray(image)
     width = _FINE * round(height * picture.width / picture.height)
-    return picture.resize((width, _FINE * height), Image.Resampling.BILINEAR)
+    return picture.resize((width, _FINE * height), Image.Resampling.BILINEAR).convert("RGB")
 
 
 def _mark(picture: Image.Image, ways: FloatArray, goal: FloatArray, scale: float) -> None:
@@ -154,4 +157,8 @@ def _shared_palette(pictures: Sequence[Image.Image]) -> Image.Image:
         sheet.paste(picture, (0, top))
         sheet.paste(_WAY, (0, top + height, width, top + height + _SWATCH))
         sheet.paste(GOAL, (0, top + height + _SWATCH, width, top + height + 2 * _SWATCH))
-    return sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    palette = sheet.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    colours[(colours > _NEARLY_WHITE).all(axis=1)] = 255  # what is as good as the page's white is that
+    palette.putpalette(colours.ravel().tolist())
+    return palette

@@ -24,7 +24,7 @@ def film_of(log: RunLog, images: Sequence[ByteArray], worlds: Sequence[World]) -
         return Film((), (), ())
     chosen = np.unique(np.linspace(0, len(log.rows) - 1, FRAMES).round().astype(int))
     views = {
-        id(world): OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=1)
+        id(world): OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=1, films=True)
         for world in dict.fromkeys(worlds[i] for i in chosen)
     }
     return Film(

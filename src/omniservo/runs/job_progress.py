@@ -7,20 +7,23 @@ from collections.abc import Callable
 Progress = Callable[[str, float], object]
 """Told a stage and the share of it, or of the whole job, that is behind."""
 
+_LOADING = 1.2
+"""[s] before the first stage: what is imported"""
+
 _SECONDS = {
-    "teaching the goal": 1.0,
-    "looking at the target": 1.0,
-    "estimating motion and structure": 1.0,
-    "planning": 2.0,
-    "following the path": 32.0,
-    "filming": 28.0,
-    "measuring the run": 4.0,
-    "drawing figures": 12.0,
-    "drawing the animation": 3.0,
+    "teaching the goal": 0.2,
+    "looking at the target": 0.1,
+    "estimating motion and structure": 0.05,
+    "planning": 0.1,
+    "following the path": 9.1,
+    "filming": 2.8,
+    "measuring the run": 0.8,
+    "drawing figures": 3.2,
+    "drawing the animation": 0.6,
 }
 """[s] of ``paper-example-1``; their ratios count"""
 
-_REPORT = 18.0
+_REPORT = 0.4
 """[s] of the report, for each run in it"""
 
 _OF_FILM = {"filming", "drawing the animation"}
@@ -38,7 +41,7 @@ class JobProgress:
     def __init__(self, tell: Progress, methods: tuple[str, ...], *, filmed: bool) -> None:
         self._tell, self._methods, self._run = tell, methods, 0
         self._seconds = {stage: s for stage, s in _SECONDS.items() if filmed or stage not in _OF_FILM}
-        self._whole = len(methods) * (sum(self._seconds.values()) + _REPORT)
+        self._whole = _LOADING + len(methods) * (sum(self._seconds.values()) + _REPORT)
 
     def begin_run(self, number: int) -> None:
         """Go on to the run of the ``number``-th method."""
@@ -48,7 +51,7 @@ class JobProgress:
         """Go on to a stage of this run, or within it to a share of it."""
         stages = list(self._seconds)
         before = sum(self._seconds[s] for s in stages[: stages.index(stage)]) + done * self._seconds[stage]
-        behind = self._run * sum(self._seconds.values()) + before
+        behind = _LOADING + self._run * sum(self._seconds.values()) + before
         name = f"{self._methods[self._run]}: {stage}" if len(self._methods) > 1 else stage
         self._tell(name, behind / self._whole)
 

@@ -72,7 +72,7 @@ def run_task(
         method: "certified" plans with proof, "paper" with the paper's own search, "ibvs" not at all.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
-        filmed: whether to render the animation's pictures, which takes nearly half of the time.
+        filmed: whether to render the animation's pictures, which takes about a fifth of the time.
         progress: told what is being done, and the share of that stage that is behind.
 
     Raises:

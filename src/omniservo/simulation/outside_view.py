@@ -20,6 +20,7 @@ from omniservo.geometry.arrays import (
     finite_array,
     finite_number,
 )
+from omniservo.simulation.arm_pixels import ArmPixels
 from omniservo.simulation.panel_pictures import Footprints, PanelPictures
 from omniservo.simulation.pixel_edges import differs_from_neighbour, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster
@@ -70,6 +71,25 @@ class Viewpoint:
         return cls(tuple(eye.tolist()), tuple(middle.tolist()))
 
 
+@dataclass(frozen=True)
+class _Look:
+    """What the pixels' centres meet."""
+
+    image: FloatArray
+    """(height, width, 3) linear colours"""
+    bodies: IntArray
+    """(height, width)"""
+    panels: IntArray
+    """(height, width) whose picture is met, −1 for none"""
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int]) -> _Look:
+        return cls(np.empty((*shape, 3)), np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64))
+
+    def copied(self) -> _Look:
+        return _Look(self.image.copy(), self.bodies.copy(), self.panels.copy())
+
+
 class OutsideView:
     """Renders a world for people: colours, a soft lamp with shadows, smooth edges."""
 
@@ -82,6 +102,7 @@ class OutsideView:
         height: int = 480,
         shadow_rays: int = 8,
         shows_camera: bool = True,
+        films: bool = False,
     ) -> None:
         """Prepare.
 
@@ -93,6 +114,8 @@ class OutsideView:
             shadow_rays: points of the lamp that each visible point is joined to; 0: no shadows, 1: hard ones.
                 Time grows with it.
             shows_camera: whether the camera in the arm's hand is in the picture.
+            films: whether what stands still is drawn once, and each picture anew only where the arm may cover
+                or shade it: for many pictures of one world.
 
         Raises:
             InputError: eye and focus coincide or stand above each other, or a number is out of range.
@@ -115,6 +138,7 @@ class OutsideView:
         focus = np.asarray(self._view.focus)
         self._lamp = focus + np.linalg.norm(self._eye - focus) * np.array([-0.35, -0.45, 1.15])
         self._lamp_points = _lamp_points(self._lamp, focus, int(shadow_rays))
+        self._still = self._without_arm() if films else None
 
     def render(self, q: npt.ArrayLike) -> ByteArray:
         """Return the picture (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (n,) [rad].
@@ -125,31 +149,65 @@ class OutsideView:
         joints = finite_array("q", q, (self._world.scene.arm.dof,))
         for caster in self._casters:
             caster.pose_arm(joints)
-        image, panels = self._first_look()
-        edge = self._edges(image, panels)
+        if self._still is None:
+            return self._drawn(self._casters, _Look.empty(self._shape), np.ones(self._shape, dtype=bool))
+        look, picture, arm = self._still
+        changed, drawn = arm.of(*self._casters[0].balls()), picture.copy()
+        drawn[changed] = self._drawn(self._casters, look.copied(), changed)[changed]
+        return drawn
+
+    def _without_arm(self) -> tuple[_Look, ByteArray, ArmPixels]:
+        """What the pixels meet without the arm, the picture of it, and what the arm may change of it."""
+        casters = [RayCaster(self._world, sees_camera=False, sees_arm=False) for _ in range(_THREADS)]
+        for caster in casters:
+            caster.pose_arm(self._world.scene.start_joints)
+        look, everywhere = _Look.empty(self._shape), np.ones(self._shape, dtype=bool)
+        picture = self._drawn(casters, look, everywhere)
+        rays = self._rays(np.argwhere(everywhere)[:, ::-1].astype(np.float64))
+        directions = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ self._axes.T
+        geoms, distances, _ = casters[0].cast(self._eye, directions)
+        points = np.where(geoms[:, None] == MISS, np.nan, self._eye + distances[:, None] * directions)
+        lamp = Viewpoint(tuple(self._lamp.tolist()), self._view.focus)
+        return (
+            look,
+            picture,
+            ArmPixels(
+                (self._eye, self._axes),
+                self._focal,
+                (self._lamp, _axes_of(lamp)),
+                _LAMP_RADIUS if len(self._lamp_points) > 1 else 0.0,
+                points.reshape(*self._shape, 3),
+            ),
+        )
+
+    def _drawn(self, casters: list[RayCaster], look: _Look, chosen: BoolArray) -> ByteArray:
+        """Return the picture, of which the ``chosen`` pixels are drawn, also in ``look``."""
+        self._first_look(casters, look, chosen)
+        edge = self._edges(look.image, look.panels) & chosen
         rows, columns = np.nonzero(edge)
         samples = np.stack([columns, rows], axis=-1)[:, None, :] + sheared_grid(_EDGE)
-        finer, _, _ = self._colours_at(samples.reshape(-1, 2), 1.0 / _EDGE)
+        finer, _, _ = self._colours_at(casters, samples.reshape(-1, 2), 1.0 / _EDGE)
+        image = look.image.copy()
         image[edge] = finer.reshape(-1, _EDGE**2, 3).mean(axis=1)
-        grey_values: ByteArray = np.rint(255.0 * _srgb(np.clip(image, 0.0, 1.0))).astype(np.uint8)
-        return grey_values
+        picture = np.zeros((*self._shape, 3), dtype=np.uint8)
+        picture[chosen] = np.rint(255.0 * _srgb(np.clip(image[chosen], 0.0, 1.0)))
+        return picture
 
-    def _first_look(self) -> tuple[FloatArray, IntArray]:
-        """Linear colours (height, width, 3) at the pixels' centres, and the panels (height, width) met there.
+    def _first_look(self, casters: list[RayCaster], look: _Look, chosen: BoolArray) -> None:
+        """Fill in what the centres of the chosen pixels meet.
 
         Every second pixel of every second row is cast first: where four neighbours of these meet the same
         body in nearly the same light, the pixels between get the mean of theirs.
         """
-        image, bodies = np.empty((*self._shape, 3)), np.empty(self._shape, dtype=np.int64)
-        panels = np.empty_like(bodies)
+        image, bodies, panels = look.image, look.bodies, look.panels
         known = np.zeros(self._shape, dtype=bool)
         known[::2, ::2] = True
 
         def cast(chosen: BoolArray) -> None:
             pixels = np.argwhere(chosen)[:, ::-1].astype(np.float64)
-            image[chosen], bodies[chosen], panels[chosen] = self._colours_at(pixels, 1.0)
+            image[chosen], bodies[chosen], panels[chosen] = self._colours_at(casters, pixels, 1.0)
 
-        cast(known)
+        cast(known & chosen)
         a, b, c, d = corners = _corners_of_squares(image[::2, ::2])
         light = np.einsum("nijk,k->nij", corners, _LUMINANCE)
         body, panel = _corners_of_squares(bodies[::2, ::2]), _corners_of_squares(panels[::2, ::2])
@@ -158,8 +216,7 @@ class OutsideView:
         for (down, across), mean in means.items():
             at = (slice(down, 2 * len(alike), 2), slice(across, 2 * alike.shape[1], 2))
             image[at][alike], panels[at][alike], known[at] = mean[alike], -1, alike
-        cast(~known)
-        return image, panels
+        cast(~known & chosen)
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
         """Return where points (…, 3) [m] of the world, before the eye, are in the picture: (…, 2) [px]."""
@@ -171,24 +228,22 @@ class OutsideView:
 
     def _edges(self, image: FloatArray, panels: IntArray) -> BoolArray:
         """Where neighbours differ; within a panel its picture is averaged over each pixel already."""
-        printed = (panels >= 0) & ~differs_from_neighbour(panels, 0)
+        printed = (panels >= 0) & ~differs_from_neighbour(panels)
         return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST) & ~printed
 
-    def _colours_at(self, pixels: FloatArray, side: float) -> tuple[FloatArray, IntArray, IntArray]:
+    def _colours_at(
+        self, casters: list[RayCaster], pixels: FloatArray, side: float
+    ) -> tuple[FloatArray, IntArray, IntArray]:
         """Linear colours (n, 3) at pixels (n, 2) of this side [px], and the bodies, panels (n,) met there."""
         halves = np.array_split(pixels, _THREADS)
-        looks = self._pool.map(lambda caster, half: self._look(caster, half, side), self._casters, halves)
+        looks = self._pool.map(lambda caster, half: self._look(caster, half, side), casters, halves)
         colours, bodies, panels = (np.concatenate(kind) for kind in zip(*looks, strict=True))
         return colours, bodies, panels
 
     def _look(
         self, caster: RayCaster, pixels: FloatArray, side: float
     ) -> tuple[FloatArray, IntArray, IntArray]:
-        height, width = self._shape
-        rays = np.empty((len(pixels), 3))
-        rays[:, 0] = pixels[:, 0] - (width - 1) / 2.0
-        rays[:, 1] = pixels[:, 1] - (height - 1) / 2.0
-        rays[:, 2] = self._focal
+        rays = self._rays(pixels)
         directions = np.einsum("ij,kj->ik", rays / np.linalg.norm(rays, axis=1, keepdims=True), self._axes)
         geoms, distances, normals = caster.cast(self._eye, directions)
         panels = self._world.panels_at(geoms, normals)
@@ -202,6 +257,15 @@ class OutsideView:
         ]
         colours[hit] = (1.0 - haze) * shaded + haze * colours[hit]
         return colours, geoms.astype(np.int64), panels
+
+    def _rays(self, pixels: FloatArray) -> FloatArray:
+        """Directions (n, 3) of pixels (n, 2): to the right, down, forward [px]."""
+        height, width = self._shape
+        rays = np.empty((len(pixels), 3))
+        rays[:, 0] = pixels[:, 0] - (width - 1) / 2.0
+        rays[:, 1] = pixels[:, 1] - (height - 1) / 2.0
+        rays[:, 2] = self._focal
+        return rays
 
     def _surface(
         self, geoms: npt.NDArray[np.int32], panels: IntArray, rays: FloatArray, side: float

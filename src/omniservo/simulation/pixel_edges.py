@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
-def differs_from_neighbour(image: FloatArray | IntArray, contrast: float) -> BoolArray:
+def differs_from_neighbour(image: FloatArray | IntArray | BoolArray, contrast: float = 0.0) -> BoolArray:
     """Return which pixels (height, width) differ by more than ``contrast`` from one of their neighbours."""
     different = np.zeros(image.shape, dtype=bool)
     ahead, behind, every = slice(1, None), slice(None, -1), slice(None)
@@ -22,7 +22,8 @@ def differs_from_neighbour(image: FloatArray | IntArray, contrast: float) -> Boo
         ((ahead, behind), (behind, ahead)),
     )
     for first, second in pairs:
-        edge = np.abs(image[first] - image[second]) > contrast
+        a, b = image[first], image[second]
+        edge = np.abs(a - b) > contrast if contrast > 0.0 else a != b
         different[first] |= edge
         different[second] |= edge
     return different
@@ -41,15 +42,15 @@ def fill_between_alike(images: Sequence[NDArray[Any]], legal: BoolArray) -> Bool
     nodes = [image[::2, ::2] for image in images]
     alike = legal[::2, ::2][:-1, :-1].copy()
     rows, columns = alike.shape
+    filled = np.zeros_like(legal)
     for down, across in ((0, 1), (1, 0), (1, 1)):
         for node in nodes:
             alike &= node[down : rows + down, across : columns + across] == node[:-1, :-1]
-    inside = (slice(2 * rows), slice(2 * columns))
-    filled = np.zeros_like(legal)
-    filled[inside] = alike.repeat(2, axis=0).repeat(2, axis=1) & legal[inside]
-    for image, node in zip(images, nodes, strict=True):
-        blocks = node[:-1, :-1].repeat(2, axis=0).repeat(2, axis=1)
-        image[inside][filled[inside]] = blocks[filled[inside]]
+    for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        part = (slice(down, 2 * rows, 2), slice(across, 2 * columns, 2))
+        filled[part] = alike & legal[part]
+        for image, node in zip(images, nodes, strict=True):
+            np.copyto(image[part], node[:-1, :-1], where=filled[part])
     return filled
 
 

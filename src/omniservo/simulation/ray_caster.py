@@ -20,6 +20,8 @@ _LIGHT = np.array([-0.55, 0.25, 0.80])
 _TO_LIGHT = _LIGHT / np.linalg.norm(_LIGHT)
 _AMBIENT = 0.68
 _GEOM_GROUPS = 6
+_ROOM = 1.0 + 1e-9
+"""A ball's radius is rounded; what lies on it is met."""
 
 
 class RayCaster:
@@ -28,24 +30,34 @@ class RayCaster:
     It owns MjData, so each thread needs its own; the cast releases the interpreter lock.
     """
 
-    def __init__(self, world: World, *, sees_camera: bool) -> None:
+    def __init__(self, world: World, *, sees_camera: bool, sees_arm: bool = True) -> None:
         """Prepare.
 
         Args:
             world: what is looked at.
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
+            sees_arm: whether the arm's links are.
         """
-        self._model = _unculled(world.model)
-        self._data = mujoco.MjData(self._model)
         self._groups = np.zeros(_GEOM_GROUPS, dtype=np.uint8)
-        self._groups[[SURROUNDINGS_GROUP, ARM_GROUP]] = 1
+        self._groups[SURROUNDINGS_GROUP] = 1
+        self._groups[ARM_GROUP] = int(sees_arm)
         self._groups[CAMERA_GROUP] = int(sees_camera)
+        self._model = _for_rays(world.model, self._groups)
+        self._data = mujoco.MjData(self._model)
 
     def pose_arm(self, q: FloatArray) -> Any:
         """Put the arm into the joints ``q`` (n,) [rad] and return the MjData with its kinematics."""
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self._model, self._data)
         return self._data
+
+    def balls(self) -> tuple[FloatArray, FloatArray]:
+        """Return centres (k, 3) and radii (k,) [m] of balls round all that moves with the arm and is seen."""
+        moves = (self._groups[self._model.geom_group] > 0) & (self._model.geom_group != SURROUNDINGS_GROUP)
+        radii = np.where(
+            self._model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, np.inf, self._model.geom_rbound
+        )
+        return self._data.geom_xpos[moves], radii[moves]
 
     def cast(
         self, origin: FloatArray, directions: FloatArray
@@ -80,17 +92,31 @@ class RayCaster:
         return geoms, distances, normals.reshape(count, 3)
 
 
-def _unculled(model: Any) -> Any:
-    """Return the model for rays that are tried on every link: MuJoCo leaves out some that would meet it.
+def _for_rays(model: Any, groups: NDArray[np.uint8]) -> Any:
+    """Return the model for rays that see the groups, in which MuJoCo asks less, and nothing wrong.
 
-    It first asks for a ball round the link's touched shapes (MuJoCo 3.17): that ball is misplaced where the
-    link's inertia is stated off its origin with skew axes, and pictures that stick out of it are not met.
+    It first asks whether a ray meets a body's ball (3.17), then for each shape whether it lies in the angles
+    of the shape's box. Its own ball holds the shapes that are touched, and is misplaced where the body's
+    inertia is stated off its origin with skew axes: what sticks out of it would not be met. Here it lies
+    round the body's centre of mass, where MuJoCo puts it, and holds all shapes. What stands around is asked
+    for by its boxes alone: all of it counts as one body, and bodies without shapes that are seen as none.
     """
-    unculled = copy(model)
-    trees = unculled.body_bvhadr[1:]
-    trees = trees[trees >= 0]
-    unculled.bvh_aabb[trees, 3:] = np.maximum(unculled.bvh_aabb[trees, 3:], _FARTHEST)  # a floor's is larger
-    return unculled
+    model = copy(model)
+    reach = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1) + model.geom_rbound
+    reach[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = _FARTHEST
+    for first, geoms, tree in zip(model.body_geomadr, model.body_geomnum, model.body_bvhadr, strict=True):
+        if tree >= 0:
+            model.bvh_aabb[tree] = [0.0, 0.0, 0.0, _ROOM * reach[first : first + geoms].max(), 0.0, 0.0]
+    seen = groups[model.geom_group] > 0
+    around = np.flatnonzero(model.geom_group == SURROUNDINGS_GROUP)
+    if len(around) and np.ptp(around) + 1 == len(around):  # a body's shapes follow one another
+        holder = model.geom_bodyid[around[0]]
+        model.body_geomnum[holder] = len(around)
+        model.bvh_aabb[model.body_bvhadr[holder], 3] = _FARTHEST
+        seen[around[1:]] = False
+    passed = np.setdiff1d(np.arange(model.nbody), model.geom_bodyid[seen])
+    model.body_geomnum[passed], model.body_bvhadr[passed] = 0, -1
+    return model
 
 
 def daylight(normals: FloatArray) -> FloatArray:

@@ -63,10 +63,11 @@ class UnifiedRenderer:
         u, v = np.meshgrid(np.arange(self._camera.width), np.arange(self._camera.height))
         pixels = np.stack([u, v], axis=-1).astype(np.float64)
         bearings, self._lit = self._sightlines(pixels)
-        self._bearings = bearings
-        self._nodes = np.zeros_like(self._lit)
-        self._nodes[::2, ::2] = self._lit[::2, ::2]
-        self._rim = differs_from_neighbour(self._lit.astype(np.float64), _CONTRAST)
+        self._bearings = bearings.reshape(-1, 3)
+        between = self._lit.copy()
+        between[::2, ::2] = False
+        self._between, self._nodes = between, np.flatnonzero(self._lit & ~between)
+        self._rim = differs_from_neighbour(self._lit)
         if world.scene.panels:
             self._pictures = PanelPictures(world.scene.panels)
             self._footprints = Footprints(
@@ -82,8 +83,8 @@ class UnifiedRenderer:
         for caster in self._casters:
             pose = self.world.world_T_camera(caster.pose_arm(q))
         image, is_dot, panels = self._first_look(pose)
-        fine = differs_from_neighbour(is_dot.astype(np.float64), _CONTRAST)
-        outline = self._outline(pose, panels)
+        fine = differs_from_neighbour(is_dot)
+        outline = self._outline(pose, panels) if self.world.scene.panels else np.zeros_like(fine)
         printed = (panels >= 0) & ~outline
         edge = (differs_from_neighbour(image, _CONTRAST) | self._rim) & ~printed
         self._refine(image, pose, fine, _DOT_EDGE)
@@ -104,13 +105,13 @@ class UnifiedRenderer:
         sight = _Sight(np.full(shape, DARK), np.zeros(shape, dtype=bool), np.full(shape, -1))
         self._look_at(sight, pose, self._nodes)
         known = fill_between_alike(sight, self._lit)
-        self._look_at(sight, pose, self._lit & ~self._nodes & ~known)
+        self._look_at(sight, pose, np.flatnonzero(self._between & ~known))
         return sight
 
-    def _look_at(self, sight: _Sight, pose: RigidTransform, chosen: BoolArray) -> None:
-        """Fill in what the chosen pixels' centres meet."""
-        met = self._in_parallel(pose, self._bearings[chosen])
-        sight.greys[chosen], sight.is_dot[chosen], sight.panels[chosen] = met
+    def _look_at(self, sight: _Sight, pose: RigidTransform, chosen: IntArray) -> None:
+        """Fill in what the centres of the chosen pixels, counted row by row, meet."""
+        for image, met in zip(sight, self._in_parallel(pose, self._bearings[chosen]), strict=True):
+            image.reshape(-1)[chosen] = met
 
     def photograph(self, q: FloatArray, noise: np.random.Generator) -> ByteArray:
         """Return the sensor's grey values (height, width): blurred, with noise, rounded.
@@ -125,7 +126,7 @@ class UnifiedRenderer:
             image = gaussian_filter(image, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
         if sensor.noise > 0.0:
             image += np.float32(sensor.noise) * noise.standard_normal(image.shape, dtype=np.float32)
-        grey_values: ByteArray = np.clip(np.rint(image), 0.0, 255.0).astype(np.uint8)
+        grey_values: ByteArray = np.clip(np.rint(image, out=image), 0.0, 255.0, out=image).astype(np.uint8)
         return grey_values
 
     def _sightlines(self, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -147,7 +148,7 @@ class UnifiedRenderer:
 
     def _outline(self, pose: RigidTransform, panels: IntArray) -> BoolArray:
         """Which pixels see a panel (height, width) in a part of their square only."""
-        outline = differs_from_neighbour(panels, 0)
+        outline = differs_from_neighbour(panels)
         rows, columns = np.nonzero(outline)
         bearings, lit = self._sightlines(np.stack([columns, rows], axis=-1)[:, None, :] + _CORNERS)
         seen = np.full(lit.shape, -1)

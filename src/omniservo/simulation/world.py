@@ -33,6 +33,9 @@ _HOUSING_COLOUR: Colour = (0.07, 0.08, 0.10)
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (Rec. 709)
 _THICKNESS = 1e-5  # [m] of dots and panels: thinner than any pixel shows from the side
 
+_DOT_KIND = mujoco.mjtGeom.mjGEOM_CYLINDER
+"""only dots are cylinders among what does not move"""
+
 _CAMERA_SHAPE = "camera shape {}"
 
 _FACING = 0.5  # cosine between normals that tells a panel's front from its sides and back
@@ -72,7 +75,8 @@ class World:
         is_arms = (self.model.geom_group != SURROUNDINGS_GROUP) & (self.model.geom_contype != 0)
         self.arm_geoms: IntArray = np.flatnonzero(is_arms)
         """geoms of the arm's links and the camera's housing that can be touched"""
-        self.dot_geoms: IntArray = np.flatnonzero(self.model.geom_bodyid == 0)
+        is_dots = (self.model.geom_group == SURROUNDINGS_GROUP) & (self.model.geom_type == _DOT_KIND)
+        self.dot_geoms: IntArray = np.flatnonzero(is_dots)
         """geoms of the target's dots"""
         self._panel_of_geom = _panel_of_geom(self.model, scene.panels)
         self._panel_faces = np.array([p.world_T_panel.rotation.apply([0.0, 0.0, -1.0]) for p in scene.panels])
@@ -83,7 +87,7 @@ class World:
         self._camera_body = int(self.model.body("camera").id)
 
     def body_of(self, geom: int) -> str:
-        """Return the name of the body that a geom belongs to; ``world`` for the dots."""
+        """Return the name of the body that a geom belongs to; empty for the dots."""
         return str(self.model.body(int(self.model.geom_bodyid[geom])).name)
 
     def panels_at(self, geoms: NDArray[np.int32], normals: FloatArray) -> IntArray:
@@ -181,11 +185,12 @@ def _add_body(spec: Any, body: SceneBox | Ball) -> None:
 
 
 def _add_dots(spec: Any, dots: Dots) -> None:
-    """Each dot is a cylinder whose upper face's centre is the dot's centre."""
+    """Each dot is a cylinder whose upper face's centre is the dot's centre; one nameless body has all."""
+    holder = spec.worldbody.add_body()  # rays are not tried on the shapes of a body that they miss
     for center, normal in zip(dots.centers, dots.normals, strict=True):
-        geom = spec.worldbody.add_geom(
+        geom = holder.add_geom(
             PLAIN,
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            type=_DOT_KIND,
             fromto=[*center, *(center - _THICKNESS * normal)],
             size=[dots.radius, 0.0, 0.0],
             contype=0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.stats import f
+from scipy.special import fdtri
 
 from omniservo.calibration.hand_eye.loop import LinearLoop
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -41,4 +41,4 @@ def robust_step(linear: LinearLoop) -> tuple[FloatArray, BoolArray]:
         normal, right = (MV @ linear.M).sum(axis=0), np.einsum("nij,nj->i", MV, linear.q)
         scale = 1.0 / np.sqrt(np.diag(normal))
         step = scale * np.linalg.lstsq(normal * scale * scale[:, None], scale * right, rcond=1e-13)[0]
-    return step, distances > 6.0 * f.isf(_CHANCE, 6, 3 * n - 6)
+    return step, distances > 6.0 * fdtri(6, 3 * n - 6, 1.0 - _CHANCE)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from omniservo.cameras.conversion.equivalence import lens_of
 from omniservo.cameras.conversion.families import FitFamily
@@ -128,6 +127,8 @@ class _Free:
 
     def refined(self, vector: FloatArray) -> FloatArray:
         """Return the least-squares vector near ``vector``."""
+        from scipy.optimize import least_squares  # slow to import, and few cameras are converted
+
         result = least_squares(
             self._raveled,
             vector,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import linprog
 
 from omniservo.geometry.arrays import FloatArray
 
@@ -61,6 +60,8 @@ def _jacobian(
 
 def _program(jacobian: FloatArray, current: FloatArray, trust: float) -> tuple[FloatArray, float]:
     """Return the step dx (k,) and the maximum that the linear model promises."""
+    from scipy.optimize import linprog  # slow to import, and few cameras are converted
+
     lengths = np.maximum(np.hypot(*current.T), 1e-300)[:, None]
     along = current / lengths
     across = along[:, ::-1] * [-1.0, 1.0]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from omniservo.geometry.arrays import FloatArray
 
@@ -31,6 +30,8 @@ def inverse_table(function: Callable[[FloatArray], FloatArray], end: float, step
     Each x lies within rounding of the true one, so that the table's intervals hold the roots between them.
     Behind them stand the slopes of x per step, (steps + 1,), of a cubic spline through them.
     """
+    from scipy.interpolate import CubicSpline  # slow to import, and few cameras have polynomials
+
     wanted = np.linspace(0.0, float(function(np.array(end))), steps + 1)
     low, high = np.zeros(steps + 1), np.full(steps + 1, end)
     for _ in range(_HALVINGS):

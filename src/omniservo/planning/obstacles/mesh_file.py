@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from omniservo.errors import InputError
@@ -31,6 +29,9 @@ def read_mesh(path: Path) -> list[FloatArray]:
         InputError: not readable, above 16 MiB, not of these formats, not finite, or a part that is not
             closed or not convex, with the place and the depth.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components  # slow to import, and few problems have meshes
+
     vertices, faces = read_triangles(path)
     vertices, merged = np.unique(vertices, axis=0, return_inverse=True)
     faces = merged.reshape(-1)[faces]
