@@ -221,7 +221,7 @@ def execute(
     def nothing(step: Step) -> None:
         del step
 
-    supervisor = Supervisor(robot, arm, mount, wait=wait)
+    supervisor = Supervisor(robot, arm, mount, camera=robot, wait=wait)
     features: FeatureTracker = _Projected(robot, truth, random, noise_px)
     if dots is not None:
         features = _Rendered(known, random, noise_px)

@@ -88,6 +88,9 @@ class ObedientRobot:
         """Stand still."""
         self._speeds[:] = 0.0
 
+    def close(self) -> None:
+        """Nothing is open."""
+
     def wait(self, duration: float) -> None:
         """Let time pass."""
         self._time += duration
@@ -99,7 +102,7 @@ def command_microseconds(steps: int = 1000) -> float:
     arm, robot = Arm.rx60(), ObedientRobot([0.2, 0.6, -1.6, 0.1, 1.2, 0.0])
     mount = RigidTransform.from_components([0.0, 0.0, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1]))
     options = SafetyOptions(workspace=np.array([[-1.0] * 3, [1.0] * 3]))
-    supervisor = Supervisor(robot, arm, mount, wait=robot.wait, options=options)
+    supervisor = Supervisor(robot, arm, mount, camera=robot, wait=robot.wait, options=options)
     taken = []
     for i in range(steps):
         supervisor.image()

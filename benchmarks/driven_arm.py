@@ -1,4 +1,4 @@
-"""An arm with simple drives behind the Robot protocol: gain, lag, limits, watchdog, late readings."""
+"""An arm with simple drives, and the camera on it: gain, lag, limits, watchdog, late readings."""
 
 from __future__ import annotations
 
@@ -111,6 +111,9 @@ class DrivenArm:
         """Brake; a joint that drifts is held by its brake."""
         self.command(np.zeros(self.arm.dof))
         self.own_drift = np.zeros(self.arm.dof)
+
+    def close(self) -> None:
+        """Nothing is open."""
 
     def _stamp(self, k: int) -> float | None:
         if k not in self._stamps:

@@ -160,7 +160,7 @@ class Timed(Supervisor):
 
     def __init__(self, clock: Callable[[], float], robot: FaultyArm, arm: Arm, mount: RigidTransform) -> None:
         self._clock, self.began = clock, np.inf
-        super().__init__(robot, arm, mount, wait=robot.advance)  # type: ignore[arg-type]
+        super().__init__(robot, arm, mount, camera=robot, wait=robot.advance)  # type: ignore[arg-type]
 
     def stop(self, reason: ServoStop | None = None) -> None:
         """As `Supervisor.stop`."""

@@ -93,6 +93,9 @@ class FaultyArm:
         self._answer("command")
         self.robot.stop()
 
+    def close(self) -> None:
+        """Nothing is open."""
+
     def _answer(self, name: str) -> None:
         if self.broken and self.fault is not None and name in self.fault.lost:
             raise ConnectionError(f"{name}: the line is down")

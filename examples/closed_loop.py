@@ -43,7 +43,7 @@ def main() -> None:
     options = omniservo.TrackerOptions(gain=1.5, delay=0.02 + 0.5 / 6.0, settled_frames=5)
     law = RestToRestLaw(2.5)  # [s]
     tracker = omniservo.PathTracker(plan, CAMERA, goal_pixels=matched.goal, options=options, time_law=law)
-    supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance)
+    supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, camera=robot, wait=robot.advance)
     dots, visibility = DotTracker(CAMERA), VisibilityFilter(CAMERA, delay=0.02)
     steps: list[Step] = []
     stop = servo(supervisor, tracker, dots, visibility, on_step=steps.append, time_limit=15.0)

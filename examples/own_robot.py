@@ -1,7 +1,6 @@
-"""Drive a robot of your own: any class with read, image, command and stop, here an arm that moves as told.
+"""Drive a robot of your own: an arm driver (read, command, stop, close) and a camera source (image, close).
 
-In place of a controller's connection this one adds up its joint velocities, and its images are rendered. The
-Supervisor and loop that drive the simulated arm drive it along a planned path. Prints how that ended.
+Here one class is both: it adds up joint velocities and renders images. Prints how its closed loop ended.
 """
 
 import numpy as np
@@ -38,6 +37,8 @@ class MyRobot:
     def stop(self) -> None:
         self.velocities = np.zeros(6)
 
+    close = stop  # with a real robot: end the connection, too
+
     def wait(self, duration: float) -> None:  # with a real robot: time.sleep
         self.joints, self.time = self.joints + duration * self.velocities, self.time + duration
 
@@ -46,11 +47,10 @@ def main() -> None:
     task = load_task("paper-example-1", camera=CAMERA)
     scene, goal = scene_of_task(task), task.teach.initial_T_goal.transform
     problem = omniservo.PlanningProblem(CAMERA, [dot.center for dot in task.target.dots], goal)
-    options = omniservo.TrackerOptions(gain=1.5, delay=PERIOD / 2, settled_frames=5)
-    plan = omniservo.plan_path(problem)
-    tracker = omniservo.PathTracker(plan, CAMERA, options=options, time_law=RestToRestLaw(2.5))
+    options, law = omniservo.TrackerOptions(gain=1.5, delay=PERIOD / 2, settled_frames=5), RestToRestLaw(2.5)
+    tracker = omniservo.PathTracker(omniservo.plan_path(problem), CAMERA, options=options, time_law=law)
     robot = MyRobot(scene)
-    supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.wait)
+    supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, camera=robot, wait=robot.wait)
     stop = servo(supervisor, tracker, DotTracker(CAMERA), VisibilityFilter(CAMERA), time_limit=10.0)
     off = (scene.world_T_camera(scene.start_joints) * goal).inv() * scene.world_T_camera(robot.joints)
     print(f"servo {stop or 'done'}, {1e3 * np.linalg.norm(off.translation):.2f} mm from the goal")

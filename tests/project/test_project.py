@@ -66,6 +66,7 @@ MOVED = [
         for name in names
     ),
     *(("omniservo.calibration", n, "omniservo.camera_files", n) for n in ("load_camera", "save_camera")),
+    ("omniservo.robots", "Robot", "omniservo.robots", "ArmDriver"),
     ("omniservo.robots", "handy_mount", "omniservo.robots", "suggested_mount"),
     ("omniservo.simulation", "Box", "omniservo.simulation", "SceneBox"),
     ("omniservo.perception", "Tags", "omniservo.perception", "FoundTags"),

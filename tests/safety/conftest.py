@@ -15,13 +15,14 @@ START = np.deg2rad([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3])
 
 
 class WrittenDown:
-    """A robot that is passed on to, with every command and every posture kept."""
+    """An arm and camera that are passed on to, with every command and every posture kept."""
 
     def __init__(self, robot):
         self.robot = robot
         self.commands = [(0.0, np.zeros(6))]
         self.joints = []
         self.stops = 0
+        self.closed = 0
         self.broken = {}
 
     def read(self):
@@ -41,6 +42,9 @@ class WrittenDown:
     def stop(self):
         self.stops += 1
         self.robot.stop()
+
+    def close(self):
+        self.closed += 1
 
 
 @pytest.fixture(scope="session")
@@ -84,6 +88,7 @@ def guard(arm, scene, written):
 
     def make(arm=arm, **options):
         options = SafetyOptions(**({"image_age": 1e6} | options))
-        return Supervisor(written, arm, scene.flange_T_camera, wait=written.advance, options=options)
+        mount, wait = scene.flange_T_camera, written.advance
+        return Supervisor(written, arm, mount, camera=written, wait=wait, options=options)
 
     return make

@@ -13,7 +13,8 @@ from omniservo.errors import (
     StaleImage,
     WorkspaceLimit,
 )
-from omniservo.robots import Arm, Robot
+from omniservo.robots import Arm, ArmDriver, CameraImage, CameraSource
+from omniservo.safety import Supervisor
 
 SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])
 
@@ -32,8 +33,60 @@ def stands_still(written):
     return np.abs(written.robot.read().joint_velocities).max() < 1e-2 and not written.commands[-1][1].any()
 
 
-def test_it_is_a_robot(guard):
-    assert isinstance(guard(), Robot)
+def test_it_is_an_arm_driver_and_a_camera_source(guard):
+    assert isinstance(guard(), ArmDriver)
+    assert isinstance(guard(), CameraSource)
+
+
+class OwnCamera:
+    """A camera that is no part of the arm's driver."""
+
+    def __init__(self, written, **frame):
+        self.written, self.frame, self.closed = written, frame, 0
+
+    def image(self):
+        return CameraImage(self.written.robot.time, np.zeros((2, 2), dtype=np.uint8), **self.frame)
+
+    def close(self):
+        self.closed += 1
+
+
+def test_arm_and_camera_may_be_two(arm, scene, written):
+    camera = OwnCamera(written)
+    written.image = None  # the driver has none
+    supervisor = Supervisor(written, arm, scene.flange_T_camera, camera=camera, wait=written.advance)
+    assert supervisor.image().pixels.shape == (2, 2)
+    supervisor.command(SLOW)
+    supervisor.close()
+    assert stands_still(written)
+    assert (written.closed, camera.closed) == (1, 1)
+
+
+def test_the_camera_is_closed_although_the_arm_does_not_answer(arm, scene, written):
+    camera = OwnCamera(written)
+    supervisor = Supervisor(written, arm, scene.flange_T_camera, camera=camera, wait=written.advance)
+    written.close = None
+    with pytest.raises(RobotLost, match="close"):
+        supervisor.close()
+    assert camera.closed == 1
+
+
+def test_a_robot_of_before_that_is_arm_and_camera_is_driven_with_a_warning(arm, scene, written):
+    mount = scene.flange_T_camera
+    with pytest.warns(DeprecationWarning, match="camera=") as told:
+        supervisor = Supervisor(written, arm, mount, wait=written.advance)
+    assert told[0].filename == __file__
+    written.robot.advance(0.03)
+    assert supervisor.image() is not None
+    supervisor.command(SLOW)
+
+
+def test_without_a_camera_nothing_is_driven(arm, scene, written):
+    class Blind:
+        read, command, stop, close = written.read, written.command, written.stop, written.close
+
+    with pytest.raises(InputError, match="camera: none given"):
+        Supervisor(Blind(), arm, scene.flange_T_camera, wait=written.advance)
 
 
 def test_a_slow_command_arrives_as_it_is(guard, written):
@@ -200,6 +253,18 @@ def test_an_old_image_brakes_the_arm_even_where_nobody_asks_for_images(guard, wr
     assert stands_still(written)
     with pytest.raises(StaleImage):
         supervisor.command(SLOW)
+
+
+@pytest.mark.parametrize(("sigma", "seconds"), [(0.0, 0.25), (0.05, 0.1)])
+def test_an_image_counts_as_old_as_it_may_be(arm, scene, written, sigma, seconds):
+    camera = OwnCamera(written, time_sigma=sigma)
+    supervisor = Supervisor(written, arm, scene.flange_T_camera, camera=camera, wait=written.advance)
+    supervisor.image()
+    supervisor.command(SLOW)
+    with pytest.raises(StaleImage, match="at most 0.25 s"):
+        supervisor.wait(1.0)
+    assert seconds < written.commands[-1][0] < seconds + 0.15
+    assert stands_still(written)
 
 
 def test_fresh_images_let_it_move_on(guard, written):

@@ -1,11 +1,11 @@
-"""The simulated robot keeps the Robot protocol: time, motion, images, contacts."""
+"""The simulated robot is an arm driver and a camera source: time, motion, images, contacts."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.robots import Robot
+from omniservo.robots import ArmDriver, CameraSource
 from omniservo.simulation import SceneBox, Sensor, SimulatedRobot
 
 SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])  # [rad/s]
@@ -21,8 +21,14 @@ def start_anew(robot):
     robot.place(robot.world.scene.start_joints)
 
 
-def test_it_is_a_robot(robot):
-    assert isinstance(robot, Robot)
+def test_it_is_an_arm_driver_and_a_camera_source(robot):
+    assert isinstance(robot, ArmDriver)
+    assert isinstance(robot, CameraSource)
+
+
+def test_it_may_be_closed_more_than_once(robot):
+    robot.close()
+    robot.close()
 
 
 def test_arm_that_is_not_commanded_does_not_sag(robot):

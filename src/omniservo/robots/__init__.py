@@ -1,8 +1,10 @@
-"""The arm (kinematics, limits) and the protocol that every robot, real or simulated, implements."""
+"""The arm (kinematics, limits), and what every arm driver and every camera, real or simulated, implements."""
 
 from omniservo.renamed import renamed
 from omniservo.robots.arm import Arm
+from omniservo.robots.arm_driver import ArmDriver, RobotState
 from omniservo.robots.arm_files import SHOWN_GROUP
+from omniservo.robots.camera_source import CameraImage, CameraSource
 from omniservo.robots.collision.arm_bodies import ArmBodies
 from omniservo.robots.collision.arm_clearance import (
     SELF_CLEARANCE,
@@ -22,7 +24,6 @@ from omniservo.robots.path_following.follow_path import FollowedPath, follow_pat
 from omniservo.robots.path_following.joint_path import JointPath, PathFailure
 from omniservo.robots.path_following.strayed import strayed
 from omniservo.robots.path_following.tracking_tube import TrackingTube, Tube, shipped_tube
-from omniservo.robots.robot import CameraImage, Robot, RobotState
 from omniservo.robots.suggestions.suggested_mount import suggested_mount
 from omniservo.robots.suggestions.suggested_posture import suggested_posture
 from omniservo.robots.suggestions.suggested_table import suggested_table
@@ -35,7 +36,9 @@ __all__ = [
     "Arm",
     "ArmBodies",
     "ArmClearance",
+    "ArmDriver",
     "CameraImage",
+    "CameraSource",
     "Closeness",
     "FollowedPath",
     "JointPath",
@@ -43,7 +46,6 @@ __all__ = [
     "MountedCamera",
     "OwnSight",
     "PathFailure",
-    "Robot",
     "RobotState",
     "Shape",
     "Solid",
@@ -66,6 +68,7 @@ __all__ = [
 __getattr__ = renamed(
     __name__,
     {
+        "Robot": "ArmDriver",
         "handy_mount": "suggested_mount",
         "handy_posture": "suggested_posture",
         "handy_table": "suggested_table",

@@ -202,7 +202,9 @@ def _drive(
         progress("following the path", 0.0 if math.isnan(w) else w)
 
     stop = servo(
-        Supervisor(robot, scene.arm, scene.flange_T_camera, wait=robot.advance, options=options),
+        Supervisor(
+            robot, scene.arm, scene.flange_T_camera, camera=robot, wait=robot.advance, options=options
+        ),
         controller,
         tracker,
         VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),

@@ -1,6 +1,6 @@
-"""The closed loop: image → points → twist → joint velocities → robot → image, until done or stopped.
+"""The closed loop: image → points → twist → joint velocities → arm → image, until done or stopped.
 
-Any robot can be driven, real or simulated, but through its `Supervisor` alone.
+Any arm can be driven by any camera on it, real or simulated, but through its `Supervisor` alone.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def servo(
     """Drive the robot until the controller is done; the robot stands still on return.
 
     Args:
-        supervisor: the robot, with what it may do.
+        supervisor: arm and camera, with what they may do.
         controller: turns points into camera twists.
         features: finds the points near their predicted places.
         visibility: keeps the points in view.
@@ -239,7 +239,7 @@ class _Loop:
         while True:
             image = supervisor.image()
             if image is not None and image.time > self._last:
-                age = supervisor.read().time - image.time
+                age = supervisor.read().time - image.earliest
                 if not age <= limit:
                     raise StaleImage(f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on")
                 self._last = image.time

@@ -1,4 +1,4 @@
-"""The line to the robot: what is wrong with an answer, or that there is none, is a stop by its name."""
+"""The line to arm and camera: what is wrong with an answer, or that there is none, is a stop by its name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.errors import ClockFault, InvalidData, NotFinite, RobotLost, ServoStop, spelled
 from omniservo.geometry.arrays import FloatArray
-from omniservo.robots import CameraImage, Robot, RobotState
+from omniservo.robots import ArmDriver, CameraImage, CameraSource, RobotState
 
 _ROUNDING = 1e-9
 """[s] of clocks"""
@@ -21,16 +21,19 @@ T = TypeVar("T")
 
 
 class RobotLink:
-    """Asks a robot and checks what it answers.
+    """Asks arm and camera and checks what they answer.
 
     Args:
-        robot: any.
+        driver: of the arm.
+        camera: on its flange.
         wait: lets the given time [s] pass.
         dof: how many joints it must report.
     """
 
-    def __init__(self, robot: Robot, wait: Callable[[float], None], dof: int) -> None:
-        self._robot, self._wait, self._dof = robot, wait, dof
+    def __init__(
+        self, driver: ArmDriver, camera: CameraSource, wait: Callable[[float], None], dof: int
+    ) -> None:
+        self._driver, self._camera, self._wait, self._dof = driver, camera, wait, dof
         self._time, self._waited = -np.inf, 0.0
         self._form: tuple[tuple[int, ...], np.dtype[np.uint8]] | None = None
 
@@ -38,12 +41,12 @@ class RobotLink:
         """Return the joints as they are now, in arrays of their own.
 
         Raises:
-            RobotLost: the robot raised.
+            RobotLost: the driver raised.
             InvalidData: no state, or of another number of joints.
             NotFinite: a number is not finite.
             ClockFault: the robot's clock ran backwards, or stands still while time passes.
         """
-        state = _checked(_answered("read", self._robot.read), self._dof)
+        state = _checked(_answered("read", self._driver.read), self._dof)
         before, self._time = self._time, state.time
         if state.time < before - _ROUNDING:
             raise ClockFault(f"the robot's clock ran backwards, from {before:.3f} to {state.time:.3f} s")
@@ -59,23 +62,26 @@ class RobotLink:
         """Return the newest delivered frame; None before the first one arrives.
 
         Raises:
-            RobotLost: the robot raised.
-            InvalidData: no frame, or one of another form than the first.
-            NotFinite: its time stamp is not finite.
+            RobotLost: the camera raised.
+            InvalidData: no frame, one of another form than the first, or of a negative uncertainty.
+            NotFinite: its time stamp is not finite, or how uncertain that is.
         """
-        image = _answered("image", self._robot.image)
+        image = _answered("image", self._camera.image)
         if image is None:
             return None
         try:
-            time, form = float(image.time), (image.pixels.shape, image.pixels.dtype)
+            time, sigma = float(image.time), float(image.time_sigma)
+            form = image.pixels.shape, image.pixels.dtype
         except (AttributeError, TypeError, ValueError, OverflowError):
-            raise InvalidData(f"the robot gives {spelled(image)} for an image") from None
-        if not np.isfinite(time):
-            raise NotFinite(f"the robot gives an image of the time {time} s")
+            raise InvalidData(f"the camera gives {spelled(image)} for an image") from None
+        if not np.isfinite([time, sigma]).all():
+            raise NotFinite(f"the camera gives an image of the time {time} s, with a time_sigma of {sigma} s")
+        if sigma < 0.0:
+            raise InvalidData(f"the camera gives an image with the time_sigma {sigma} s; legal: 0 or more")
         self._form = self._form or form
         if form != self._form:
             raise InvalidData(
-                f"the robot gives an image of {form[0]} {form[1]}; the first was {self._form[0]} "
+                f"the camera gives an image of {form[0]} {form[1]}; the first was {self._form[0]} "
                 f"{self._form[1]}"
             )
         return image
@@ -84,17 +90,28 @@ class RobotLink:
         """Pass joint velocities (n,) [rad/s] on.
 
         Raises:
-            RobotLost: the robot raised.
+            RobotLost: the driver raised.
         """
-        _answered("command", lambda: self._robot.command(joint_velocities))
+        _answered("command", lambda: self._driver.command(joint_velocities))
 
     def stop(self) -> None:
-        """Tell the robot to brake by itself.
+        """Tell the arm to brake by itself.
 
         Raises:
-            RobotLost: the robot raised.
+            RobotLost: the driver raised.
         """
-        _answered("stop", self._robot.stop)
+        _answered("stop", self._driver.stop)
+
+    def close(self) -> None:
+        """End the connections to both.
+
+        Raises:
+            RobotLost: the driver or the camera raised; both were called.
+        """
+        try:
+            _answered("close", self._driver.close)
+        finally:
+            _answered("close", self._camera.close)
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass.

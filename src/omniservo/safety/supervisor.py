@@ -1,11 +1,12 @@
-"""The supervisor: a `Robot` around a robot, through which nothing passes that could not be braked in time."""
+"""The supervisor: around arm and camera; nothing passes through it that could not be braked in time."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ from omniservo.errors import (
 )
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
-from omniservo.robots import Arm, CameraImage, Robot, RobotState
+from omniservo.robots import Arm, ArmDriver, CameraImage, CameraSource, RobotState
 from omniservo.safety.following_watch import FollowingWatch
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.motion_limits import approached, braked, slowed
@@ -57,7 +58,7 @@ class Passed:
 
 
 class Supervisor:
-    """A robot that cannot be commanded out of its limits.
+    """An `ArmDriver` and `CameraSource` around both, which cannot be commanded out of their limits.
 
     A command faster than joints or camera may be is slowed down as a whole; one farther from the last than
     the joints can accelerate is approached, along its own direction where that can be. Any other breach
@@ -71,23 +72,25 @@ class Supervisor:
     Let time pass through `wait` alone: between commands the robot is watched there, and velocities led on.
 
     Args:
-        robot: at rest.
+        driver: of the arm, which is at rest.
         arm: its kinematics and limits.
         flange_T_camera: how the camera sits on it.
+        camera: on the arm's flange; one object may be driver and camera. None (deprecated): the driver is.
         wait: lets the given time [s] pass: ``time.sleep`` on a real robot.
         options: see SafetyOptions.
 
     Raises:
-        InputError: the robot has another number of joints than the arm.
+        InputError: the driver has another number of joints than the arm, or there is no camera.
         ServoStop: it does not answer, or not with finite numbers.
     """
 
     def __init__(
         self,
-        robot: Robot,
+        driver: ArmDriver,
         arm: Arm,
         flange_T_camera: RigidTransform,
         *,
+        camera: CameraSource | None = None,
         wait: Callable[[float], None],
         options: SafetyOptions | None = None,
     ) -> None:
@@ -99,7 +102,7 @@ class Supervisor:
         """as given"""
         self.stopped: ServoStop | None = None
         """what the robot was stopped for, and has not been released from"""
-        self._link = RobotLink(robot, wait, arm.dof)
+        self._link = RobotLink(driver, _camera_of(driver) if camera is None else camera, wait, arm.dof)
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
         self._carried: Callable[[RobotState], FloatArray] | None = None
         self._carried_time = 0.0
@@ -115,10 +118,10 @@ class Supervisor:
         self._following = FollowingWatch(arm, self.options)
 
     def read(self) -> RobotState:
-        """Return the joints as they are now.
+        """Return the newest reading of the joints.
 
         Raises:
-            ServoStop: the robot does not answer, or not with finite numbers; it has been braked.
+            ServoStop: the arm does not answer, or not with finite numbers; it has been braked.
         """
         with self._braking():
             return self._seen_state()
@@ -127,12 +130,12 @@ class Supervisor:
         """Return the newest delivered frame; None before the first one arrives.
 
         Raises:
-            ServoStop: the robot does not answer, or not with a frame; it has been braked.
+            ServoStop: the camera does not answer, or not with a frame; the arm has been braked.
         """
         with self._braking():
             image = self._link.image()
             if image is not None:
-                self._image_time = image.time
+                self._image_time = image.earliest
             return image
 
     def release(self, reason: str) -> None:
@@ -242,6 +245,17 @@ class Supervisor:
             self.stopped = self.stopped or lost
             raise
 
+    def close(self) -> None:
+        """Brake, then end the connections to arm and camera.
+
+        Raises:
+            RobotLost: one of the two does not answer.
+        """
+        try:
+            self.stop()
+        finally:
+            self._link.close()
+
     def _brake_on(self) -> None:
         """Lead the joints one tick nearer to rest."""
         elapsed = TICK  # where nothing or nonsense is read: what was waited for
@@ -339,6 +353,14 @@ class Supervisor:
             raise StaleImage(
                 f"the newest image is {age:.3f} s old; at most {self.options.image_age:g} s is acted on"
             )
+
+
+def _camera_of(driver: ArmDriver) -> CameraSource:
+    """Return the driver itself, as before arm and camera were two."""
+    if not hasattr(driver, "image"):
+        raise InputError("camera: none given, and the arm's driver has no images")
+    warnings.warn("Supervisor(…, camera=…) takes the camera's source now", DeprecationWarning, stacklevel=3)
+    return cast(CameraSource, driver)
 
 
 def as_stop(error: BaseException) -> ServoStop:

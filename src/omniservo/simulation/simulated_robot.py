@@ -1,4 +1,4 @@
-"""The simulated arm behind the Robot protocol: physics at 1 kHz, and images as late as a real camera's."""
+"""The simulated arm and the camera on it: physics at 1 kHz, and images as late as a real camera's."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ROUNDING = 1e-6  # [ticks]: a duration this much short of a whole tick is that 
 
 
 class SimulatedRobot:
-    """A `Robot` whose time passes in `advance` only.
+    """An `ArmDriver` and `CameraSource` on one clock, on which time passes in `advance` only.
 
     Velocity commands pass the drives' acceleration limits, become joint set points, and a stiff position
     loop that knows the arm's masses follows them, so that speeds and accelerations of the joints themselves
@@ -85,7 +85,7 @@ class SimulatedRobot:
         return self._tick * TICK
 
     def read(self) -> RobotState:
-        """Return the joints as they are now."""
+        """Return the joints as they are now, without delay."""
         return RobotState(self.time, self._data.qpos.copy(), self._data.qvel.copy())
 
     def image(self) -> CameraImage | None:
@@ -119,6 +119,10 @@ class SimulatedRobot:
     def stop(self) -> None:
         """Brake to standstill with 99% of the joints' acceleration limits."""
         self._command = np.zeros_like(self._command)
+
+    def close(self) -> None:
+        """Let go of what pictures are made with."""
+        self._renderer = None
 
     def advance(self, duration: float) -> None:
         """Let time pass, in steps of 1 ms; a remainder is kept for the next call.
