@@ -18,8 +18,9 @@ from omniservo.planning import Plan
 from omniservo.reporting.image_distance import image_distance
 from omniservo.robots import CAMERA_HOUSING, Arm, JointPath, Solid
 from omniservo.safety import SafetyOptions, Step, Supervisor, VisibilityFilter, servo
+from omniservo.scenes import Ball, Dots, Scene, Sensor
 from omniservo.servoing import PathLimits, RestToRestLaw
-from omniservo.simulation import Ball, Dots, Scene, Sensor, SimulatedRobot
+from omniservo.simulation import SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
 from omniservo.tracking import PathTracker, TrackerOptions

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.simulation.textures import texture, texture_kinds
+from omniservo.scenes.textures import texture, texture_kinds
 
 LENS = UnifiedCamera(150.0, 150.0, 159.5, 119.5, 1.0, 320, 240, max_angle=np.radians(95.0))
 """A fisheye of 190°, small for speed."""

@@ -10,8 +10,8 @@ from time import perf_counter
 
 import numpy as np
 
+from omniservo.scenes.scene_of_task import goal_joints, scene_of_task
 from omniservo.simulation import UnifiedRenderer, World
-from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
 from omniservo.tasks import load_task
 
 TASKS = ("paper-example-1", "tag-board", "textured-object")

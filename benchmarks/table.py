@@ -17,7 +17,7 @@ from benchmarks.rendering_speed import frames_per_second
 from benchmarks.replanning_speed import kernel_microseconds as replanning_microseconds
 from benchmarks.whole_job import StageTimes, stage_times, whole_run
 
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 Row = tuple[str, str, str, str]
 """quantity, paper, target, here"""

@@ -13,9 +13,10 @@ import numpy as np
 
 from omniservo.estimation import estimate_two_view
 from omniservo.planning import plan_path
+from omniservo.results.run_result import RunResult
 from omniservo.runs import run_task, see
 from omniservo.runs.feature_kind_of import feature_kind_of
-from omniservo.simulation.run_result import RunResult
+from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 
@@ -42,7 +43,7 @@ class StageTimes:
 
 def whole_run(name: str, method: str = "certified") -> RunResult:
     """Return one run of a shipped task."""
-    return run_task(load_task(name), method=method)
+    return run_task(load_task(name), SimulatedCell, method=method)
 
 
 def stage_times(result: RunResult, rounds: int = 15) -> StageTimes:

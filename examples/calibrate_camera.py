@@ -14,7 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import omniservo
 from omniservo.calibration import board_from_text, calibrate_images
 from omniservo.robots import load_arm
-from omniservo.simulation import Panel, Scene, UnifiedRenderer, World
+from omniservo.scenes import Panel, Scene
+from omniservo.simulation import UnifiedRenderer, World
 
 TRUTH = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)
 BOARD = board_from_text("checkerboard:9x6:0.03")  # 9 × 6 inner corners, squares of 30 mm

@@ -13,7 +13,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import omniservo
 from omniservo.calibration import board_from_text
 from omniservo.robots import load_arm
-from omniservo.simulation import Panel, Scene, UnifiedRenderer, World
+from omniservo.scenes import Panel, Scene
+from omniservo.simulation import UnifiedRenderer, World
 
 CAMERA = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)
 BOARD = board_from_text("checkerboard:9x6:0.03")
@@ -51,8 +52,7 @@ def main() -> None:
         print(f"  not view {number}: {found.views[number].reason}")
     place, sigma = found.tool_T_camera.translation, np.sqrt(np.diag(found.covariance))
     print(f"camera at {1e3 * place.round(5)} ± {1e3 * sigma[:3].round(5)} mm on the tool")
-    off = found.tool_T_camera.inv() * TRUTH
-    print(f"off by {1e3 * np.linalg.norm(off.translation):.2f} mm")
+    print(f"off by {1e3 * np.linalg.norm((found.tool_T_camera.inv() * TRUTH).translation):.2f} mm")
     found.save(folder / "hand-eye.json", force=True)
 
 

@@ -12,8 +12,9 @@ import omniservo
 from omniservo.perception import DotKind, DotTracker
 from omniservo.planning import Sphere
 from omniservo.safety import Step, Supervisor, VisibilityFilter, servo
+from omniservo.scenes import Sensor, scene_of_task
 from omniservo.servoing import RestToRestLaw
-from omniservo.simulation import Sensor, SimulatedRobot, scene_of_task, take_picture
+from omniservo.simulation import SimulatedRobot, take_picture
 from omniservo.tasks import load_task
 
 CAMERA = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)  # small: pictures take the time
@@ -44,8 +45,7 @@ def main() -> None:
     law = RestToRestLaw(2.5)  # [s]
     tracker = omniservo.PathTracker(plan, CAMERA, goal_pixels=matched.goal, options=options, time_law=law)
     supervisor = Supervisor(robot, scene.arm, scene.flange_T_camera, camera=robot, wait=robot.advance)
-    dots, visibility = DotTracker(CAMERA), VisibilityFilter(CAMERA, delay=0.02)
-    steps: list[Step] = []
+    dots, visibility, steps = DotTracker(CAMERA), VisibilityFilter(CAMERA, delay=0.02), list[Step]()
     stop = servo(supervisor, tracker, dots, visibility, on_step=steps.append, time_limit=15.0)
 
     places = [robot.world_T_camera(step.image.time).translation for step in steps]

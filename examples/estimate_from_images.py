@@ -14,7 +14,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 import omniservo
 from omniservo.robots import load_arm
 from omniservo.runs import estimate_images
-from omniservo.simulation import Panel, Scene, UnifiedRenderer, World
+from omniservo.scenes import Panel, Scene
+from omniservo.simulation import UnifiedRenderer, World
 
 CAMERA = omniservo.UnifiedCamera(210.0, 210.0, 159.5, 119.5, 0.0, 320, 240)
 PLACES = (([-0.2, 0.0, 0.5], -0.4), ([0.15, 0.05, 0.4], 0.3), ([0.0, -0.1, 0.6], 0.0))  # [m], [rad]
@@ -41,7 +42,6 @@ def main() -> None:
     Path("out").mkdir(exist_ok=True)
     files = [Path("out/initial.png"), Path("out/goal.png")]
     truth = take_images(files)
-
     # Without `displacement`, the distance between the two camera centres [m], the estimate has no scale.
     length = float(np.linalg.norm(truth.translation))
     found = estimate_images(CAMERA, *files, features="natural", displacement=length).estimate

@@ -5,11 +5,11 @@ A kind finds, matches and follows. Prints the motion from what it matched, and w
 
 import numpy as np
 from scipy import ndimage
-from scipy.spatial.distance import cdist
 
 import omniservo
 from omniservo.perception import FeatureTracker, MatchedPoints
-from omniservo.simulation import UnifiedRenderer, World, scene_of_task
+from omniservo.scenes import scene_of_task
+from omniservo.simulation import UnifiedRenderer, World
 from omniservo.tasks import load_task
 
 CAMERA = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)
@@ -37,7 +37,7 @@ class GridKind:  # answers to omniservo.perception.FeatureKind, and to FeatureTr
 
     def update(self, image: np.ndarray, predicted_pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         marks = np.vstack([self.find(CAMERA, image), [np.inf, np.inf]])  # the last one stands for none
-        distances = cdist(predicted_pixels, marks)  # NaN where there is no prediction: that stays lost
+        distances = np.linalg.norm(predicted_pixels[:, None] - marks, axis=2)  # NaN: no prediction, lost
         valid = distances.min(axis=1) < 8.0  # [px]
         return np.where(valid[:, None], marks[distances.argmin(axis=1)], np.nan), valid
 

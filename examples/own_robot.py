@@ -9,12 +9,13 @@ import omniservo
 from omniservo.perception import DotTracker
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety import Supervisor, VisibilityFilter, servo
+from omniservo.scenes import Scene, scene_of_task
 from omniservo.servoing import RestToRestLaw
-from omniservo.simulation import Scene, UnifiedRenderer, World, scene_of_task
+from omniservo.simulation import UnifiedRenderer, World
 from omniservo.tasks import load_task
 
 CAMERA = omniservo.UnifiedCamera(260.0, 260.0, 161.0, 118.0, 0.9, 320, 240)
-PERIOD = 0.2  # [s] between images
+PERIOD, NOISE = 0.2, np.random.default_rng(0)  # [s] between images; of the sensor
 
 
 class MyRobot:
@@ -27,8 +28,7 @@ class MyRobot:
 
     def image(self) -> CameraImage:
         if self.time >= self.newest.time + PERIOD:  # exposed now, on the clock of `read`
-            noise = np.random.default_rng(round(1e3 * self.time))
-            self.newest = CameraImage(self.time, self.renderer.photograph(self.joints, noise))
+            self.newest = CameraImage(self.time, self.renderer.photograph(self.joints, NOISE))
         return self.newest
 
     def command(self, joint_velocities: np.ndarray) -> None:

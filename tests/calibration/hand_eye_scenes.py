@@ -11,7 +11,7 @@ from omniservo.calibration.boards import Checkerboard
 from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.robots import Arm
-from omniservo.simulation.scene import Panel, Scene, Sensor
+from omniservo.scenes.scene import Panel, Scene, Sensor
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
 

@@ -31,7 +31,7 @@ from omniservo.files.image_files import read_grey_image
 from omniservo.perception import tag_cells, tag_picture
 from omniservo.perception.tag_picture import QUIET_CELLS
 from omniservo.reporting.hand_eye_report import hand_eye_html
-from omniservo.simulation.scene import Panel
+from omniservo.scenes.scene import Panel
 from omniservo.targets import Tag, Target
 from omniservo.tasks import load_task
 

@@ -37,6 +37,12 @@ def test_importing_loads_no_heavy_library():
     assert done.stdout.strip() == "[]"
 
 
+def test_whole_jobs_load_nothing_of_the_simulator():
+    code = "import sys, omniservo.runs, omniservo.runs.warm_up; print('omniservo.simulation' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT / "src")))
 def test_functions_are_short_and_files_fit_a_reader(path):
     text = path.read_text()
@@ -68,7 +74,11 @@ MOVED = [
     *(("omniservo.calibration", n, "omniservo.camera_files", n) for n in ("load_camera", "save_camera")),
     ("omniservo.robots", "Robot", "omniservo.robots", "ArmDriver"),
     ("omniservo.robots", "handy_mount", "omniservo.robots", "suggested_mount"),
-    ("omniservo.simulation", "Box", "omniservo.simulation", "SceneBox"),
+    ("omniservo.simulation", "Box", "omniservo.scenes", "SceneBox"),
+    *(
+        ("omniservo.simulation", n, "omniservo.scenes", n)
+        for n in ("Ball", "Dots", "Panel", "Scene", "SceneBox", "Sensor", "scene_of_task")
+    ),
     ("omniservo.perception", "Tags", "omniservo.perception", "FoundTags"),
 ]
 

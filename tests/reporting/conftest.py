@@ -10,15 +10,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.estimation import TwoViewEstimate
 from omniservo.perception import MatchedPoints
 from omniservo.planning import plan_path
+from omniservo.results.run_log import LogRow, RunLog
+from omniservo.results.run_result import Film, RunResult, Seen, Truth
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import problem_of
 from omniservo.runs.whole_arm_of import whole_arm_of
-from omniservo.simulation.followed_way import FollowedWay
-from omniservo.simulation.run_log import LogRow, RunLog
-from omniservo.simulation.run_result import Film, RunResult, Seen, Truth
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task
 from omniservo.tracking import Leg
+from omniservo.tracking.followed_way import FollowedWay
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 

@@ -9,7 +9,7 @@ from PIL import Image
 
 from omniservo.reporting import write_animation
 from omniservo.reporting.animation import animation_bytes
-from omniservo.simulation.run_result import Film
+from omniservo.results.run_result import Film
 
 
 @pytest.fixture(scope="module")

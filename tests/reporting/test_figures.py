@@ -12,7 +12,7 @@ from omniservo.reporting import write_figures
 from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.promise_words import CERTIFIED
 from omniservo.reporting.write_figures import drawings
-from omniservo.simulation.run_log import RunLog
+from omniservo.results.run_log import RunLog
 from omniservo.tasks import load_task
 
 EVERY = {

@@ -18,8 +18,8 @@ from omniservo.reporting.spelling import reads_less, significant, spell, spell_b
 from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
 from omniservo.reporting.write_figures import drawings, write_figures
+from omniservo.results.run_log import RunLog
 from omniservo.risk import RiskPlan, UncertainMargin
-from omniservo.simulation.run_log import RunLog
 
 VOID = {"meta", "img"}
 

@@ -10,7 +10,8 @@ from omniservo.cameras import preset
 from omniservo.errors import InputError, JointLimit
 from omniservo.robots import Arm
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
-from omniservo.simulation import Scene, SimulatedRobot, World
+from omniservo.scenes import Scene
+from omniservo.simulation import SimulatedRobot, World
 
 FLANGE_T_CAMERA = RigidTransform.from_components([0.03, -0.02, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1]))
 WORLD_T_BASE = RigidTransform.from_components([1, 2, 3], Rotation.from_rotvec([0.1, -0.4, 0.7]))

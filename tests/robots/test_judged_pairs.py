@@ -17,7 +17,7 @@ from omniservo.robots import CAMERA_HOUSING, ArmBodies, Solid, arm_clearance, lo
 from omniservo.robots.arm_files.contacts import _is_bearing
 from omniservo.robots.collision.mounted_pairs import mounted_pairs
 from omniservo.robots.collision.shapes import Shapes
-from omniservo.simulation.scene import Ball, Scene, SceneBox
+from omniservo.scenes.scene import Ball, Scene, SceneBox
 from omniservo.simulation.world import World
 from omniservo.whole_arm import ArmSetting, plan_with_arm
 

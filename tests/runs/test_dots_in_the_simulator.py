@@ -4,8 +4,8 @@ import numpy as np
 from changed_task import shipped, written
 
 from omniservo.perception import DotTracker, find_dots
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.simulation.take_picture import take_picture
 from omniservo.tasks import load_task
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from omniservo.runs import run_task
+from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 
@@ -13,7 +14,7 @@ def hurried():
     task = load_task("panda-table")
     servo = task.servo.model_copy(update={"time_law": "time-optimal", "image_speed": 300.0})
     sensor = task.sensor.model_copy(update={"rate": 15.0})  # pictures take most of the time
-    return run_task(task.model_copy(update={"servo": servo, "sensor": sensor}), filmed=False)
+    return run_task(task.model_copy(update={"servo": servo, "sensor": sensor}), SimulatedCell, filmed=False)
 
 
 def test_a_hurried_run_arrives_within_half_of_the_joints_limits_and_the_image_speed(hurried):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from omniservo.errors import NoSolutionError
 from omniservo.planning import CameraPath
 from omniservo.runs.own_branch import own_branch
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
 

@@ -6,8 +6,8 @@ import pytest
 from omniservo.errors import NoSolutionError
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.pace import JOINT_SHARE, pace
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.servoing import ExponentialLaw
-from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
 

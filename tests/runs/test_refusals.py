@@ -11,12 +11,18 @@ from PIL import Image
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.runs import run_task, teach_goal
+from omniservo.simulation import SimulatedCell
 from omniservo.tasks import TaughtGoal, load_task
 
 
 @pytest.fixture
 def document():
     return copy.deepcopy(shipped("paper-example-1"))
+
+
+def taught(task):
+    """The task's goal, taught in the simulator."""
+    return teach_goal(task, SimulatedCell(task))
 
 
 def refusal(capsys, folder, document):
@@ -76,7 +82,7 @@ def test_a_dot_cut_by_the_border_is_not_in_view(document, tmp_path):
         dot["normal"] = [0, 0, -1]
     document["camera"] = "perspective"
     with pytest.raises(InputError, match="7 of the target's 9 dots"):
-        run_task(load_task(written(tmp_path, document)))
+        run_task(load_task(written(tmp_path, document)), SimulatedCell)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +120,7 @@ def test_a_target_below_the_floor_is_hidden_by_it(tmp_path):
     for dot in document["target"]["dots"]:
         dot["center"][2] += 120  # the floor is 430 mm ahead
     with pytest.raises(InputError, match="0 of the .* can be seen in the goal image; .*; hidden by floor$"):
-        teach_goal(load_task(written(tmp_path, document)))
+        taught(load_task(written(tmp_path, document)))
 
 
 def test_a_tag_is_hidden_where_half_of_it_is(tmp_path):
@@ -124,18 +130,18 @@ def test_a_tag_is_hidden_where_half_of_it_is(tmp_path):
     half = 0.25 * panels[0]["edge"]
     document["obstacles"].append({"center": [x + 2 * half, y, z - 10], "half_extents": [half, 4 * half, 1]})
     with pytest.raises(InputError, match="0 of the target's 1 tags can be seen .* hidden by obstacle 1"):
-        teach_goal(load_task(written(tmp_path, document)))
+        taught(load_task(written(tmp_path, document)))
 
 
 def test_one_tag_of_known_size_is_enough_to_teach(tmp_path):
     document = copy.deepcopy(shipped("panda-table"))
     document["target"]["tags"]["panels"] = document["target"]["tags"]["panels"][:1]
-    assert teach_goal(load_task(written(tmp_path, document))).features.shape == (4, 2)
+    assert taught(load_task(written(tmp_path, document))).features.shape == (4, 2)
     document["scale"] = {"odometry": True}
     with pytest.raises(
         InputError, match="4 tag corners found; at least 8|1 of the target's 1 tags .* at least 2"
     ):
-        teach_goal(load_task(written(tmp_path, document)))
+        taught(load_task(written(tmp_path, document)))
 
 
 def test_a_goal_file_without_dots_is_refused():
@@ -143,13 +149,13 @@ def test_a_goal_file_without_dots_is_refused():
     empty = np.full((task.camera.height, task.camera.width), 180, dtype=np.uint8)
     goal = TaughtGoal(task.camera, empty, np.zeros((0, 2)), None)
     with pytest.raises(InputError, match="the goal image: 0 dots found; at least 8"):
-        run_task(task, goal=goal)
+        run_task(task, SimulatedCell, goal=goal)
 
 
 def test_a_goal_taught_with_another_camera_is_refused():
-    taught = teach_goal(load_task("paper-example-1"))
+    goal = taught(load_task("paper-example-1"))
     with pytest.raises(InputError, match="taught with another camera"):
-        run_task(load_task("paper-example-1", camera="perspective"), goal=taught)
+        run_task(load_task("paper-example-1", camera="perspective"), SimulatedCell, goal=goal)
 
 
 def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):
@@ -159,9 +165,9 @@ def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):
         dot["normal"] = [0, 0, -1]
     document["target"]["dot_radius"] = 6
     document["target"]["boards"] = [{"center": [0, -80, 550], "half_extents": [900, 700, 10]}]
-    taught = teach_goal(load_task(written(tmp_path, document)))
+    goal = taught(load_task(written(tmp_path, document)))
     with pytest.raises(NoSolutionError, match="cannot be matched"):
-        run_task(load_task("paper-example-1"), goal=taught)
+        run_task(load_task("paper-example-1"), SimulatedCell, goal=goal)
 
 
 def test_a_start_out_of_reach_names_its_field(capsys, tmp_path, document):

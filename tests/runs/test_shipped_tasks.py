@@ -6,13 +6,13 @@ import pytest
 from omniservo.estimation import estimate_two_view
 from omniservo.planning import CameraPath
 from omniservo.robots import arm_clearance
-from omniservo.runs import estimate_simulated
+from omniservo.runs import estimate_in_cell
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.own_branch import own_branch
 from omniservo.runs.plan_task import plan_task
-from omniservo.simulation import World
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
+from omniservo.simulation import SimulatedCell, World
 from omniservo.tasks import load_task, shipped_tasks
 from omniservo.verification import verify_plan
 
@@ -24,7 +24,7 @@ ROOM = 0.005
 @pytest.fixture(scope="module", params=NAMES)
 def prepared(request):
     task = load_task(request.param)
-    found = estimate_simulated(request.param)
+    found = estimate_in_cell(request.param, SimulatedCell)
     followed = followed_points(found.estimate, found.seen.matched.initial)
     return (
         task,
@@ -43,7 +43,7 @@ def test_the_two_pictures_give_the_taught_motion(prepared):
 
 
 def test_natural_features_of_a_run_share_what_their_windows_do():
-    found, camera = estimate_simulated("textured-object"), load_task("textured-object").camera
+    found, camera = estimate_in_cell("textured-object", SimulatedCell), load_task("textured-object").camera
     matched = found.seen.matched
     alone = estimate_two_view(camera, matched.initial, matched.goal, noise=matched.noise)
     turn, turn_alone = (np.trace(e.covariance[3:, 3:]) for e in (found.estimate, alone))

@@ -11,7 +11,7 @@ from tests.runs.test_own_arm import EXAMPLE
 from omniservo.robots import Arm, load_arm, shipped_arms, suggested_mount, suggested_posture, suggested_table
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 from omniservo.whole_arm import plan_with_arm
 

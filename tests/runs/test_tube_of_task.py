@@ -8,7 +8,7 @@ from omniservo.errors import InputError
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, TrackingTube, load_arm
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of
 from omniservo.runs.plan_task import problem_of
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
 SHAPE = {"joints": 0.03, "links": 0.004, "position": 0.003, "image": 1.5}

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from omniservo.reporting.signals import joint_velocities
-from omniservo.runs import estimate_simulated, run_task
+from omniservo.runs import estimate_in_cell, run_task
+from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
@@ -12,7 +13,7 @@ TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
 
 @pytest.fixture(scope="module")
 def certified():
-    return run_task(load_task("paper-example-1"), method="certified", filmed=False)
+    return run_task(load_task("paper-example-1"), SimulatedCell, method="certified", filmed=False)
 
 
 def test_the_certified_run_reaches_the_goal_without_touching_anything(certified):
@@ -54,7 +55,7 @@ def test_classical_servoing_touches_the_box():
     task = load_task("paper-example-1")
     slower = task.sensor.model_copy(update={"rate": 12.0})  # pictures take most of the time
     task = task.model_copy(update={"sensor": slower})
-    metrics = run_task(task, method="ibvs", filmed=False).metrics
+    metrics = run_task(task, SimulatedCell, method="ibvs", filmed=False).metrics
     assert metrics["status"] == "contact"
     assert any("obstacle 0" in pair for pair in metrics["contacts"])
     assert metrics["planning_seconds"] is None
@@ -62,7 +63,7 @@ def test_classical_servoing_touches_the_box():
 
 def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared_data):
     camera = shared_data / "calibrations" / "mei_yaml" / "KITTI-360__image_02.yaml"
-    estimate = estimate_simulated("paper-example-1", camera=str(camera)).estimate
+    estimate = estimate_in_cell("paper-example-1", SimulatedCell, camera=str(camera)).estimate
     assert estimate.status == "ok"
     assert estimate.initial_T_goal.translation == pytest.approx(TRUE_TRANSLATION, abs=0.5e-3)
 
@@ -70,7 +71,7 @@ def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared
 def test_seven_joints_reach_the_goal_and_are_drawn():
     task = load_task("panda-table")
     slower = task.sensor.model_copy(update={"rate": 4.0})  # pictures take most of the time
-    result = run_task(task.model_copy(update={"sensor": slower}), filmed=False)
+    result = run_task(task.model_copy(update={"sensor": slower}), SimulatedCell, filmed=False)
     metrics = result.metrics
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])
     assert metrics["final_translation_error_m"] <= 0.3e-3

@@ -9,7 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import preset
 from omniservo.robots import Arm
 from omniservo.safety import SafetyOptions, Supervisor
-from omniservo.simulation import Dots, Scene, Sensor, SimulatedRobot
+from omniservo.scenes import Dots, Scene, Sensor
+from omniservo.simulation import SimulatedRobot
 
 START = np.deg2rad([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3])
 

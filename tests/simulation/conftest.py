@@ -6,7 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.robots import Arm
-from omniservo.simulation import Dots, Scene, SceneBox, Sensor
+from omniservo.scenes import Dots, Scene, SceneBox, Sensor
 
 START = np.deg2rad([-0.7, 43.2, -64.6, 0.8, 111.4, 0.3])
 WALL_FACE = 0.62  # [m] the wall's face, world x

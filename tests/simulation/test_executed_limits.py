@@ -7,8 +7,9 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import preset
 from omniservo.planning import CameraPath
 from omniservo.robots import follow_path, load_arm
+from omniservo.scenes import Scene
 from omniservo.servoing import PathLimits, TimeOptimalLaw
-from omniservo.simulation import Scene, SimulatedRobot
+from omniservo.simulation import SimulatedRobot
 
 STARTS = {
     "rx60": [0.2, 0.6, -1.6, 0.1, 1.2, 0.0],

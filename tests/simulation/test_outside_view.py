@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.simulation import Ball, OutsideView, SceneBox, Viewpoint, World
+from omniservo.scenes import Ball, SceneBox
+from omniservo.simulation import OutsideView, Viewpoint, World
 
 VIEW = Viewpoint(eye=(2.0, -2.0, 1.0), focus=(2.0, 0.0, 0.0))
 SMALL = {"width": 120, "height": 90}

@@ -6,7 +6,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.simulation import Ball, OutsideView, Panel, UnifiedRenderer, Viewpoint, World
+from omniservo.scenes import Ball, Panel
+from omniservo.simulation import OutsideView, UnifiedRenderer, Viewpoint, World
 from omniservo.simulation.ray_caster import daylight
 
 RNG = np.random.default_rng(8)

@@ -7,7 +7,8 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import preset
 from omniservo.robots import Arm, load_arm, shipped_arms
-from omniservo.simulation import Scene, SceneBox, World
+from omniservo.scenes import Scene, SceneBox
+from omniservo.simulation import World
 from omniservo.simulation.ray_caster import RayCaster
 
 _LINK = """<link name="l{k}">

@@ -6,7 +6,8 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.robots import ArmDriver, CameraSource
-from omniservo.simulation import SceneBox, Sensor, SimulatedRobot
+from omniservo.scenes import SceneBox, Sensor
+from omniservo.simulation import SimulatedRobot
 
 SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])  # [rad/s]
 

@@ -4,7 +4,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.perception import find_tags, tag_cells, tag_picture
-from omniservo.simulation import Panel, UnifiedRenderer, World
+from omniservo.scenes import Panel
+from omniservo.simulation import UnifiedRenderer, World
 
 EDGE = 0.05
 POSES = {

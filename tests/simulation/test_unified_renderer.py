@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.simulation import Ball, SceneBox, Sensor, UnifiedRenderer, World
+from omniservo.scenes import Ball, SceneBox, Sensor
+from omniservo.simulation import UnifiedRenderer, World
 from omniservo.simulation.unified_renderer import BACKGROUND, DARK
 
 WINDOW = 9  # [px] half side of the window round a dot

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.robots import Arm
-from omniservo.simulation import Ball, SceneBox, World
+from omniservo.scenes import Ball, SceneBox
+from omniservo.simulation import World
 
 
 def lens_front(scene):

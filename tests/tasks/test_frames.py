@@ -12,8 +12,8 @@ from omniservo.errors import InputError
 from omniservo.robots import load_arm
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.simulation import World
-from omniservo.simulation.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 from omniservo.whole_arm import plan_with_arm
 

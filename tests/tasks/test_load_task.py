@@ -15,7 +15,7 @@ from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.planning import Sphere
 from omniservo.robots import load_arm
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
 
 SHIPPED = (

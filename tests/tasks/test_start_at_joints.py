@@ -5,7 +5,7 @@ import pytest
 
 from omniservo.errors import InputError
 from omniservo.robots import load_arm
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
 TASK = """

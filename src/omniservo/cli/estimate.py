@@ -84,7 +84,8 @@ def estimate(
     _check_files(task, initial, goal)
     with output.working("loading") as progress:
         from omniservo.reporting import write_estimate_report
-        from omniservo.runs import estimate_images, estimate_simulated
+        from omniservo.runs import estimate_images, estimate_in_cell
+        from omniservo.simulation import SimulatedCell
         from omniservo.tasks import load_task
 
         progress("estimating")
@@ -92,7 +93,7 @@ def estimate(
         if task is not None and not images and not of_images:
             known = packages_of(package)
             loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
-            found = estimate_simulated(loaded, seed=seed)
+            found = estimate_in_cell(loaded, SimulatedCell, seed=seed)
         elif task is None and replacement is not None and initial is not None and goal is not None:
             found = estimate_images(
                 replacement, initial, goal, features=features, dictionary=dictionary, target=target,

@@ -65,6 +65,7 @@ def run(
         progress("loading")  # no line of its own: a wrong call is one line
         from omniservo.runs import NoPath, run_into
         from omniservo.runs.compile_ahead import compiling_ahead
+        from omniservo.simulation import SimulatedCell
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
@@ -75,8 +76,9 @@ def run(
             room = _ROOM * (3 if method == "compare" else 1)
             with compiling_ahead(), whole_folder(folder, force=force, room=room) as work:
                 found = run_into(
-                    work, loaded, method=method, goal=taught, seed=seed, filmed=film, progress=progress
-                )
+                    work, loaded, SimulatedCell, method=method, goal=taught, seed=seed, filmed=film,
+                    progress=progress,
+                )  # fmt: skip
         except NoPath as refused:
             progress("drawing why", 0.9)
             raise NoSolutionError(f"{refused}{_drawn(refused, out)}") from None

@@ -34,6 +34,7 @@ def teach(
     task_file(task)
     with output.working("loading") as progress:
         from omniservo.runs import teach_goal
+        from omniservo.simulation import SimulatedCell
         from omniservo.tasks import load_task
 
         progress("teaching")
@@ -41,7 +42,7 @@ def teach(
         loaded = load_task(
             task, camera=replacement, packages=packages_of(package), allow_outside=allow_outside
         )
-        goal = teach_goal(loaded, seed=seed)
+        goal = teach_goal(loaded, SimulatedCell(loaded, seed))
     goal.save(out, force=force)
     output.line(f"{len(goal.features)} features found in the goal image")
     output.written(out)

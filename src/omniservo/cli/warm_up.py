@@ -18,9 +18,10 @@ def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
         from omniservo.geometry.compiler_watch import CompilerWatch
         from omniservo.runs.compile_ahead import compiling_ahead
         from omniservo.runs.warm_up import warm_up as do_small_jobs
+        from omniservo.simulation import SimulatedCell
 
         with compiling_ahead(), CompilerWatch() as watch:
-            do_small_jobs(progress)
+            do_small_jobs(SimulatedCell, progress)
     output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; kept for every later call")
     if not record.save():
         output.line(f"{record.path}: could not be written: the next warm-up goes through the same jobs again")

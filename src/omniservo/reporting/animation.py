@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from omniservo.files import write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.reporting.style import GOAL
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _FOOTER = 40
 _TEXT = 24

@@ -14,7 +14,8 @@ from omniservo.cameras import preset
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.style import EXECUTED, PLANNED, QUIET, THREE, Drawing, new_figure, styled
 from omniservo.robots import Arm
-from omniservo.simulation import OutsideView, Scene, Viewpoint, World
+from omniservo.scenes import Scene
+from omniservo.simulation import OutsideView, Viewpoint, World
 
 _PICTURE = 720
 """[px] side of the image"""

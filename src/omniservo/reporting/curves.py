@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.reporting.image_distance import image_distance
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_log import RunLog
+from omniservo.results.run_result import RunResult
 from omniservo.tasks import Task
 
 SAMPLES = 401

@@ -26,7 +26,7 @@ from omniservo.reporting.style import (
     new_figure,
     styled,
 )
-from omniservo.simulation.run_result import Seen
+from omniservo.results.run_result import Seen
 
 _MOST_LINES = 60
 """more would hide the images"""

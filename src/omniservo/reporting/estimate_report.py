@@ -14,7 +14,7 @@ from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import banner, judged, page, part, tag, tiles
 from omniservo.reporting.residual_agreement import agreement_in_words
 from omniservo.reporting.spelling import spell
-from omniservo.simulation.run_result import Seen
+from omniservo.results.run_result import Seen
 
 
 def write_estimate_report(

@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting import promise_words as words
 from omniservo.reporting.style import FORBIDDEN, QUIET, SEVEN, Drawing, legend_below, new_figure
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_log import RunLog
+from omniservo.results.run_result import RunResult
+from omniservo.tracking.planned_motion import PlannedMotion
 
 _TICK = 5e-3
 """[s]"""

@@ -6,9 +6,9 @@ import numpy as np
 
 from omniservo.reporting.html import Cell, Markup, joined, table, tag
 from omniservo.reporting.spelling import NOTHING, spell
+from omniservo.results.run_result import RunResult
 from omniservo.robots import JointPath
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.run_result import RunResult
+from omniservo.tracking.planned_motion import PlannedMotion
 
 _LAWS = {
     "rest-to-rest": "the rest-to-rest law",

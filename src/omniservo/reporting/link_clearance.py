@@ -6,8 +6,8 @@ import matplotlib as mpl
 
 from omniservo.reporting import promise_words
 from omniservo.reporting.style import ASKED, CERTIFIED, FORBIDDEN, Drawing, legend_below, new_figure
+from omniservo.results.run_result import RunResult
 from omniservo.robots import FARTHEST
-from omniservo.simulation.run_result import RunResult
 from omniservo.tasks.obstacles import CloudSection
 
 

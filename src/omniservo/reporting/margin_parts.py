@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from omniservo.reporting.html import Cell, Markup, joined, table, tag
 from omniservo.reporting.spelling import NOTHING, spell
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 
 def margin_parts(result: RunResult) -> Markup | None:

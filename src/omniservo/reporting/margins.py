@@ -22,7 +22,7 @@ from omniservo.reporting.style import (
     legend_below,
     new_figure,
 )
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 
 def clearance(result: RunResult) -> Drawing | None:

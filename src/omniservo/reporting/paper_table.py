@@ -9,7 +9,7 @@ from omniservo.reporting.curves import planned_curve
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
 from omniservo.reporting.spelling import NOTHING, significant, spell
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from omniservo.reporting import promise_words as words
 from omniservo.reporting.space import Space, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 from omniservo.tasks import Task
 from omniservo.tasks.obstacles import CloudSection, SphereSection
 

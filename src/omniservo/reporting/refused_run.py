@@ -12,8 +12,8 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, HalfSpace, Plan, worst_moment
 from omniservo.reporting.moment_figure import draw_moment
 from omniservo.reporting.style import CERTIFIED, Drawing, new_figure, styled
+from omniservo.scenes.scene import Scene
 from omniservo.simulation import OutsideView, World
-from omniservo.simulation.scene import Scene
 from omniservo.whole_arm import ArmSetting
 
 _DIRECTIONS = np.random.default_rng(0).standard_normal((400, 3))

@@ -25,7 +25,7 @@ from omniservo.reporting.style import (
     new_figure,
 )
 from omniservo.reporting.upright_axes import UprightAxes
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _OUTCOMES = {
     "kept": "the path was still proven: kept",

@@ -12,7 +12,7 @@ from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spel
 from omniservo.reporting.paper_table import PAPER, comparison_table
 from omniservo.reporting.spelling import NOTHING, reads_less, spell, spell_bound
 from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 from omniservo.tasks import shipped_tasks
 
 METHODS = {

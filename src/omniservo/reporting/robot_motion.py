@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import executed_curve
 from omniservo.reporting.style import THREE, Drawing, legend_below, new_figure
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _LEAST_SPAN = 0.2
 """of the rotation's axis [deg]: less is noise"""

@@ -19,8 +19,8 @@ from omniservo.reporting.style import (
     legend_below,
     new_figure,
 )
-from omniservo.simulation.run_result import RunResult
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.results.run_result import RunResult
+from omniservo.scenes.scene_of_task import scene_of_task
 
 _LEAST_PX = 1e-3
 """What lies below is drawn here: a logarithmic axis has no zero [px]."""

@@ -15,7 +15,7 @@ from omniservo.planning.obstacles.core import unit_sphere
 from omniservo.planning.obstacles.obstacle import Body
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.upright_axes import UprightAxes
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 from omniservo.tasks.obstacles import CloudSection, HalfSpaceSection
 
 _SYMBOLS = 6

@@ -20,7 +20,7 @@ from omniservo.reporting.style import (
     legend_below,
     new_figure,
 )
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 
 def plane_trajectories(result: RunResult) -> Drawing:

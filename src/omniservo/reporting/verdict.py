@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from omniservo.reporting.metric_meanings import spell_contacts
 from omniservo.reporting.paper_table import PAPER
 from omniservo.reporting.spelling import spell
+from omniservo.results.run_result import RunResult
 from omniservo.risk import RiskPlan
-from omniservo.simulation.run_result import RunResult
 from omniservo.tasks.obstacles import SphereSection
 
 

@@ -11,7 +11,7 @@ from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.reporting.around_points import show_around
 from omniservo.reporting.number_places import HEIGHT, number_places
 from omniservo.reporting.style import GOAL, START, Drawing, new_figure
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _PANEL = 245.0
 """width of one of three images side by side [pt]"""

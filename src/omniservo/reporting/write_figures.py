@@ -16,7 +16,7 @@ from omniservo.reporting.signals import camera_twist, image_error, joint_velocit
 from omniservo.reporting.style import Drawing, styled
 from omniservo.reporting.trajectories import image_trajectories, plane_trajectories
 from omniservo.reporting.views import outside, views
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _FIGURES: tuple[Callable[[RunResult], Drawing | None], ...] = (
     views,

@@ -19,7 +19,7 @@ from omniservo.reporting.margin_parts import margin_parts
 from omniservo.reporting.replanning import replanning_section
 from omniservo.reporting.style import Drawing
 from omniservo.reporting.write_figures import drawings
-from omniservo.simulation.run_result import RunResult
+from omniservo.results.run_result import RunResult
 
 _WIDE = 9.0
 """Figures wider than this [inch] get the page's whole width."""

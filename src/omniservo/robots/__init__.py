@@ -20,6 +20,7 @@ from omniservo.robots.collision.own_sight import OwnSight, own_sight
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.link import Link, Shape
 from omniservo.robots.load_arm import load_arm, shipped_arms
+from omniservo.robots.next_image import next_image
 from omniservo.robots.path_following.follow_path import FollowedPath, follow_path
 from omniservo.robots.path_following.joint_path import JointPath, PathFailure
 from omniservo.robots.path_following.strayed import strayed
@@ -55,6 +56,7 @@ __all__ = [
     "follow_path",
     "link_gaps",
     "load_arm",
+    "next_image",
     "own_sight",
     "shipped_arms",
     "shipped_tube",

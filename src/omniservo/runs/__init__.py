@@ -1,17 +1,22 @@
 """Whole jobs: a task becomes a folder of results."""
 
-from omniservo.runs.estimate_images import estimate_images, estimate_simulated
+from omniservo.runs.estimate_images import estimate_images, estimate_in_cell
 from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.ground_truth import GroundTruth
 from omniservo.runs.no_path import NoPath
+from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.run_into import run_into
 from omniservo.runs.run_task import run_task
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 
 __all__ = [
+    "GroundTruth",
     "NoPath",
+    "OpenCell",
+    "RobotCell",
     "estimate_images",
-    "estimate_simulated",
+    "estimate_in_cell",
     "estimate_task",
     "run_into",
     "run_task",

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.robots import CAMERA_HOUSING, Solid, Tube
-from omniservo.simulation.scene import Scene
+from omniservo.scenes.scene import Scene
 from omniservo.tasks import Task
 from omniservo.whole_arm import ArmSetting
 

@@ -1,7 +1,8 @@
-"""Motion and structure from two pictures: files, or a task's simulated ones."""
+"""Motion and structure from two pictures: files, or those of a task's own cell."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -14,15 +15,14 @@ from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.files.image_files import read_grey_image
 from omniservo.geometry.arrays import ByteArray
+from omniservo.results.run_result import Seen
+from omniservo.robots import next_image
 from omniservo.runs.estimate_task import estimate_on_target, estimate_task
 from omniservo.runs.feature_kind_of import KindName, feature_kind, feature_kind_of
 from omniservo.runs.in_view import require_in_view
+from omniservo.runs.robot_cell import OpenCell
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
-from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.run_result import Seen
-from omniservo.simulation.scene_of_task import scene_of_task
-from omniservo.simulation.take_picture import take_picture
 from omniservo.targets import Target
 from omniservo.tasks import Task, load_task
 
@@ -88,22 +88,22 @@ def estimate_images(
     return EstimatedImages(seen, replace(found, camera=model))
 
 
-def estimate_simulated(
-    task: str | Task, *, camera: str | UnifiedCamera | None = None, seed: int = 0
+def estimate_in_cell(
+    task: str | Task, open_cell: OpenCell, *, camera: str | UnifiedCamera | None = None, seed: int = 0
 ) -> EstimatedImages:
-    """Return what a task's own two pictures say, taken in the simulator; ``camera`` as `load_task` has it.
+    """Return what a task's own two pictures say, taken in its cell; ``camera`` as `load_task` has it.
 
     Raises:
         InputError, NoSolutionError: as `run_task`.
     """
     loaded = task if isinstance(task, Task) else load_task(task, camera=camera)
     require_in_view(loaded, RigidTransform.identity(), "the initial image")
-    goal = teach_goal(loaded, seed=seed + 1)
-    scene = scene_of_task(loaded)
-    robot = SimulatedRobot(scene, seed=seed)
-    image, joints = take_picture(robot), robot.read().joint_positions
+    with closing(open_cell(loaded, seed + 1)) as cell:
+        goal = teach_goal(loaded, cell)
+    with closing(open_cell(loaded, seed)) as cell:
+        image, joints = next_image(cell.camera, cell.wait), cell.driver.read().joint_positions
     seen = see(feature_kind_of(loaded), loaded.camera, image.pixels, goal.image)
-    found = estimate_task(loaded, scene, seen, goal, joints)
+    found = estimate_task(loaded, cell.scene, seen, goal, joints)
     return EstimatedImages(seen, replace(found, camera=loaded.camera))
 
 

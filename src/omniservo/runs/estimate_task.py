@@ -9,8 +9,8 @@ from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import MatchedPoints
-from omniservo.simulation.run_result import Seen
-from omniservo.simulation.scene import Scene
+from omniservo.results.run_result import Seen
+from omniservo.scenes.scene import Scene
 from omniservo.targets import Target
 from omniservo.tasks import Task, TaughtGoal
 

@@ -6,29 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from omniservo.geometry.arrays import ByteArray
-from omniservo.simulation import World
-from omniservo.simulation.outside_view import OutsideView
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import Film
+from omniservo.results import Film, RunLog
+from omniservo.robots import CameraImage
+from omniservo.runs.ground_truth import GroundTruth
 
 FRAMES = 40
 """enough for a fluent animation of a few seconds, small enough for a README"""
 
-_WIDTH, _HEIGHT = 480, 360
 
-
-def film_of(log: RunLog, images: Sequence[ByteArray], worlds: Sequence[World]) -> Film:
-    """Return evenly spaced moments of the run, seen from the hand and from outside, each in its world."""
+def film_of(log: RunLog, images: Sequence[CameraImage], truth: GroundTruth) -> Film:
+    """Return evenly spaced moments of the run, seen by the camera and from outside."""
     if not log.rows:
         return Film((), (), ())
     chosen = np.unique(np.linspace(0, len(log.rows) - 1, FRAMES).round().astype(int))
-    views = {
-        id(world): OutsideView(world, width=_WIDTH, height=_HEIGHT, shadow_rays=1, films=True)
-        for world in dict.fromkeys(worlds[i] for i in chosen)
-    }
     return Film(
         times=tuple(log.rows[i].time for i in chosen),
-        camera=tuple(images[i] for i in chosen),
-        outside=tuple(views[id(worlds[i])].render(log.rows[i].joints) for i in chosen),
+        camera=tuple(images[i].pixels for i in chosen),
+        outside=tuple(truth.outside_picture(log.rows[i].joints, images[i].time, quick=True) for i in chosen),
     )

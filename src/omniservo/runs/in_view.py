@@ -11,15 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.runs.feature_kind_of import feature_kind_of
-from omniservo.simulation.ray_caster import MISS, RayCaster
-from omniservo.simulation.world import World
+from omniservo.runs.robot_cell import RobotCell
 from omniservo.tasks import Task
 from omniservo.tasks.target import Dot, TargetSection, TexturedFace
 
 _GRID = 8
 """points along a side of a textured face; a part of a face is enough"""
-_SURFACE = 1e-3
-"""[m] what is met this close before a point is the surface that the point lies on"""
 
 
 @dataclass(frozen=True)
@@ -52,12 +49,12 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
         )
 
 
-def require_unhidden(task: Task, world: World, joints: FloatArray, where: str) -> None:
+def require_unhidden(task: Task, cell: RobotCell, joints: FloatArray, where: str) -> None:
     """Refuse a posture of the arm from which too much of the target is hidden by something in between.
 
     Args:
         task: its target and camera.
-        world: what stands in the simulator.
+        cell: the arm, and what stands around it.
         joints: (n,) of the arm where the picture is taken [rad].
         where: the picture's name in the message.
 
@@ -66,21 +63,17 @@ def require_unhidden(task: Task, world: World, joints: FloatArray, where: str) -
             sight; it names what is.
     """
     parts = _parts(task)
-    caster = RayCaster(world, sees_camera=False)
-    world_T_camera = world.world_T_camera(caster.pose_arm(joints))
     world_T_initial = task.start.world_T_camera.transform
-    shown = _in_image(task, parts, world_T_initial.inv() * world_T_camera)
-    outlines = world_T_initial.apply(parts.outlines.reshape(-1, 3)) - world_T_camera.translation
-    distances = np.linalg.norm(outlines, axis=1)
-    geoms, met, _ = caster.cast(world_T_camera.translation, outlines / distances[:, None])
-    blocked = (geoms != MISS) & (met < distances - _SURFACE)
-    hidden = blocked.reshape(parts.outlines.shape[:2]) & shown[:, None]
+    shown = _in_image(task, parts, world_T_initial.inv() * cell.scene.world_T_camera(joints))
+    points = world_T_initial.apply(parts.outlines.reshape(-1, 3))
+    hiders = np.array(cell.truth.hidden_by(joints, points)).reshape(parts.outlines.shape[:2])
+    hidden = (hiders != "") & shown[:, None]
     seen = int((shown & ~hidden.any(1)).sum())
     if hidden.any() and seen < parts.least:
-        hiders = Counter(world.body_of(int(geom)) for geom in geoms[hidden.ravel()])
+        names = Counter(hiders[hidden].tolist())
         raise InputError(
             f"{task.name}: {seen} of the target's {len(shown)} {parts.name} can be seen in {where}; at least "
-            f"{parts.least} are needed; hidden by {', '.join(name for name, _ in hiders.most_common())}"
+            f"{parts.least} are needed; hidden by {', '.join(name for name, _ in names.most_common())}"
         )
 
 

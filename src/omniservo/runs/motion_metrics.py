@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from omniservo.reporting.joint_figures import executed_speed_shares
+from omniservo.results.run_result import RunResult
 from omniservo.servoing import image_speed
-from omniservo.simulation.run_result import RunResult
 
 
 def motion_metrics(result: RunResult) -> dict[str, object]:

@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
-from omniservo.simulation.scene import Scene
+from omniservo.scenes.scene import Scene
 from omniservo.whole_arm import ArmPlan, ArmSetting
 
 

@@ -8,7 +8,7 @@ from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath
 from omniservo.robots import FollowedPath, JointPath, follow_path
-from omniservo.simulation.scene import Scene
+from omniservo.scenes.scene import Scene
 from omniservo.tasks import Task
 
 

@@ -12,6 +12,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath, Plan
 from omniservo.robots import Arm, JointPath
 from omniservo.runs.own_branch import every_branch, own_branch
+from omniservo.scenes.scene import Scene
 from omniservo.servoing import (
     ExponentialLaw,
     PathLimits,
@@ -20,9 +21,8 @@ from omniservo.servoing import (
     TimeOptimalLaw,
     image_speed,
 )
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
+from omniservo.tracking.planned_motion import PlannedMotion
 
 LEAST_DURATION = 4.0
 """[s] of the rest-to-rest law: slow enough for a person to watch, and for 30 frames a second."""

@@ -14,7 +14,7 @@ from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_p
 from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
 from omniservo.runs.no_path import NoPath
-from omniservo.simulation.scene import Scene
+from omniservo.scenes.scene import Scene
 from omniservo.tasks import Task
 from omniservo.whole_arm import plan_with_arm
 

@@ -1,14 +1,15 @@
-"""Writes the log of a run: what the loop knew, and the simulator's truth beside it for scoring."""
+"""Writes the log of a run: what the loop knew, and the truth beside it for scoring."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from omniservo.errors import ServoStop
-from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.arrays import FloatArray
+from omniservo.results import LogRow, RunLog
+from omniservo.robots import CameraImage
+from omniservo.runs.ground_truth import GroundTruth
 from omniservo.safety import Controller, Step
-from omniservo.simulation import SimulatedRobot, World
-from omniservo.simulation.run_log import LogRow, RunLog
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
 
@@ -19,7 +20,7 @@ class Recorder:
     def __init__(
         self,
         task: Task,
-        robot: SimulatedRobot,
+        truth: GroundTruth,
         controller: Controller,
         replanner: Replanner | None,
         points: FloatArray,
@@ -27,22 +28,20 @@ class Recorder:
         """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels."""
         self._camera = task.camera
         self._world_T_initial = task.start.world_T_camera.transform
-        self._robot = robot
+        self._truth = truth
         self._controller = controller
         self._replanner = replanner
         self._points = points
         self._log = RunLog()
-        self.images: list[ByteArray] = []
+        self.images: list[CameraImage] = []
         """what the camera saw, one per row"""
-        self.worlds: list[World] = []
-        """in which it was, one per row"""
 
     def step(self, step: Step) -> None:
         """Add a row. The truth is that of the image's exposure."""
         report = self._controller.report
         if report is None:
             raise AssertionError("a step without a report")
-        truth = self._world_T_initial.inv() * self._robot.world_T_camera(step.image.time)
+        truth = self._world_T_initial.inv() * self._truth.world_T_camera(step.image.time)
         true_pixels, _ = self._camera.project(truth.inv().apply(self._points))
         self._log.rows.append(
             LogRow(
@@ -64,12 +63,11 @@ class Recorder:
                 true_position=truth.translation,
                 true_rotation=truth.rotation.as_rotvec(),
                 true_pixels=true_pixels,
-                arm_clearance=self._robot.arm_obstacle_distance(),
+                arm_clearance=self._truth.arm_obstacle_distance(),
                 control_seconds=step.control_seconds,
             )
         )
-        self.images.append(step.image.pixels)
-        self.worlds.append(self._robot.world)
+        self.images.append(step.image)
 
     def _planned(self, step: Step) -> FloatArray:
         if self._replanner is None:
@@ -78,7 +76,7 @@ class Recorder:
 
     def finish(self, stop: ServoStop | None) -> RunLog:
         """Return the log with how the run ended."""
-        self._log.contacts |= self._robot.contacts()
+        self._log.contacts |= self._truth.contacts()
         if stop is not None:
             self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
         return self._log

@@ -10,12 +10,12 @@ from omniservo.robots import JointPath
 from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.pace import limits_of
 from omniservo.safety import Controller
+from omniservo.scenes.scene import Scene
 from omniservo.servoing import PathLimits
-from omniservo.simulation.followed_way import FollowedWay
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.scene import Scene
 from omniservo.tasks import Task
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
+from omniservo.tracking.followed_way import FollowedWay
+from omniservo.tracking.planned_motion import PlannedMotion
 
 
 def replanner_of(
@@ -30,8 +30,8 @@ def replanner_of(
     """Return the replanner of a plan that is about to be followed; None where nothing was planned.
 
     Another way is taken up one period of the camera, and the delay until a twist acts, after the image with
-    which planning began; the simulator's time stands meanwhile. What the plan keeps because mount and
-    estimate are uncertain is kept later, too.
+    which planning began; time that passes in `RobotCell.wait` alone stands meanwhile. What the plan keeps
+    because mount and estimate are uncertain is kept later, too.
     """
     if plan is None or motion is None or not isinstance(controller, PathTracker):
         return None

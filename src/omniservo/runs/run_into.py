@@ -13,9 +13,10 @@ from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings
 from omniservo.reporting.write_report import RunPictures, write_report
+from omniservo.results.run_result import RunResult
 from omniservo.runs.job_progress import JobProgress, Progress
+from omniservo.runs.robot_cell import OpenCell
 from omniservo.runs.run_task import Method, run_task
-from omniservo.simulation.run_result import RunResult
 from omniservo.tasks import Task, TaughtGoal
 
 METHODS: tuple[Method, ...] = ("certified", "paper", "ibvs")
@@ -25,6 +26,7 @@ METHODS: tuple[Method, ...] = ("certified", "paper", "ibvs")
 def run_into(
     folder: Path,
     task: Task,
+    open_cell: OpenCell,
     *,
     method: Literal["certified", "paper", "ibvs", "compare"] = "certified",
     goal: TaughtGoal | None = None,
@@ -40,6 +42,7 @@ def run_into(
     Args:
         folder: an empty one.
         task: the job.
+        open_cell: says where it is done.
         method: of planning.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
@@ -54,7 +57,7 @@ def run_into(
     results, pictures = [], []
     for number, name in enumerate(methods):
         job.begin_run(number)
-        result = run_task(task, method=name, goal=goal, seed=seed, filmed=filmed, progress=job)
+        result = run_task(task, open_cell, method=name, goal=goal, seed=seed, filmed=filmed, progress=job)
         results.append(result)
         target = folder if number == 0 else folder / name
         target.mkdir(exist_ok=True)

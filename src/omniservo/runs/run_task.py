@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from time import perf_counter
 from typing import Literal, TypeVar
@@ -17,8 +18,9 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan
+from omniservo.results import Film, RunLog, RunResult, Truth, WholeArm
 from omniservo.risk import RiskPlan
-from omniservo.robots import CameraImage
+from omniservo.robots import CameraImage, next_image
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
@@ -31,6 +33,7 @@ from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.recorder import Recorder
 from omniservo.runs.replanner_of import followed_way, replanner_of
+from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
 from omniservo.runs.see import see
@@ -38,18 +41,11 @@ from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
 from omniservo.safety import Controller, Step, Supervisor, VisibilityFilter, servo
+from omniservo.scenes import Scene
 from omniservo.servoing import ImageServoOptions
-from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.outside_view import OutsideView
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import Film, RunResult, Truth
-from omniservo.simulation.scene import Scene
-from omniservo.simulation.scene_of_task import scene_of_task
-from omniservo.simulation.take_picture import take_picture
-from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import GoalServo, PathTracker, Replanner, TrackerOptions
+from omniservo.tracking.planned_motion import PlannedMotion
 
 Method = Literal["certified", "paper", "ibvs"]
 
@@ -58,6 +54,7 @@ T = TypeVar("T")
 
 def run_task(
     task: Task,
+    open_cell: OpenCell,
     *,
     method: Method = "certified",
     goal: TaughtGoal | None = None,
@@ -65,10 +62,11 @@ def run_task(
     filmed: bool = True,
     progress: Progress = lambda stage, done: None,
 ) -> RunResult:
-    """Do a whole job in the simulator and return everything that it produced.
+    """Do a whole job and return everything that it produced.
 
     Args:
         task: the job.
+        open_cell: says where it is done.
         method: "certified" plans with proof, "paper" with the paper's own search, "ibvs" not at all.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
@@ -80,10 +78,25 @@ def run_task(
         NoSolutionError: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
-    goal = _goal(task, goal, seed, progress)
-    scene = scene_of_task(task)
-    robot = SimulatedRobot(scene, seed=seed)
-    image, joints = _look(task, robot, progress)
+    goal = _goal(task, open_cell, goal, seed, progress)
+    with closing(open_cell(task, seed)) as cell:
+        result = _run_in(cell, task, method, goal, seed, filmed, progress)
+    result.seconds["whole"] = perf_counter() - started
+    return replace(result, metrics=_metrics(result, seed))
+
+
+def _run_in(
+    cell: RobotCell,
+    task: Task,
+    method: Method,
+    goal: TaughtGoal,
+    seed: int,
+    filmed: bool,
+    progress: Progress,
+) -> RunResult:
+    """Return the run without its metrics."""
+    scene = cell.scene
+    image, joints = _look(task, cell, progress)
     seconds: dict[str, float] = {}
     kind = feature_kind_of(task)
     seen = _timed("perception", seconds, lambda: see(kind, task.camera, image.pixels, goal.image))
@@ -94,38 +107,36 @@ def run_task(
     plan, risk, motion = _planned(task, scene, estimate, followed, method, seed, seconds)
     progress("following the path", 0.0)
     matched = seen.matched.where(followed)
-    truth = _truth(task, scene, goal, true_points(task, robot.world, matched.initial))
+    truth = _truth(task, scene, goal, true_points(task, cell, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
-    outside = OutsideView(robot.world).render(scene.start_joints)
+    outside = cell.truth.outside_picture(scene.start_joints)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
-    recorder = Recorder(task, robot, controller, replanner, truth.points)
-    log = _drive(task, robot, controller, replanner, tracker, recorder, progress)
+    recorder = Recorder(task, cell.truth, controller, replanner, truth.points)
+    log = _drive(task, cell, controller, replanner, tracker, recorder, progress)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
-    film = _film(log, recorder, progress) if filmed else Film((), (), ())
+    film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
     progress("measuring the run", 0.0)
-    final = take_picture(robot).pixels
-    outside_final = OutsideView(robot.world).render(robot.read().joint_positions)
+    final = next_image(cell.camera, cell.wait).pixels
+    outside_final = cell.truth.outside_picture(cell.driver.read().joint_positions)
     way = None if replanner is None else followed_way(replanner)
-    seconds["whole"] = perf_counter() - started
-    result = RunResult(
-        task, method, goal, seen, estimate, followed, plan, risk, motion,
-        whole_arm_of(task, scene, plan, risk, motion, way, log), log, final, outside, outside_final, film,
-        truth, way, () if replanner is None else tuple(replanner.events), seconds,
+    whole_arm = whole_arm_of(task, scene, plan, risk, motion, way, log)
+    return RunResult(
+        task, method, goal, seen, estimate, followed, plan, risk, motion, whole_arm, log, final, outside,
+        outside_final, film, truth, way, () if replanner is None else tuple(replanner.events), seconds,
     )  # fmt: skip
-    return replace(result, metrics=_metrics(result, seed))
 
 
-def _film(log: RunLog, recorder: Recorder, progress: Progress) -> Film:
+def _film(log: RunLog, recorder: Recorder, cell: RobotCell, progress: Progress) -> Film:
     progress("filming", 0.0)
-    return film_of(log, recorder.images, recorder.worlds)
+    return film_of(log, recorder.images, cell.truth)
 
 
-def _look(task: Task, robot: SimulatedRobot, progress: Progress) -> tuple[CameraImage, FloatArray]:
+def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage, FloatArray]:
     """Return the initial image, and the joints (n,) [rad] as they are read."""
     progress("looking at the target", 0.0)
-    require_unhidden(task, robot.world, robot.world.scene.start_joints, "the initial image")
-    return take_picture(robot), robot.read().joint_positions
+    require_unhidden(task, cell, cell.scene.start_joints, "the initial image")
+    return next_image(cell.camera, cell.wait), cell.driver.read().joint_positions
 
 
 def _planned(
@@ -145,11 +156,14 @@ def _planned(
     return plan, risk, motion
 
 
-def _goal(task: Task, goal: TaughtGoal | None, seed: int, progress: Progress) -> TaughtGoal:
+def _goal(
+    task: Task, open_cell: OpenCell, goal: TaughtGoal | None, seed: int, progress: Progress
+) -> TaughtGoal:
     progress("teaching the goal", 0.0)
     require_in_view(task, RigidTransform.identity(), "the initial image")
     if goal is None:
-        return teach_goal(task, seed=seed + 1)
+        with closing(open_cell(task, seed + 1)) as cell:
+            return teach_goal(task, cell)
     if goal.camera != task.camera:
         raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
     return goal
@@ -184,14 +198,14 @@ def _controller(
 
 def _drive(
     task: Task,
-    robot: SimulatedRobot,
+    cell: RobotCell,
     controller: Controller,
     replanner: Replanner | None,
     tracker: FeatureTracker,
     recorder: Recorder,
     progress: Progress,
 ) -> RunLog:
-    scene, options, moves = robot.world.scene, safety_of_task(task), Moves(task, robot, replanner)
+    scene, options, moves = cell.scene, safety_of_task(task), Moves(task, cell, replanner)
 
     def after(step: Step) -> None:
         moves.at(step.time)
@@ -201,10 +215,11 @@ def _drive(
         w = math.nan if controller.report is None else controller.report.w
         progress("following the path", 0.0 if math.isnan(w) else w)
 
+    supervisor = Supervisor(
+        cell.driver, scene.arm, scene.flange_T_camera, camera=cell.camera, wait=cell.wait, options=options
+    )
     stop = servo(
-        Supervisor(
-            robot, scene.arm, scene.flange_T_camera, camera=robot, wait=robot.advance, options=options
-        ),
+        supervisor,
         controller,
         tracker,
         VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),

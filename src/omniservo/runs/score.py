@@ -1,4 +1,4 @@
-"""Scores of a run against the simulator's truth: the numbers of metrics.json."""
+"""Scores of a run against the truth: the numbers of metrics.json."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
 from omniservo.reporting import image_distance
 from omniservo.reporting.curves import obstacle_distances
-from omniservo.simulation.followed_way import FollowedWay
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.run_result import Truth
+from omniservo.results.run_log import RunLog
+from omniservo.results.run_result import Truth
 from omniservo.tasks import Task
+from omniservo.tracking.followed_way import FollowedWay
 
 
 def score(

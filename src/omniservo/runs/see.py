@@ -5,7 +5,7 @@ from __future__ import annotations
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import ByteArray
 from omniservo.perception import FeatureKind
-from omniservo.simulation.run_result import Seen
+from omniservo.results.run_result import Seen
 
 
 def see(kind: FeatureKind, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> Seen:

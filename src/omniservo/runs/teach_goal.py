@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from omniservo.geometry.arrays import owned
 from omniservo.perception.feature_kind import require_features
+from omniservo.robots import next_image
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.in_view import require_in_view, require_unhidden
-from omniservo.simulation import SimulatedRobot
-from omniservo.simulation.scene_of_task import goal_joints, scene_of_task
-from omniservo.simulation.take_picture import take_picture
+from omniservo.runs.robot_cell import RobotCell
+from omniservo.scenes.scene_of_task import goal_joints
 from omniservo.tasks import Task, TaughtGoal
 
 
-def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
+def teach_goal(task: Task, cell: RobotCell) -> TaughtGoal:
     """Return what the camera sees at the task's goal pose, with the arm's joints.
 
     Raises:
@@ -20,13 +20,11 @@ def teach_goal(task: Task, *, seed: int = 0) -> TaughtGoal:
             are seen.
     """
     require_in_view(task, task.teach.initial_T_goal.transform, "the goal image")
-    scene = scene_of_task(task)
-    joints = goal_joints(task, scene)
-    robot = SimulatedRobot(scene, seed=seed)
-    require_unhidden(task, robot.world, joints, "the goal image")
-    robot.place(joints)
-    image = take_picture(robot)
+    joints = goal_joints(task, cell.scene)
+    require_unhidden(task, cell, joints, "the goal image")
+    cell.bring_arm_to(joints)
+    image = next_image(cell.camera, cell.wait)
     kind = feature_kind_of(task)
     pixels = kind.find(task.camera, image.pixels)
     require_features(len(pixels), kind.name, f"{task.name}: the goal image", kind.least)
-    return TaughtGoal(task.camera, image.pixels, owned(pixels), owned(robot.read().joint_positions))
+    return TaughtGoal(task.camera, image.pixels, owned(pixels), owned(cell.driver.read().joint_positions))

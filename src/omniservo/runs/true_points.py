@@ -1,22 +1,21 @@
-"""Where the followed points truly are: the simulator's answer, for scoring and for the report only."""
+"""Where the followed points truly are: for scoring and for the report only."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.simulation import World
-from omniservo.simulation.points_under import points_under
+from omniservo.runs.robot_cell import RobotCell
 from omniservo.tasks import Task
 
 
-def true_points(task: Task, world: World, initial_pixels: FloatArray) -> FloatArray:
+def true_points(task: Task, cell: RobotCell, initial_pixels: FloatArray) -> FloatArray:
     """Return the points (n, 3) [m], initial camera frame, that the initial picture shows at pixels (n, 2).
 
     A dot's point is its centre; of any other target it is what the pixel's ray meets.
     """
     if not task.target.dots:
-        seen = points_under(world, world.scene.start_joints, initial_pixels)
+        seen = cell.truth.points_under(cell.scene.start_joints, initial_pixels)
         return np.asarray(task.start.world_T_camera.transform.inv().apply(seen))
     centers = np.array([dot.center for dot in task.target.dots])
     pixels, _ = task.camera.project(centers)

@@ -10,6 +10,7 @@ import numpy as np
 from omniservo.calibration.boards import Checkerboard, find_board
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.job_progress import Progress
+from omniservo.runs.robot_cell import OpenCell
 from omniservo.runs.run_task import Method, run_task
 from omniservo.tasks import load_task
 
@@ -28,14 +29,18 @@ _TASKS: tuple[tuple[str, Method, float], ...] = (
 With what each takes of one core, compiling what those before it did not [s]: the first was measured."""
 
 
-def warm_up(progress: Progress = lambda job, done: None) -> None:
+def warm_up(open_cell: OpenCell, progress: Progress = lambda job, done: None) -> None:
     """Do jobs that call all that is compiled for a run, a plan and a calibration.
 
     Args:
+        open_cell: where runs are done.
         progress: told each job and the share of them all that is behind.
     """
     jobs: list[tuple[str, float, Callable[[], object]]] = [
-        *((f"the task {name} ({how})", time, partial(_short_run, name, how)) for name, how, time in _TASKS),
+        *(
+            (f"the task {name} ({how})", time, partial(_short_run, name, open_cell, how))
+            for name, how, time in _TASKS
+        ),
         ("more plans", 20.0, _plans),
         ("a calibration board", 10.0, _board),
     ]
@@ -46,11 +51,12 @@ def warm_up(progress: Progress = lambda job, done: None) -> None:
         behind += time
 
 
-def _short_run(name: str, method: Method) -> None:
+def _short_run(name: str, open_cell: OpenCell, method: Method) -> None:
     task = load_task(name)
     sensor = task.sensor.model_copy(update={"rate": _RATE})
     servo = task.servo.model_copy(update={"time_limit": _TIME})
-    run_task(task.model_copy(update={"sensor": sensor, "servo": servo}), method=method, filmed=False)
+    short = task.model_copy(update={"sensor": sensor, "servo": servo})
+    run_task(short, open_cell, method=method, filmed=False)
 
 
 def _plans() -> None:

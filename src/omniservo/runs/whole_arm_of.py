@@ -8,15 +8,15 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
+from omniservo.results.run_log import RunLog
+from omniservo.results.whole_arm import WholeArm
 from omniservo.risk import RiskPlan
 from omniservo.robots import arm_clearance, link_gaps
 from omniservo.runs.arm_setting_of import arm_setting_of
-from omniservo.simulation.followed_way import FollowedWay
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.scene import Scene
-from omniservo.simulation.whole_arm import WholeArm
+from omniservo.scenes.scene import Scene
 from omniservo.tasks import Task
+from omniservo.tracking.followed_way import FollowedWay
+from omniservo.tracking.planned_motion import PlannedMotion
 
 
 def whole_arm_of(

@@ -1,28 +1,24 @@
-"""The world, the ray-cast camera, the simulated robot and the log of its run."""
+"""The simulator: its world, the ray-cast camera, the arm that moves in it, and the truth about both."""
 
 from omniservo.renamed import renamed
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
-from omniservo.simulation.scene import Ball, Dots, Panel, Scene, SceneBox, Sensor
-from omniservo.simulation.scene_of_task import scene_of_task
+from omniservo.simulation.simulated_cell import SimulatedCell
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.take_picture import take_picture
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
 
 __all__ = [
-    "Ball",
-    "Dots",
     "OutsideView",
-    "Panel",
-    "Scene",
-    "SceneBox",
-    "Sensor",
+    "SimulatedCell",
     "SimulatedRobot",
     "UnifiedRenderer",
     "Viewpoint",
     "World",
-    "scene_of_task",
     "take_picture",
 ]
 
-__getattr__ = renamed(__name__, {"Box": "SceneBox"})
+_SCENES = ("Ball", "Dots", "Panel", "Scene", "SceneBox", "Sensor", "scene_of_task")
+__getattr__ = renamed(
+    __name__, {name: f"omniservo.scenes.{name}" for name in _SCENES} | {"Box": "omniservo.scenes.SceneBox"}
+)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots import CameraImage, RobotState
-from omniservo.simulation.scene import Ball, Scene, SceneBox
+from omniservo.scenes.scene import Ball, Scene, SceneBox
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import TICK, World
 
@@ -168,11 +168,17 @@ class SimulatedRobot:
         Raises:
             InputError: no frame was exposed at that time.
         """
-        if time is None:
-            return self._scene.world_T_camera(self._data.qpos)
+        return self._scene.world_T_camera(self._data.qpos if time is None else self.exposure(time)[0])
+
+    def exposure(self, time: float) -> tuple[FloatArray, World]:
+        """Return truth: joints (n,) [rad] and world at the exposure of the frame with this time stamp [s].
+
+        Raises:
+            InputError: no frame was exposed at that time.
+        """
         if time not in self._exposed:
             raise InputError(f"time: {time} s given; no frame was exposed then")
-        return self._scene.world_T_camera(self._exposed[time][0])
+        return self._exposed[time]
 
     def _step(self) -> None:
         arm = self._scene.arm

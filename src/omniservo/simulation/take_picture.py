@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from omniservo.robots import CameraImage
-from omniservo.simulation.simulated_robot import SimulatedRobot
+import math
 
-_TICK = 1e-3
+from omniservo.robots import CameraImage, next_image
+from omniservo.simulation.simulated_robot import SimulatedRobot
 
 
 def take_picture(robot: SimulatedRobot) -> CameraImage:
-    """Let time pass until the next frame is delivered, and return it."""
-    before = robot.image()
-    while True:
-        robot.advance(_TICK)
-        image = robot.image()
-        if image is not None and (before is None or image.time > before.time):
-            return image
+    """Let the robot's time pass until its next frame is delivered, and return it."""
+    return next_image(robot, robot.advance, patience=math.inf)

@@ -9,8 +9,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
 from omniservo.perception import tag_picture
-from omniservo.simulation.panels_of_target import panels_of_target
-from omniservo.simulation.textures import texture, texture_kinds
+from omniservo.scenes.panels_of_target import panels_of_target
+from omniservo.scenes.textures import texture, texture_kinds
 from omniservo.tasks.target import TargetSection, TexturedFace
 
 KINDS = texture_kinds()

@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception import tag_cells, tag_picture
 from omniservo.perception.tag_picture import QUIET_CELLS
-from omniservo.simulation.scene import Panel
-from omniservo.simulation.textures import texture
+from omniservo.scenes.scene import Panel
+from omniservo.scenes.textures import texture
 from omniservo.tasks.target import MOST_FACES, TagSection, TargetSection, TexturedFace
 
 BLACK, WHITE = 0.03, 0.88

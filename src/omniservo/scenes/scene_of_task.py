@@ -1,4 +1,4 @@
-"""From a task to the simulator's world: the initial camera frame becomes world coordinates."""
+"""From a task to its scene: the initial camera frame becomes world coordinates."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import load_arm
-from omniservo.simulation.panels_of_target import panels_of_target
-from omniservo.simulation.scene import (
+from omniservo.scenes.panels_of_target import panels_of_target
+from omniservo.scenes.scene import (
     BOARD_COLOUR,
     OBSTACLE_COLOUR,
     SURROUNDINGS_COLOUR,

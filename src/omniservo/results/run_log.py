@@ -13,7 +13,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True)
 class LogRow:
-    """One control step. Everything under *truth* is the simulator's and serves scoring only."""
+    """One control step. Everything under *truth* serves scoring only."""
 
     time: float
     """[s] since the start of the servo"""

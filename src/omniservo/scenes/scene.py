@@ -1,4 +1,4 @@
-"""What stands in the simulated world: plain values, every pose and point in world coordinates [m].
+"""What stands in the world of a task: plain values, every pose and point in world coordinates [m].
 
 The world's +Z is up; gravity points along −Z.
 """

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import JointPath
-from omniservo.tracking import Leg
+from omniservo.tracking.leg import Leg
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,14 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
+from omniservo.results.run_log import RunLog
+from omniservo.results.whole_arm import WholeArm
 from omniservo.risk import RiskPlan
-from omniservo.simulation.followed_way import FollowedWay
-from omniservo.simulation.planned_motion import PlannedMotion
-from omniservo.simulation.run_log import RunLog
-from omniservo.simulation.whole_arm import WholeArm
 from omniservo.tasks.task import Task
 from omniservo.tasks.taught_goal import TaughtGoal
 from omniservo.tracking import Replanning
+from omniservo.tracking.followed_way import FollowedWay
+from omniservo.tracking.planned_motion import PlannedMotion
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Truth:
-    """The simulator's truth, for scoring and for the report's figures only."""
+    """The truth, for scoring and for the report's figures only."""
 
     initial_T_goal: FloatArray
     """(4, 4)"""

@@ -1,0 +1,134 @@
+"""A whole job in a cell that is not the simulator: arm and camera are two objects of their own."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.robots import CameraImage, RobotState
+from omniservo.runs import run_task
+from omniservo.scenes import scene_of_task
+from omniservo.simulation import UnifiedRenderer, World
+from omniservo.tasks import load_task
+
+PERIOD, TICK = 0.1, 1e-3
+
+
+class ObedientArm:
+    """Joints that turn as they were commanded, after the acceleration that they need."""
+
+    def __init__(self, scene):
+        self.arm, self.time, self.closed = scene.arm, 0.0, False
+        self.joints, self.speeds, self.wanted = np.array(scene.start_joints), np.zeros(6), np.zeros(6)
+
+    def read(self):
+        return RobotState(self.time, self.joints.copy(), self.speeds.copy())
+
+    def command(self, joint_velocities):
+        self.wanted = np.array(joint_velocities)
+
+    def stop(self):
+        self.wanted = np.zeros(6)
+
+    def close(self):
+        self.closed = True
+
+    def turn(self, duration):
+        self.time += duration
+        change = duration * self.arm.joint_acceleration
+        self.speeds += np.clip(self.wanted - self.speeds, -change, change)
+        self.joints += duration * self.speeds
+
+
+class RenderingCamera:
+    """Renders what the camera on the arm sees."""
+
+    def __init__(self, scene, arm):
+        self.scene, self.arm, self.renderer = scene, arm, UnifiedRenderer(World(scene))
+        self.exposed = {}
+
+    def image(self):
+        number = int(self.arm.time / PERIOD + 1e-6)
+        if number > 0 and number not in self.exposed:
+            pixels = self.renderer.photograph(self.arm.joints, np.random.default_rng(number))
+            image = CameraImage(self.arm.time, pixels, time_sigma=0.001)
+            self.exposed[number] = image, self.scene.world_T_camera(self.arm.joints)
+        return self.exposed[number][0] if number > 0 else None
+
+    def close(self):
+        self.exposed.clear()
+
+
+class OwnTruth:
+    """What is known; nothing is in the way, nothing touches."""
+
+    def __init__(self, camera):
+        self.camera = camera
+
+    def world_T_camera(self, time):
+        return next(pose for image, pose in self.camera.exposed.values() if image.time == time)
+
+    def arm_obstacle_distance(self):
+        return 1.0
+
+    def contacts(self):
+        return frozenset()
+
+    def hidden_by(self, joints, points):
+        return [""] * len(points)
+
+    def outside_picture(self, joints, time=None, *, quick=False):
+        return np.zeros((4, 4, 3), dtype=np.uint8)
+
+
+class OwnCell:
+    """The cell of a task; nothing of it can be moved."""
+
+    def __init__(self, task, seed):
+        self.scene = scene_of_task(task)
+        self.driver = ObedientArm(self.scene)
+        self.camera = RenderingCamera(self.scene, self.driver)
+        self.truth = OwnTruth(self.camera)
+
+    def wait(self, duration):
+        for _ in range(round(duration / TICK)):
+            self.driver.turn(TICK)
+
+    def bring_arm_to(self, joints):
+        self.driver.joints = np.array(joints)
+
+    def close(self):
+        self.driver.close()
+        self.camera.close()
+
+
+def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
+    cells = []
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        return cells[-1]
+
+    task = load_task("paper-example-1")
+    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 1.0 / PERIOD})})
+    result = run_task(task, open_cell, filmed=False)
+    assert result.metrics["status"] == "converged"
+    assert result.metrics["plan_status"] == "certified"
+    goal = RigidTransform.from_matrix(result.truth.initial_T_goal)
+    world_T_goal = task.start.world_T_camera.transform * goal
+    off = world_T_goal.inv() * cells[-1].scene.world_T_camera(cells[-1].driver.joints)
+    assert np.linalg.norm(off.translation) < 1e-3
+    assert off.rotation.magnitude() < np.deg2rad(0.2)
+    assert [cell.driver.closed for cell in cells] == [True, True]  # the goal's and the run's
+
+
+def test_a_cell_is_closed_when_its_job_fails():
+    cells = []
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        cells[-1].truth.hidden_by = lambda joints, points: ["a visitor"] * len(points)
+        return cells[-1]
+
+    with pytest.raises(ValueError, match="hidden by a visitor"):
+        run_task(load_task("paper-example-1"), open_cell, filmed=False)
+    assert cells[0].driver.closed
