@@ -74,7 +74,7 @@ class OwnTruth:
         return frozenset()
 
     def hidden_by(self, joints, points):
-        return [""] * len(points)
+        return [None] * len(points)
 
     def outside_picture(self, joints, time=None, *, quick=False):
         return np.zeros((4, 4, 3), dtype=np.uint8)

@@ -57,7 +57,7 @@ def test_what_stands_between_camera_and_point_hides_it_by_its_name(cell, task):
     eye = cell.scene.world_T_camera(joints).translation
     box = cell.scene.obstacles[0].world_T_box.translation
     behind, before = eye + 2.0 * (box - eye), eye + 0.2 * (box - eye)
-    assert cell.truth.hidden_by(joints, np.array([behind, before])) == ["obstacle 0", ""]
+    assert cell.truth.hidden_by(joints, np.array([behind, before])) == ["obstacle 0", None]
     cell.move_obstacles([0], np.array([0.0, 0.0, 5.0]))
     assert cell.truth.hidden_by(joints, np.array([behind]))[0] != "obstacle 0"
 

@@ -31,8 +31,8 @@ class GroundTruth(Protocol):
         """
         ...
 
-    def hidden_by(self, joints: FloatArray, points: FloatArray) -> list[str]:
-        """Return the name of the body that hides each point from the camera; empty where none does.
+    def hidden_by(self, joints: FloatArray, points: FloatArray) -> list[str | None]:
+        """Return the name of the body that hides each point from the camera; None where none does.
 
         ``joints`` (n,) [rad]; ``points`` (m, 3) [m] in the world.
         """

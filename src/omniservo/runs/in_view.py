@@ -66,11 +66,12 @@ def require_unhidden(task: Task, cell: RobotCell, joints: FloatArray, where: str
     world_T_initial = task.start.world_T_camera.transform
     shown = _in_image(task, parts, world_T_initial.inv() * cell.scene.world_T_camera(joints))
     points = world_T_initial.apply(parts.outlines.reshape(-1, 3))
-    hiders = np.array(cell.truth.hidden_by(joints, points)).reshape(parts.outlines.shape[:2])
-    hidden = (hiders != "") & shown[:, None]
+    hiders = cell.truth.hidden_by(joints, points)
+    blocked = np.array([name is not None for name in hiders])
+    hidden = blocked.reshape(parts.outlines.shape[:2]) & shown[:, None]
     seen = int((shown & ~hidden.any(1)).sum())
     if hidden.any() and seen < parts.least:
-        names = Counter(hiders[hidden].tolist())
+        names = Counter(str(name) for name, hides in zip(hiders, hidden.flat, strict=True) if hides)
         raise InputError(
             f"{task.name}: {seen} of the target's {len(shown)} {parts.name} can be seen in {where}; at least "
             f"{parts.least} are needed; hidden by {', '.join(name for name, _ in names.most_common())}"

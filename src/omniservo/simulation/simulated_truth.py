@@ -54,8 +54,8 @@ class SimulatedTruth:
         """
         return points_under(self._robot.world, joints, pixels)
 
-    def hidden_by(self, joints: FloatArray, points: FloatArray) -> list[str]:
-        """Return the name of the body that hides each point from the camera; empty where none does.
+    def hidden_by(self, joints: FloatArray, points: FloatArray) -> list[str | None]:
+        """Return the name of the body that hides each point from the camera; None where none does.
 
         Args:
             joints: (n,) of the arm [rad].
@@ -67,7 +67,9 @@ class SimulatedTruth:
         distances = np.linalg.norm(points - origin, axis=1)
         geoms, met, _ = caster.cast(origin, (points - origin) / distances[:, None])
         blocked = (geoms != MISS) & (met < distances - _SURFACE)
-        return [world.body_of(int(geom)) if hides else "" for geom, hides in zip(geoms, blocked, strict=True)]
+        return [
+            world.body_of(int(geom)) if hides else None for geom, hides in zip(geoms, blocked, strict=True)
+        ]
 
     def outside_picture(
         self, joints: FloatArray, time: float | None = None, *, quick: bool = False
