@@ -280,7 +280,7 @@ class Gaps:
 
     def __init__(self, truth: Truth, clearance: float, self_clearance: float) -> None:
         spec = truth.arm.spec()
-        holder = spec.body(truth.arm.tool_link).add_body(name="camera")
+        holder = spec.body(truth.arm.flange_link).add_body(name="camera")
         for solid in CAMERA_HOUSING:
             solid.moved(truth.arm.link_T_flange * truth.flange_T_camera).add_to(spec, holder).mass = 1e-3
         names = [f"around {i}" for i in range(len(truth.balls))]

@@ -195,7 +195,7 @@ class Case:
             for name in self.bodies_of
             if name.startswith("link")
         }
-        self.carriers["camera"] = self.carriers[self.arm.tool_link]
+        self.carriers["camera"] = self.carriers[self.arm.flange_link]
 
     def _lowest(self, n: FloatArray) -> float:
         """Return the least n·x over what moves."""

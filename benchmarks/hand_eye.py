@@ -24,8 +24,8 @@ from scipy.stats import chi2
 from tests.calibration.hand_eye_scenes import (
     BOARD,
     FISHEYE,
+    FLANGE_T_CAMERA,
     PINHOLE,
-    TOOL_T_CAMERA,
     draw_views,
     error_of,
     render_views,
@@ -62,10 +62,10 @@ def board_poses(camera: UnifiedCamera, pixels: list[Array], points: list[Array])
 
 
 def by_closed_form(
-    base_T_tool: list[RigidTransform], camera_T_board: list[RigidTransform], method: int
+    base_T_flange: list[RigidTransform], camera_T_board: list[RigidTransform], method: int
 ) -> RigidTransform:
-    """Return tool_T_camera of a method of OpenCV's."""
-    A, B = (np.stack([pose.as_matrix() for pose in poses]) for poses in (base_T_tool, camera_T_board))
+    """Return flange_T_camera of a method of OpenCV's."""
+    A, B = (np.stack([pose.as_matrix() for pose in poses]) for poses in (base_T_flange, camera_T_board))
     found = closed_form(A, B, method)
     if found is None:
         raise ArithmeticError("the closed form fails")
@@ -74,17 +74,17 @@ def by_closed_form(
 
 def by_pixels_alone(
     camera: UnifiedCamera,
-    base_T_tool: list[RigidTransform],
+    base_T_flange: list[RigidTransform],
     pixels: list[Array],
     points: list[Array],
     first: RigidTransform,
 ) -> RigidTransform:
-    """Return tool_T_camera of the least squared reprojection errors, the robot's poses being exact."""
+    """Return flange_T_camera of the least squared reprojection errors, the robot's poses being exact."""
     ends = np.cumsum([0, *map(len, pixels)])
     views = SeenViews(
-        RigidTransform.concatenate(base_T_tool), np.concatenate(pixels), np.concatenate(points), ends
+        RigidTransform.concatenate(base_T_flange), np.concatenate(pixels), np.concatenate(points), ends
     )
-    board = base_T_tool[0] * first * board_poses(camera, pixels[:1], points[:1])[0]
+    board = base_T_flange[0] * first * board_poses(camera, pixels[:1], points[:1])[0]
     state = LoopState(first, board, np.zeros((len(pixels), 6)))
     for _ in range(15):
         linear = linearise(camera, views, state, 1e3)  # so large that Cauchy's loss is least squares
@@ -94,14 +94,16 @@ def by_pixels_alone(
         normal = np.einsum("nji,njk,nkl->il", linear.M, W, linear.M)
         step = np.linalg.solve(normal, np.einsum("nji,njk,nk->i", linear.M, W, linear.q))
         state = state.stepped(step, state.offsets)
-    return state.tool_T_camera
+    return state.flange_T_camera
 
 
 def scatter(
-    base_T_tool: list[RigidTransform], X: RigidTransform, camera_T_board: list[RigidTransform]
+    base_T_flange: list[RigidTransform], X: RigidTransform, camera_T_board: list[RigidTransform]
 ) -> str:
     """Spell rms and worst distance of the views' boards from their mean: mm, degrees."""
-    boards = RigidTransform.concatenate([a * X * b for a, b in zip(base_T_tool, camera_T_board, strict=True)])
+    boards = RigidTransform.concatenate(
+        [a * X * b for a, b in zip(base_T_flange, camera_T_board, strict=True)]
+    )
     metres = np.linalg.norm(boards.translation - boards.translation.mean(axis=0), axis=1)
     degrees = np.degrees((boards.rotation.mean().inv() * boards.rotation).magnitude())
     rms = [float(np.sqrt((x**2).mean())) for x in (metres, degrees)]
@@ -113,7 +115,7 @@ def real_rows() -> Iterator[str]:
     camera = load_camera(DATA / "franka_camera.xml")
     fields = json.loads((DATA / "franka_eye_in_hand.json").read_text())
     images = sorted(DATA.glob("franka_image-*.png"))
-    base_T_tool = list(load_robot_poses(DATA / "franka_eye_in_hand.json").of_images(images))
+    base_T_flange = list(load_robot_poses(DATA / "franka_eye_in_hand.json").of_images(images))
     square = float(fields["square_m"])
     for _ in range(2):
         board = Checkerboard(*fields["board"], square)
@@ -122,19 +124,19 @@ def real_rows() -> Iterator[str]:
         poses = board_poses(camera, pixels, points)
         head = f"{1e3 * square:.2f} mm"
         for name, method in METHODS.items():
-            X = by_closed_form(base_T_tool, poses, method)
-            yield f"{head} | closed form, {name} | {_place(X)} | {scatter(base_T_tool, X, poses)} | – | –"
-        X = by_pixels_alone(camera, base_T_tool, pixels, points, X)
-        yield f"{head} | pixels alone | {_place(X)} | {scatter(base_T_tool, X, poses)} | – | –"
-        found = calibrate_hand_eye(camera, base_T_tool, pixels, points)
-        if found.tool_T_camera is None:
+            X = by_closed_form(base_T_flange, poses, method)
+            yield f"{head} | closed form, {name} | {_place(X)} | {scatter(base_T_flange, X, poses)} | – | –"
+        X = by_pixels_alone(camera, base_T_flange, pixels, points, X)
+        yield f"{head} | pixels alone | {_place(X)} | {scatter(base_T_flange, X, poses)} | – | –"
+        found = calibrate_hand_eye(camera, base_T_flange, pixels, points)
+        if found.flange_T_camera is None:
             raise ArithmeticError(found.message)
-        X = found.tool_T_camera
+        X = found.flange_T_camera
         sigma = np.sqrt(np.diag(found.covariance))
         place = f"{_place(X)} ± {', '.join(f'{1e3 * s:.1f}' for s in sigma[:3])}"
         robot = f"{1e3 * found.robot_position_m:.2f} mm, {np.degrees(found.robot_rotation_rad):.2f}°"
         size = f"{found.board_scale:.3f} ± {found.board_scale_sigma:.3f}"
-        yield f"{head} | ours | {place} | {scatter(base_T_tool, X, poses)} | {robot} | {size}"
+        yield f"{head} | ours | {place} | {scatter(base_T_flange, X, poses)} | {robot} | {size}"
         square *= found.board_scale
 
 
@@ -147,12 +149,12 @@ def rendered_rows(runs: int) -> Iterator[str]:
     for noise in SENSOR_NOISES:
         errors, corners, inside, seconds = [], [], 0, []
         for seed in range(runs):
-            base_T_tool, pictures, true = render_views(1000 + seed, 15, noise=noise)
+            base_T_flange, pictures, true = render_views(1000 + seed, 15, noise=noise)
             views = [find_board(picture, BOARD, FISHEYE) for picture in pictures]
             corners += [v.pixels - t[v.ids] for v, t in zip(views, true, strict=True) if len(v)]
             started = time.perf_counter()
             found = calibrate_hand_eye(
-                FISHEYE, base_T_tool, [v.pixels for v in views], [v.object_points for v in views]
+                FISHEYE, base_T_flange, [v.pixels for v in views], [v.object_points for v in views]
             )
             seconds.append(time.perf_counter() - started)
             error, is_inside = judged(found)
@@ -168,10 +170,10 @@ def rendered_rows(runs: int) -> Iterator[str]:
 
 
 def judged(found: HandEye) -> tuple[Array, bool]:
-    """Return what tool_T_camera is off by, [mm] and [deg], and whether the 95% ellipsoid holds the truth."""
-    if found.tool_T_camera is None:
+    """Return the error of flange_T_camera, [mm] and [deg], and whether the 95% ellipsoid holds the truth."""
+    if found.flange_T_camera is None:
         return np.array([np.inf, np.inf]), False
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     inside = bool(error @ np.linalg.solve(found.covariance, error) < INSIDE)
     return sizes_of(error), inside
 
@@ -192,7 +194,7 @@ def drawn_rows(runs: int) -> Iterator[str]:
                 drawn = draw_views(rng, camera, n, position=position, rotation=np.radians(degrees))
                 found, ways = _every_way(camera, drawn)
                 for way, X in ways.items():
-                    sizes[way].append(sizes_of(error_of(X, TOOL_T_CAMERA)))
+                    sizes[way].append(sizes_of(error_of(X, FLANGE_T_CAMERA)))
                 error, is_inside = judged(found)
                 sizes["ours"].append(error)
                 inside += is_inside
@@ -207,9 +209,9 @@ def drawn_rows(runs: int) -> Iterator[str]:
 
 def _every_way(camera: UnifiedCamera, drawn: Any) -> tuple[HandEye, dict[str, RigidTransform]]:
     poses = board_poses(camera, drawn.pixels, drawn.points)
-    closed = by_closed_form(drawn.base_T_tool, poses, cv2.CALIB_HAND_EYE_PARK)
-    alone = by_pixels_alone(camera, drawn.base_T_tool, drawn.pixels, drawn.points, closed)
-    found = calibrate_hand_eye(camera, drawn.base_T_tool, drawn.pixels, drawn.points)
+    closed = by_closed_form(drawn.base_T_flange, poses, cv2.CALIB_HAND_EYE_PARK)
+    alone = by_pixels_alone(camera, drawn.base_T_flange, drawn.pixels, drawn.points, closed)
+    found = calibrate_hand_eye(camera, drawn.base_T_flange, drawn.pixels, drawn.points)
     return found, {"closed": closed, "pixels": alone}
 
 
@@ -223,7 +225,7 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     if DATA.exists():
         print_table(
-            "| squares | by | camera in the tool's frame [mm] | scatter rms [mm] | [deg] | worst [mm] "
+            "| squares | by | camera in the flange's frame [mm] | scatter rms [mm] | [deg] | worst [mm] "
             "| [deg] | the robot is off by | board over stated |",
             real_rows(),
         )

@@ -275,9 +275,9 @@ def _poses() -> list[Sample]:
     lens, rng = preset("fe185"), np.random.default_rng(2)
     pose = {"translation": [0.1, 0.2, 0.3], "quaternion": [0.0, 0.0, 0.0, 1.0]}
     vector = {"translation": [0.1, 0.2, 0.4], "rotation_vector": [0.1, 0.0, 0.2]}
-    poses = {"format": "omniservo.robot_poses/1", "units": {"length": "m"}, "base_T_tool": [pose, vector]}
+    poses = {"format": "omniservo.robot_poses/1", "units": {"length": "m"}, "base_T_flange": [pose, vector]}
     table = "x,y,z,rx,ry,rz\n0.1,0.2,0.3,0,0,1\n0.2,0.2,0.3,0,1,0\n"
-    hand_eye = {"format": "omniservo.hand_eye/1", "tool_T_camera": pose, "covariance": np.eye(6).tolist()}
+    hand_eye = {"format": "omniservo.hand_eye/1", "flange_T_camera": pose, "covariance": np.eye(6).tolist()}
     points = CORNERS + np.array([0.0, 0.0, 0.6])
     motion = RigidTransform.from_components([0.05, 0.02, 0.1], Rotation.from_rotvec([0.0, 0.1, 0.0]))
     views = [lens.project(points)[0], lens.project(motion.inv().apply(points))[0]]

@@ -61,7 +61,7 @@ class Detector:
 
     def __init__(self, arm: Arm, mounted: list[Solid], surroundings: list[Solid]) -> None:
         spec = arm.spec()
-        holder = spec.body(arm.tool_link).add_body(name="camera")
+        holder = spec.body(arm.flange_link).add_body(name="camera")
         for solid in mounted:
             solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
         for solid in surroundings:

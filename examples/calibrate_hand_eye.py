@@ -1,7 +1,7 @@
-"""Eye-in-hand calibration: where the camera sits on the tool, from images of a fixed board and robot poses.
+"""Eye-in-hand calibration: where the camera sits on the flange, from images of a fixed board and robot poses.
 
 The arm looks at a checkerboard from ten places, in rendered pictures; its poses are reported 0.2 mm off.
-Prints tool_T_camera with its standard deviations, and how far off it is; a task takes out/hand-eye.json.
+Prints flange_T_camera with its standard deviations, and how far off it is; a task takes out/hand-eye.json.
 """
 
 from pathlib import Path
@@ -35,24 +35,24 @@ def scene() -> Scene:
 def main() -> None:
     folder, rng, world = Path("out"), np.random.default_rng(0), scene()
     folder.mkdir(exist_ok=True)
-    renderer, files, base_T_tool = UnifiedRenderer(World(world)), [], []
+    renderer, files, base_T_flange = UnifiedRenderer(World(world)), [], []
     above = RigidTransform.from_translation([0.0, 0.0, 0.3] - BOARD.points.mean(axis=0))
     start = world.joints_for(BASE_T_BOARD * above.inv(), world.start_joints)
     for number in range(10):
-        # The tool turns about more than one axis: with one alone the camera's place does not show.
+        # The flange turns about more than one axis: with one alone the camera's place does not show.
         joints = start + rng.uniform(-1.0, 1.0, 6) * [0.1, 0.15, 0.15, 0.5, 0.4, 0.6]
         files.append(folder / f"view-{number}.png")
         Image.fromarray(renderer.photograph(joints, rng)).save(files[-1])
         error = RigidTransform.from_translation(2e-4 * rng.standard_normal(3))
-        base_T_tool.append(error * world.arm.base_T_flange(joints))
+        base_T_flange.append(error * world.arm.base_T_flange(joints))
     # From here on: the files, the poses that the robot reported, the camera and the board.
-    found = omniservo.calibrate_hand_eye_images(CAMERA, base_T_tool, files, BOARD).result
+    found = omniservo.calibrate_hand_eye_images(CAMERA, base_T_flange, files, BOARD).result
     print(f"{found.status} {found.message}: {len(found.used)} of {len(files)} views used")
     for number in set(range(len(files))) - set(found.used):
         print(f"  not view {number}: {found.views[number].reason}")
-    place, sigma = found.tool_T_camera.translation, np.sqrt(np.diag(found.covariance))
-    print(f"camera at {1e3 * place.round(5)} ± {1e3 * sigma[:3].round(5)} mm on the tool")
-    print(f"off by {1e3 * np.linalg.norm((found.tool_T_camera.inv() * TRUTH).translation):.2f} mm")
+    place, sigma = found.flange_T_camera.translation, np.sqrt(np.diag(found.covariance))
+    print(f"camera at {1e3 * place.round(5)} ± {1e3 * sigma[:3].round(5)} mm on the flange")
+    print(f"off by {1e3 * np.linalg.norm((found.flange_T_camera.inv() * TRUTH).translation):.2f} mm")
     found.save(folder / "hand-eye.json", force=True)
 
 

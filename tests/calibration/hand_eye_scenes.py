@@ -18,7 +18,9 @@ from omniservo.simulation.world import World
 PINHOLE = UnifiedCamera(600.0, 600.0, 319.5, 239.5, 0.0, 640, 480)
 FISHEYE = preset("fe185")
 BOARD = Checkerboard(9, 6, 0.03)
-TOOL_T_CAMERA = RigidTransform.from_components([0.05, -0.03, 0.09], Rotation.from_rotvec([0.02, -0.05, 1.5]))
+FLANGE_T_CAMERA = RigidTransform.from_components(
+    [0.05, -0.03, 0.09], Rotation.from_rotvec([0.02, -0.05, 1.5])
+)
 BASE_T_BOARD = RigidTransform.from_components(
     [0.50, -0.10, 0.0], Rotation.from_euler("xyz", [180.0, 0.0, 20.0], degrees=True)
 )
@@ -29,10 +31,10 @@ _DARK, _BRIGHT = 0.05, 0.85
 class DrawnViews:
     """What `calibrate_hand_eye` is given, and the truth."""
 
-    base_T_tool: list[RigidTransform]
+    base_T_flange: list[RigidTransform]
     pixels: list[np.ndarray]
     points: list[np.ndarray]
-    tool_T_camera: RigidTransform = TOOL_T_CAMERA
+    flange_T_camera: RigidTransform = FLANGE_T_CAMERA
     base_T_board: RigidTransform = BASE_T_BOARD
 
 
@@ -62,9 +64,9 @@ def draw_views(
         pixels, valid = camera.project((base_T_camera.inv() * BASE_T_BOARD).apply(BOARD.points))
         if not (valid.all() and camera.in_image(pixels).all()):
             continue
-        true = base_T_camera * TOOL_T_CAMERA.inv()
+        true = base_T_camera * FLANGE_T_CAMERA.inv()
         turn = Rotation.from_rotvec(rotation * rng.standard_normal(3))
-        drawn.base_T_tool.append(
+        drawn.base_T_flange.append(
             RigidTransform.from_components(
                 true.translation + position * rng.standard_normal(3), true.rotation * turn
             )
@@ -94,7 +96,7 @@ def board_panel() -> Panel:
 def render_views(
     seed: int, n: int, *, noise: float, panels: tuple[Panel, ...] | None = None
 ) -> tuple[list[RigidTransform], list[np.ndarray], list[np.ndarray]]:
-    """Return n poses base_T_tool of the RX60, the pictures there, and the true corners (k, 2) in each.
+    """Return n poses base_T_flange of the RX60, the pictures there, and the true corners (k, 2) in each.
 
     ``panels`` stand in the place of the board.
     """
@@ -102,7 +104,7 @@ def render_views(
     rng = np.random.default_rng(seed)
     arm = Arm.rx60()
     near = np.radians([0.0, 45.0, 60.0, 0.0, 75.0, 0.0])
-    scene = Scene(arm, RigidTransform.identity(), TOOL_T_CAMERA, camera, near, sensor=Sensor(noise=noise),
+    scene = Scene(arm, RigidTransform.identity(), FLANGE_T_CAMERA, camera, near, sensor=Sensor(noise=noise),
                   panels=panels or (board_panel(),))  # fmt: skip
     renderer = UnifiedRenderer(World(scene))
     poses, pictures, corners = [], [], []

@@ -1,4 +1,4 @@
-"""Where the camera sits in the hand: against the truth of drawn and rendered views, and what is refused."""
+"""Where the camera sits on the flange: against the truth of drawn and rendered views, and what is refused."""
 
 import dataclasses
 
@@ -10,8 +10,8 @@ from tests.calibration.hand_eye_scenes import (
     BASE_T_BOARD,
     BOARD,
     FISHEYE,
+    FLANGE_T_CAMERA,
     PINHOLE,
-    TOOL_T_CAMERA,
     DrawnViews,
     draw_views,
     error_of,
@@ -26,7 +26,11 @@ from omniservo.errors import InputError
 
 
 def calibrated(drawn: DrawnViews, camera=PINHOLE, **changed):
-    given = {"base_T_tool": drawn.base_T_tool, "image_points": drawn.pixels, "object_points": drawn.points}
+    given = {
+        "base_T_flange": drawn.base_T_flange,
+        "image_points": drawn.pixels,
+        "object_points": drawn.points,
+    }
     return calibrate_hand_eye(camera, **(given | changed))
 
 
@@ -40,14 +44,24 @@ def test_exact_views_give_the_exact_poses():
     for camera in (PINHOLE, FISHEYE):
         drawn = draw_views(np.random.default_rng(2), camera, 6, px=0.0)
         found = calibrated(drawn, camera)
-        assert np.abs(error_of(found.tool_T_camera, TOOL_T_CAMERA)).max() < 1e-6
+        assert np.abs(error_of(found.flange_T_camera, FLANGE_T_CAMERA)).max() < 1e-6
         assert np.abs(error_of(found.base_T_board, BASE_T_BOARD)).max() < 1e-6
+
+
+def test_poses_and_result_are_known_by_their_names_of_before(good):
+    with pytest.warns(DeprecationWarning, match="base_T_tool is called base_T_flange now"):
+        found = calibrate_hand_eye(
+            PINHOLE, base_T_tool=good.base_T_flange, image_points=good.pixels, object_points=good.points
+        )
+    with pytest.warns(DeprecationWarning, match="HandEye.tool_T_camera is called flange_T_camera now"):
+        assert found.tool_T_camera is found.flange_T_camera
+    assert found.to_dict()["tool_T_camera"] == found.to_dict()["flange_T_camera"]
 
 
 def test_both_poses_lie_within_the_stated_uncertainty(good):
     found = calibrated(good)
     for pose, true, covariance in (
-        (found.tool_T_camera, TOOL_T_CAMERA, found.covariance),
+        (found.flange_T_camera, FLANGE_T_CAMERA, found.covariance),
         (found.base_T_board, BASE_T_BOARD, found.board_covariance),
     ):
         error = error_of(pose, true)
@@ -64,21 +78,21 @@ def test_95_percent_ellipsoids_hold_the_truth_about_95_times_of_100():
     inside = 0
     for _ in range(24):
         found = calibrated(draw_views(rng, PINHOLE, 6, position=1e-3, rotation=np.radians(0.2)))
-        error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+        error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
         inside += error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.95, 6)
     assert inside >= 19
 
 
 def test_rendered_fisheye_views_give_the_truth_within_0_3_mm_and_0_05_degrees():
     """The simulator's pictures, noisy so that corners are off by 0.1 px; the detector sees nothing else."""
-    base_T_tool, pictures, corners = render_views(0, 10, noise=34.0)
+    base_T_flange, pictures, corners = render_views(0, 10, noise=34.0)
     views = [find_board(picture, BOARD, FISHEYE) for picture in pictures]
     off = np.concatenate([v.pixels - true[v.ids] for v, true in zip(views, corners, strict=True)])
     assert off.std() == pytest.approx(0.1, rel=0.15)
     found = calibrate_hand_eye(
-        FISHEYE, base_T_tool, [v.pixels for v in views], [v.object_points for v in views]
+        FISHEYE, base_T_flange, [v.pixels for v in views], [v.object_points for v in views]
     )
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     assert np.linalg.norm(error[:3]) < 3e-4
     assert np.degrees(np.linalg.norm(error[3:])) < 0.05
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
@@ -86,18 +100,18 @@ def test_rendered_fisheye_views_give_the_truth_within_0_3_mm_and_0_05_degrees():
 
 def test_the_start_is_the_closed_form_of_exact_poses():
     drawn = draw_views(np.random.default_rng(4), PINHOLE, 5, px=0.0)
-    A = np.stack([pose.as_matrix() for pose in drawn.base_T_tool])
-    B = np.linalg.inv(A @ TOOL_T_CAMERA.as_matrix()) @ BASE_T_BOARD.as_matrix()
+    A = np.stack([pose.as_matrix() for pose in drawn.base_T_flange])
+    B = np.linalg.inv(A @ FLANGE_T_CAMERA.as_matrix()) @ BASE_T_BOARD.as_matrix()
     for method in (1, 4):
-        assert np.abs(closed_form(A, B, method) - TOOL_T_CAMERA.as_matrix()).max() < 1e-9
+        assert np.abs(closed_form(A, B, method) - FLANGE_T_CAMERA.as_matrix()).max() < 1e-9
 
 
 def test_the_linear_loop_is_the_derivative_of_what_each_view_says(good):
     """The Δ with which a view's corners fit best, by differences of the step and of the board's size."""
-    poses = RigidTransform.concatenate(good.base_T_tool)
+    poses = RigidTransform.concatenate(good.base_T_flange)
     views = SeenViews(poses, np.concatenate(good.pixels), np.concatenate(good.points), 54 * np.arange(13))
     offsets = 1e-3 * np.random.default_rng(5).standard_normal((12, 6))
-    state = LoopState(TOOL_T_CAMERA, BASE_T_BOARD, offsets)
+    state = LoopState(FLANGE_T_CAMERA, BASE_T_BOARD, offsets)
 
     def best_offsets(state, views):
         for _ in range(8):
@@ -124,17 +138,17 @@ def test_a_swapped_pair_of_pictures_is_named_and_left_out(good):
     found = calibrated(good, image_points=pixels)
     assert set(range(12)) - set(found.used) == {2, 7}
     assert "do not belong together" in found.views[2].reason
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
 
 
 def test_a_pose_from_which_the_board_is_behind_the_camera_is_named_and_left_out(good):
     away = Rotation.from_rotvec([np.pi, 0.0, 0.0])
     poses = [RigidTransform.from_components(p.translation, p.rotation * away) if i == 4 else p
-             for i, p in enumerate(good.base_T_tool)]  # fmt: skip
-    found = calibrated(good, base_T_tool=poses)
+             for i, p in enumerate(good.base_T_flange)]  # fmt: skip
+    found = calibrated(good, base_T_flange=poses)
     assert set(range(12)) - set(found.used) == {4}
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
 
 
@@ -143,7 +157,7 @@ def test_wrong_corners_of_a_view_are_left_out(good):
     pixels[3][:5] += 20.0
     found = calibrated(good, image_points=pixels)
     assert found.views[3].corners == len(BOARD.points) - 5
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
 
 
@@ -154,60 +168,62 @@ def test_a_board_whose_first_corner_is_anybodys_choice_is_turned_to_fit(good):
     points = [turn.apply(p) if i % 3 == 1 else p for i, p in enumerate(good.points)]
     found, plain = calibrated(good, object_points=points, turns=(turn,)), calibrated(good)
     assert len(found.used) == 12
-    assert np.abs(error_of(found.tool_T_camera, plain.tool_T_camera)).max() < 1e-6
+    assert np.abs(error_of(found.flange_T_camera, plain.flange_T_camera)).max() < 1e-6
 
 
 def test_a_board_of_another_size_is_noticed_and_the_uncertainty_reaches_to_the_truth(good):
     found = calibrated(good, object_points=[0.97 * p for p in good.points])
     assert found.board_size_disputed
     assert found.board_scale == pytest.approx(1.0 / 0.97, abs=4.0 * found.board_scale_sigma)
-    error = error_of(found.tool_T_camera, TOOL_T_CAMERA)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.99, 6)
 
 
 def test_few_views_rotations_about_one_axis_and_no_rotation_are_named(good):
-    few = DrawnViews(good.base_T_tool[:3], good.pixels[:3], good.points[:3])
+    few = DrawnViews(good.base_T_flange[:3], good.pixels[:3], good.points[:3])
     assert calibrated(few).status == "too_few_views"
     for axis, status in (([0.0, 0.0, 1.0], "one_axis"), ([0.0, 0.0, 0.0], "no_rotation")):
         found = calibrated(_turned_about(np.array(axis)))
         assert found.status == status
-        assert found.tool_T_camera is None
+        assert found.flange_T_camera is None
         assert np.isnan(found.covariance).all()
     assert "(0.00, 0.00, 1.00)" in calibrated(_turned_about(np.array([0.0, 0.0, 1.0]))).message
 
 
 def _turned_about(axis):
-    """Eight exact views of a tool that moves sideways and turns about one of its axes."""
+    """Eight exact views of a flange that moves sideways and turns about one of its axes."""
     drawn = DrawnViews([], [], [])
     for k in range(8):
         down = Rotation.from_euler("x", 180.0, degrees=True)
-        tool = RigidTransform.from_components(
+        flange = RigidTransform.from_components(
             [0.45 + 0.01 * k, -0.1 + 0.01 * (k % 3), 0.5], down * Rotation.from_rotvec(0.2 * k * axis)
         )
-        pixels, valid = FISHEYE.project((tool * TOOL_T_CAMERA).inv().apply(BASE_T_BOARD.apply(BOARD.points)))
+        pixels, valid = FISHEYE.project(
+            (flange * FLANGE_T_CAMERA).inv().apply(BASE_T_BOARD.apply(BOARD.points))
+        )
         assert valid.all()
-        drawn.base_T_tool.append(tool)
+        drawn.base_T_flange.append(flange)
         drawn.pixels.append(pixels)
         drawn.points.append(np.array(BOARD.points))
     return drawn
 
 
 def test_inverted_poses_are_named(good):
-    found = calibrated(good, base_T_tool=[pose.inv() for pose in good.base_T_tool])
+    found = calibrated(good, base_T_flange=[pose.inv() for pose in good.base_T_flange])
     assert found.status == "poses_inverted"
-    assert "base_T_tool is needed" in found.message
+    assert "base_T_flange is needed" in found.message
 
 
 def test_poses_of_other_pictures_are_named(good):
-    poses = [good.base_T_tool[(5 * i + 3) % 12] for i in range(12)]
-    found = calibrated(good, base_T_tool=poses)
+    poses = [good.base_T_flange[(5 * i + 3) % 12] for i in range(12)]
+    found = calibrated(good, base_T_flange=poses)
     assert found.status == "views_disagree"
     assert "poses of other pictures" in found.message
 
 
 def test_poses_in_millimetres_are_named_with_the_factor(good):
-    poses = [RigidTransform.from_components(1e3 * p.translation, p.rotation) for p in good.base_T_tool]
-    found = calibrated(good, base_T_tool=poses)
+    poses = [RigidTransform.from_components(1e3 * p.translation, p.rotation) for p in good.base_T_flange]
+    found = calibrated(good, base_T_flange=poses)
     assert found.status == "views_disagree"
     assert "multiplied by 0.00" in found.message
     assert "in m" in found.message
@@ -222,15 +238,15 @@ def test_views_without_a_board_do_not_count_and_say_so(good):
 
 
 def test_poses_are_read_as_one_transform_a_list_or_matrices(good):
-    matrices = np.stack([pose.as_matrix() for pose in good.base_T_tool])
-    listed = calibrated(good).tool_T_camera
-    for poses in (RigidTransform.concatenate(good.base_T_tool), matrices):
-        found = calibrated(good, base_T_tool=poses)
-        assert np.abs(error_of(found.tool_T_camera, listed)).max() < 1e-9
+    matrices = np.stack([pose.as_matrix() for pose in good.base_T_flange])
+    listed = calibrated(good).flange_T_camera
+    for poses in (RigidTransform.concatenate(good.base_T_flange), matrices):
+        found = calibrated(good, base_T_flange=poses)
+        assert np.abs(error_of(found.flange_T_camera, listed)).max() < 1e-9
 
 
 def test_wrong_calls_are_one_message(good):
-    matrices = np.stack([pose.as_matrix() for pose in good.base_T_tool])
+    matrices = np.stack([pose.as_matrix() for pose in good.base_T_flange])
     bad = matrices.copy()
     bad[4, 0, 0] = np.nan
     sheared = matrices.copy()
@@ -241,11 +257,11 @@ def test_wrong_calls_are_one_message(good):
     corner[6][0, 1] = np.inf
     short = [*good.points[:5], good.points[5][:-1], *good.points[6:]]
     for changed, words in (
-        ({"base_T_tool": matrices[:5]}, "image_points: 12 views given for 5 poses"),
-        ({"base_T_tool": bad}, "base_T_tool: nan at index"),
-        ({"base_T_tool": sheared}, r"base_T_tool\[3\]: R Rᵀ is off"),
-        ({"base_T_tool": mirrored}, r"base_T_tool\[2\]: a reflection"),
-        ({"base_T_tool": matrices[:, :3]}, "base_T_tool: shape"),
+        ({"base_T_flange": matrices[:5]}, "image_points: 12 views given for 5 poses"),
+        ({"base_T_flange": bad}, "base_T_flange: nan at index"),
+        ({"base_T_flange": sheared}, r"base_T_flange\[3\]: R Rᵀ is off"),
+        ({"base_T_flange": mirrored}, r"base_T_flange\[2\]: a reflection"),
+        ({"base_T_flange": matrices[:, :3]}, "base_T_flange: shape"),
         ({"image_points": corner}, r"image_points\[6\]: inf at index"),
         ({"object_points": short}, r"object_points\[5\]: 53 rows given, image_points\[5\] has 54"),
     ):

@@ -1,4 +1,4 @@
-"""The whole way from pictures and a poses file to tool_T_camera, a task and a report; and bad input."""
+"""The whole way from pictures and a poses file to flange_T_camera, a task and a report; and bad input."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.calibration.hand_eye_scenes import (
     BASE_T_BOARD,
     FISHEYE,
-    TOOL_T_CAMERA,
+    FLANGE_T_CAMERA,
     error_of,
     render_views,
 )
@@ -42,10 +42,10 @@ BOARD_TEXT = "checkerboard:9x6:0.03"
 def views(tmp_path_factory):
     """Six rendered pictures of the board, one without it, and the file of their poses."""
     folder = tmp_path_factory.mktemp("views")
-    base_T_tool, pictures, _ = render_views(1, 6, noise=2.0)
+    base_T_flange, pictures, _ = render_views(1, 6, noise=2.0)
     pictures.append(np.full_like(pictures[0], 90))
     entries = []
-    for k, (pose, picture) in enumerate(zip([*base_T_tool, base_T_tool[0]], pictures, strict=True)):
+    for k, (pose, picture) in enumerate(zip([*base_T_flange, base_T_flange[0]], pictures, strict=True)):
         Image.fromarray(picture).save(folder / f"view-{k}.png")
         entries.append(
             {
@@ -55,7 +55,7 @@ def views(tmp_path_factory):
             }
         )
     document = {"format": "omniservo.robot_poses/1", "units": {"length": "mm", "angle": "deg"}}
-    (folder / "poses.yaml").write_text(yaml.safe_dump({**document, "base_T_tool": entries[::-1]}))
+    (folder / "poses.yaml").write_text(yaml.safe_dump({**document, "base_T_flange": entries[::-1]}))
     return folder
 
 
@@ -83,12 +83,12 @@ def test_command_writes_what_a_task_reads_and_a_report(views, tmp_path, capsys):
     assert "no chequered pattern" in fields["images"][6]["reason"]
     assert fields["scatter_worst_m"] < 3e-4
     found, covariance = load_hand_eye(out)
-    error = error_of(found, TOOL_T_CAMERA)
+    error = error_of(found, FLANGE_T_CAMERA)
     assert np.linalg.norm(error[:3]) < 1e-4
     assert np.degrees(np.linalg.norm(error[3:])) < 0.02
     assert error @ np.linalg.solve(covariance, error) < 17.0
     task = load_task(
-        written(tmp_path, changed("arm", {"foot": [0, 0, -341], "tool_T_camera": "hand-eye.json"}))
+        written(tmp_path, changed("arm", {"foot": [0, 0, -341], "flange_T_camera": "hand-eye.json"}))
     )
     mounted = task.arm.flange_T_camera.transform
     assert np.abs(mounted.as_matrix() - found.as_matrix()).max() < 1e-12
@@ -127,13 +127,13 @@ def test_tags_of_a_target_do_as_well(tmp_path):
         side = 0.08 * (1.0 + 2.0 * QUIET_CELLS / tag_cells("tag36h11"))
         picture = np.where(cells, 0.85, 0.03)
         panels.append(Panel(f"tag {number}", BASE_T_BOARD * target_T_tag, np.array([side, side]), picture))
-    base_T_tool, pictures, _ = render_views(2, 4, noise=2.0, panels=tuple(panels))
+    base_T_flange, pictures, _ = render_views(2, 4, noise=2.0, panels=tuple(panels))
     files = []
     for k, picture in enumerate(pictures):
         files.append(tmp_path / f"{k}.png")
         Image.fromarray(picture).save(files[-1])
-    found = calibrate_hand_eye_images(FISHEYE, base_T_tool, files, Target(tags=tuple(tags)))
-    error = error_of(found.result.tool_T_camera, TOOL_T_CAMERA)
+    found = calibrate_hand_eye_images(FISHEYE, base_T_flange, files, Target(tags=tuple(tags)))
+    error = error_of(found.result.flange_T_camera, FLANGE_T_CAMERA)
     assert np.linalg.norm(error[:3]) < 3e-4
     assert np.degrees(np.linalg.norm(error[3:])) < 0.05
     assert "Calibrated" in hand_eye_html(found)
@@ -153,7 +153,7 @@ def test_visp_files_and_matrices_are_read(tmp_path):
     (tmp_path / "visp.json").write_text(json.dumps(listed))
     own = {
         "format": "omniservo.robot_poses/1",
-        "base_T_tool": [{"matrix": p.as_matrix().tolist()} for p in poses],
+        "base_T_flange": [{"matrix": p.as_matrix().tolist()} for p in poses],
     }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
     numbered = load_robot_poses(tmp_path / "pose_fPe_%d.yaml")
@@ -174,27 +174,27 @@ GOOD = {"translation": [0.1, 0.2, 0.3], "quaternion": [0.0, 0.0, 0.0, 1.0]}
 @pytest.mark.parametrize(
     ("entry", "named"),
     [
-        ({**GOOD, "quaternion": [0, 0, 0, 1.1]}, "base_T_tool[1]: quaternion: norm 1.1 given; legal: 1"),
-        ({**GOOD, "translation": [0, float("nan"), 0]}, "base_T_tool[1]: translation: nan at index (1,)"),
-        ({**GOOD, "translation": [0, 1]}, "base_T_tool[1]: translation: shape (2,) given; (3,) is needed"),
-        ({**GOOD, "speed": 1}, "base_T_tool[1]: speed: no such field; legal: image, translation"),
-        ({"translation": [0, 0, 0]}, "base_T_tool[1]: needed: translation with quaternion"),
-        ({**GOOD, "rotation_vector": [0, 0, 0]}, "base_T_tool[1]: needed:"),
+        ({**GOOD, "quaternion": [0, 0, 0, 1.1]}, "base_T_flange[1]: quaternion: norm 1.1 given; legal: 1"),
+        ({**GOOD, "translation": [0, float("nan"), 0]}, "base_T_flange[1]: translation: nan at index (1,)"),
+        ({**GOOD, "translation": [0, 1]}, "base_T_flange[1]: translation: shape (2,) given; (3,) is needed"),
+        ({**GOOD, "speed": 1}, "base_T_flange[1]: speed: no such field; legal: image, translation"),
+        ({"translation": [0, 0, 0]}, "base_T_flange[1]: needed: translation with quaternion"),
+        ({**GOOD, "rotation_vector": [0, 0, 0]}, "base_T_flange[1]: needed:"),
         (
             {"matrix": np.diag([1, 1, 1.1, 1]).tolist()},
-            "base_T_tool[1]: matrix: R Rᵀ is off the identity by 0.21",
+            "base_T_flange[1]: matrix: R Rᵀ is off the identity by 0.21",
         ),
         (
             {"matrix": np.diag([1, 1, -1, 1]).tolist()},
-            "base_T_tool[1]: matrix: a reflection; legal: a rotation",
+            "base_T_flange[1]: matrix: a reflection; legal: a rotation",
         ),
-        ({**GOOD, "image": "a.png"}, "base_T_tool[0]: image: missing"),
-        ([1, 2, 3], "base_T_tool[1]: [1, 2, 3] given; a mapping"),
+        ({**GOOD, "image": "a.png"}, "base_T_flange[0]: image: missing"),
+        ([1, 2, 3], "base_T_flange[1]: [1, 2, 3] given; a mapping"),
     ],
 )
 def test_wrong_poses_are_one_message_with_the_place(entry, named, tmp_path):
     file = tmp_path / "poses.yaml"
-    file.write_text(json.dumps({"format": "omniservo.robot_poses/1", "base_T_tool": [GOOD, entry]}))
+    file.write_text(json.dumps({"format": "omniservo.robot_poses/1", "base_T_flange": [GOOD, entry]}))
     with pytest.raises(InputError, match=re.escape(named)) as said:
         load_robot_poses(file)
     assert str(said.value).startswith(str(file))
@@ -203,9 +203,9 @@ def test_wrong_poses_are_one_message_with_the_place(entry, named, tmp_path):
 def test_wrong_input_is_one_message(views, tmp_path, capsys):
     entries = [GOOD] * 3
     for name, text in (
-        ("three", json.dumps({"format": "omniservo.robot_poses/1", "base_T_tool": entries})),
-        ("format", json.dumps({"format": "omniservo.poses", "base_T_tool": entries})),
-        ("empty", yaml.safe_dump({"format": "omniservo.robot_poses/1", "base_T_tool": []})),
+        ("three", json.dumps({"format": "omniservo.robot_poses/1", "base_T_flange": entries})),
+        ("format", json.dumps({"format": "omniservo.poses", "base_T_flange": entries})),
+        ("empty", yaml.safe_dump({"format": "omniservo.robot_poses/1", "base_T_flange": []})),
         ("other", (views / "poses.yaml").read_text().replace("view-3", "picture-3")),
     ):
         (tmp_path / f"{name}.yaml").write_text(text)
@@ -215,7 +215,7 @@ def test_wrong_input_is_one_message(views, tmp_path, capsys):
     for arguments, named in (
         (call(views, poses=tmp_path / "three.yaml"), "3 poses given for 7 images"),
         (call(views, poses=tmp_path / "format.yaml"), "format: 'omniservo.poses' given; legal"),
-        (call(views, poses=tmp_path / "empty.yaml"), "base_T_tool: [] given; a list of poses"),
+        (call(views, poses=tmp_path / "empty.yaml"), "base_T_flange: [] given; a list of poses"),
         (call(views, poses=tmp_path / "other.yaml"), "no pose for"),
         (call(views, poses="none.yaml"), "no such file"),
         (call(views, poses="pose_%d.yaml"), "no file of this name"),
@@ -238,7 +238,7 @@ def test_wrong_input_is_one_message(views, tmp_path, capsys):
 def _named(tmp_path, views):
     """A poses file that names small-1.png too."""
     document = yaml.safe_load((views / "poses.yaml").read_text())
-    document["base_T_tool"].append({**document["base_T_tool"][0], "image": "small-1.png"})
+    document["base_T_flange"].append({**document["base_T_flange"][0], "image": "small-1.png"})
     (tmp_path / "named.yaml").write_text(json.dumps(document))
     return tmp_path / "named.yaml"
 
@@ -251,33 +251,53 @@ def _named(tmp_path, views):
             "omniservo.hand_eye/9",
             "format: 'omniservo.hand_eye/9' given; legal: 'omniservo.hand_eye/1'",
         ),
-        ("tool_T_camera", [0, 0, 0], "tool_T_camera: [0, 0, 0] given; legal: a mapping"),
+        ("flange_T_camera", [0, 0, 0], "flange_T_camera: [0, 0, 0] given; legal: a mapping"),
         ("covariance", np.diag([1.0, 1, 1, 1, 1, -1]).tolist(), "covariance: not symmetric and positive"),
         ("covariance", [[1.0]], "covariance: shape (1, 1) given"),
     ],
 )
 def test_a_changed_hand_eye_file_is_refused(field, value, named, tmp_path):
-    document = {"format": "omniservo.hand_eye/1", "tool_T_camera": GOOD, "covariance": np.eye(6).tolist()}
+    document = {"format": "omniservo.hand_eye/1", "flange_T_camera": GOOD, "covariance": np.eye(6).tolist()}
     (tmp_path / "hand-eye.json").write_text(json.dumps({**document, field: value}))
     with pytest.raises(InputError, match=re.escape(named)):
         load_hand_eye(tmp_path / "hand-eye.json")
+
+
+def test_files_and_names_of_before_say_tool_for_the_flange(tmp_path):
+    poses, file = tmp_path / "poses.json", tmp_path / "hand-eye.json"
+    poses.write_text(json.dumps({"format": "omniservo.robot_poses/1", "base_T_tool": [GOOD]}))
+    found = load_robot_poses(poses)
+    np.testing.assert_allclose(found.base_T_flange[0].translation, GOOD["translation"])
+    with pytest.warns(DeprecationWarning, match="base_T_tool is called base_T_flange now"):
+        assert found.base_T_tool is found.base_T_flange
+    mount = {"format": "omniservo.hand_eye/1", "tool_T_camera": GOOD, "covariance": np.eye(6).tolist()}
+    file.write_text(json.dumps(mount))
+    np.testing.assert_allclose(load_hand_eye(file)[0].translation, GOOD["translation"])
+    file.write_text(json.dumps({**mount, "tool_T_camera": [0]}))
+    with pytest.raises(InputError, match="tool_T_camera: .* a mapping"):
+        load_hand_eye(file)
+    poses.write_text(
+        json.dumps({"format": "omniservo.robot_poses/1", "base_T_tool": [GOOD], "base_T_flange": [GOOD]})
+    )
+    with pytest.raises(InputError, match="base_T_flange: no such field"):
+        load_robot_poses(poses)
 
 
 def test_the_real_arm_s_views_agree_as_far_as_its_poses_do(shared_data):
     """A Franka's eight: what is left is the robot's, and by its lengths the board is larger than stated."""
     folder = shared_data / "visp_franka_eye_in_hand"
     images = sorted(folder.glob("franka_image-*.png"))
-    base_T_tool = load_robot_poses(folder / "franka_pose_rPe_%d.yaml").of_images(images)
+    base_T_flange = load_robot_poses(folder / "franka_pose_rPe_%d.yaml").of_images(images)
     camera = load_camera(folder / "franka_camera.xml")
     board = board_from_text("checkerboard:9x6:0.0236")
     views = [find_board(read_grey_image(path), board, camera) for path in images]
     pixels, points = [view.pixels for view in views], [view.object_points for view in views]
-    stated = calibrate_hand_eye(camera, base_T_tool, pixels, points)
+    stated = calibrate_hand_eye(camera, base_T_flange, pixels, points)
     assert stated.used == tuple(range(8))
     assert stated.scatter_worst[0] < 7e-3
     assert np.degrees(stated.scatter_worst[1]) < 0.8
     assert stated.board_size_disputed
-    sized = calibrate_hand_eye(camera, base_T_tool, pixels, [stated.board_scale * p for p in points])
+    sized = calibrate_hand_eye(camera, base_T_flange, pixels, [stated.board_scale * p for p in points])
     assert not sized.board_size_disputed
     assert sized.scatter_worst[0] < 4.5e-3
     assert sized.robot_position_m < 0.35 * stated.robot_position_m

@@ -40,12 +40,19 @@ def test_an_arm_is_shown_to_people_with_degrees_and_drawn(capsys, tmp_path):
     assert (tmp_path / "drawn" / "arm.svg").read_text().startswith("<?xml")
 
 
-def test_the_tool_can_be_chosen(capsys):
-    _, out, _ = call(capsys, "robot", "show", "rx60", "--tool", "flange", "--json")
+def test_the_flange_can_be_chosen(capsys):
+    _, out, _ = call(capsys, "robot", "show", "rx60", "--flange", "flange", "--json")
     assert math.isclose(json.loads(out)["flange"]["link_T_flange"][2][3], 0.065)
-    code, out, err = call(capsys, "robot", "show", "rx60", "--tool", "shoulder")
+    code, out, err = call(capsys, "robot", "show", "rx60", "--flange", "shoulder")
     assert (code, out) == (2, "")
-    assert "tool 'shoulder': carried by 1 joint (j1); legal: 6 or 7 in a row, which carry flange" in err
+    assert "flange 'shoulder': carried by 1 joint (j1); legal: 6 or 7 in a row, which carry flange" in err
+
+
+def test_the_flange_is_still_found_under_its_option_of_before(capsys):
+    code, out, _ = call(capsys, "robot", "show", "rx60", "--tool", "flange")
+    assert code == 0
+    assert "--tool is called --flange now" in out
+    assert "--tool" not in call(capsys, "robot", "show", "--help")[1]
 
 
 @pytest.mark.parametrize(

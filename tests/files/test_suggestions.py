@@ -24,7 +24,7 @@ PROBLEM = {
     "points": [[0.0, 0.0, 0.5]],
     "goal": {"translation": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]},
 }
-POSES = {"format": "omniservo.robot_poses/1", "base_T_tool": []}
+POSES = {"format": "omniservo.robot_poses/1", "base_T_flange": []}
 
 
 def saved(name, fields, load):
@@ -59,7 +59,9 @@ MISSPELT = {
     ),
     "a field of robot poses": (lambda: saved("poses.yaml", POSES | {"unit": {}}, load_robot_poses), "units"),
     "a robot pose's field": (
-        lambda: saved("poses.yaml", POSES | {"base_T_tool": [{"translatoin": [0, 0, 0]}]}, load_robot_poses),
+        lambda: saved(
+            "poses.yaml", POSES | {"base_T_flange": [{"translatoin": [0, 0, 0]}]}, load_robot_poses
+        ),
         "translation",
     ),
     "a goal's field": (

@@ -118,7 +118,7 @@ def test_a_quaternion_whose_square_is_no_number_is_refused_without_a_warning(rea
         fields, read = {"format": "omniservo.target/1", "tags": [tag]}, Target.load
     elif reader == "hand-eye":
         pose = {"translation": [0, 0, 0], **turn}
-        fields = {"format": "omniservo.hand_eye/1", "tool_T_camera": pose, "covariance": np.eye(6).tolist()}
+        fields = {"format": "omniservo.hand_eye/1", "flange_T_camera": pose, "covariance": np.eye(6).tolist()}
         read = load_hand_eye
     else:
         fields, read = read_document(task_file("paper-example-1")), load_task

@@ -21,7 +21,7 @@ TASK = """format: omniservo.task/1
 name: hostile
 summary: names an arm in xacro
 camera: perspective
-arm: {model: arm.urdf.xacro, tool_T_camera: {}}
+arm: {model: arm.urdf.xacro, flange_T_camera: {}}
 start: {joints: [0, 0, 0, 0, 0, 0]}
 target: {tags: {dictionary: tag36h11, panels: [{id: 0, edge: 0.1, center: [0, 0, 0.3]}]}}
 teach: {initial_T_goal: {}}
@@ -57,7 +57,7 @@ def test_an_expanded_arm_is_the_arm_that_its_author_meant(capsys, tmp_path):
         urdf(SIX, visual=CYLINDER.replace("0.04", "0.02")).replace("tool0", "tip")
     )
     same = Arm(tmp_path / "same.urdf")
-    assert (expanded.name, expanded.tool) == ("mine", "tip")
+    assert (expanded.name, expanded.flange) == ("mine", "tip")
     assert expanded.joint_names == same.joint_names
     assert [link.shapes for link in expanded.links] == [link.shapes for link in same.links]
     q = [0.1, -0.2, 0.3, 0.4, -0.5, 0.6]

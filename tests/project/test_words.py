@@ -40,6 +40,7 @@ REPLACED = {
     r"[Pp]lanned again on the way|[Pp]lanning again on the way": "replanning",
     r"AnswerIsNo": "NoSolutionError",
     r"\b[Nn]obody\b": "unknown",
+    r"\b(the|its|your|this|another) tool\b": "flange",
 }
 
 TERMS = [

@@ -61,15 +61,15 @@ def test_urdf_limits_stand_as_they_are_written(tmp_path):
     assert arm.name == "oblique"
 
 
-def test_fixed_frames_are_kept_and_can_be_the_tool(tmp_path):
+def test_fixed_frames_are_kept_and_can_be_the_flange(tmp_path):
     arm = read(tmp_path, urdf())
-    assert arm.tool == arm.tool_link == "tool0"
-    other = read(tmp_path, urdf(), tool="turn_link")
+    assert arm.flange == arm.flange_link == "tool0"
+    other = read(tmp_path, urdf(), flange="turn_link")
     q = 0.1 * np.arange(6)
     apart = other.base_T_flange(q).inv() * arm.base_T_flange(q)
     np.testing.assert_allclose(apart.translation, [0, 0, 0.05], atol=1e-12)
-    with pytest.raises(InputError, match=r"tool 'lift_link': carried by 2 joints \(pan, lift\); .*tool0"):
-        read(tmp_path, urdf(), tool="lift_link")
+    with pytest.raises(InputError, match=r"flange 'lift_link': carried by 2 joints \(pan, lift\); .*tool0"):
+        read(tmp_path, urdf(), flange="lift_link")
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj"])
@@ -171,7 +171,7 @@ def test_links_called_like_the_simulators_bodies_get_another_name(tmp_path):
 def test_mjcf_without_names_and_drives_is_an_arm(tmp_path):
     arm = read(tmp_path, mjcf(), "arm.xml")
     assert len(set(arm.joint_names)) == 6
-    assert arm.tool == "flange"
+    assert arm.flange == "flange"
     np.testing.assert_allclose(arm.base_T_flange(np.zeros(6)).translation, [0, 0, 0.65], atol=1e-12)
     turned = arm.base_T_flange(np.zeros(6)).rotation.as_euler("xyz", degrees=True)
     np.testing.assert_allclose(turned, [0, 0, 90], atol=1e-9)
@@ -270,13 +270,13 @@ BAD_URDF = {
     ),
     "eight": (
         lambda text: urdf((*SEVEN, ("last", *SIX[-1][1:]))),
-        r"8 joints \(pan, .*, last\); legal: 6 or 7 in a row. A tool says where .*: pitch_link",
+        r"8 joints \(pan, .*, last\); legal: 6 or 7 in a row. A flange says where .*: pitch_link",
     ),
     "branch": (
         lambda text: text.replace("tool0", "palm").replace(
             "</robot>", SECOND.format("revolute", LIMIT) + "</robot>"
         ),
-        "joint 'side': moves beside joint 'lift'; legal: one joint after the other, or a tool .*: turn_link",
+        "joint 'side': moves beside joint 'lift'; legal: one .* after the other, or a flange .*: turn_link",
     ),
     "two bases": (lambda text: text.replace("</robot>", '<link name="odd"/></robot>'), "'base_link', 'odd'"),
     "loop": (
@@ -366,7 +366,7 @@ BAD_MJCF = {
             "</worldbody>",
             '<body><joint range="0 1"/><geom size="0.1"/></body></worldbody>',
         ),
-        "joint 'joint 6': moves beside joint 'joint 1'; legal: one joint after the other, or a tool",
+        "joint 'joint 6': moves beside joint 'joint 1'; legal: one joint after the other, or a flange",
     ),
     "include outside": (
         mjcf(extra='<include file="../other.xml"/>'),

@@ -68,7 +68,7 @@ def test_place_and_jacobian_of_any_chain_of_hinges_are_mujocos(tmp_path, seed):
 
 def test_place_and_jacobian_of_every_arm_are_those_of_its_mujoco_model(any_arm):
     model = any_arm.spec().compile()
-    body = model.body(any_arm.tool_link).id
+    body = model.body(any_arm.flange_link).id
     data, J = mujoco.MjData(model), np.zeros((6, any_arm.dof))
     for q in np.random.default_rng(1).uniform(*any_arm.joint_range.T, (50, any_arm.dof)):
         data.qpos[:] = q

@@ -139,7 +139,7 @@ def test_reading_an_arm_again_gives_the_same_arm(any_arm):
     again, q = Arm(any_arm.path), bent(any_arm)
     np.testing.assert_array_equal(again.joint_range, any_arm.joint_range)
     np.testing.assert_array_equal(again.flange_jacobian(q), any_arm.flange_jacobian(q))
-    assert (again.tool, again.notices, again.links) == (any_arm.tool, any_arm.notices, any_arm.links)
+    assert (again.flange, again.notices, again.links) == (any_arm.flange, any_arm.notices, any_arm.links)
 
 
 def test_the_worlds_camera_is_where_the_kinematics_say(scene):

@@ -21,14 +21,14 @@ MJCF_COUPLING = """<tendon><fixed name="t"><joint joint="l" coef="1"/></fixed></
 <actuator><position joint="j0" kp="100" kv="10"/><position tendon="t" kp="100"/></actuator>"""
 
 
-def read(folder, text, tool=None, name="arm.urdf"):
+def read(folder, text, flange=None, name="arm.urdf"):
     path = folder / name
     path.write_text(text)
-    return Arm(path, tool=tool)
+    return Arm(path, flange=flange)
 
 
-def body_in_tool(arm, body, q):
-    """Where a body is, in the frame of the arm's tool [m]."""
+def body_in_flange(arm, body, q):
+    """Where a body is, in the frame of the arm's flange [m]."""
     model = arm.spec().compile()
     data = mujoco.MjData(model)
     data.qpos[:] = q
@@ -67,31 +67,31 @@ def test_fingers_are_held_at_the_zero_of_their_range_or_its_nearer_end(tmp_path)
     arm = read(tmp_path, urdf(extra=fingers(lower=0.02, mimic=mimic)))
     assert any("slide_a at 20 mm, slide_b at 13 mm" in notice for notice in arm.notices)
     q = 0.2 * np.arange(6)
-    np.testing.assert_allclose(body_in_tool(arm, "left", q), [0.04, 0, 0.1], atol=1e-9)
-    np.testing.assert_allclose(body_in_tool(arm, "right", q), [-0.033, 0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(body_in_flange(arm, "left", q), [0.04, 0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(body_in_flange(arm, "right", q), [-0.033, 0, 0.1], atol=1e-9)
 
 
 def test_fingers_hide_points_where_they_are_held_and_go_with_the_camera(tmp_path):
-    """The camera sits beside the hand; the first line goes through the left finger, the second beside it."""
+    """The camera sits beside the gripper; one line goes through the left finger, the second beside."""
     beside = MountedCamera(RigidTransform.from_translation([0.06, 0.0, 0.0]))
     behind, ahead = [-0.02, 0.0, 0.2], [0.10, 0.0, 0.3]
     for lower, link in ((0.0, "left"), (0.03, "")):
-        arm = read(tmp_path, urdf(extra=fingers(lower=lower)), tool="tool0")
+        arm = read(tmp_path, urdf(extra=fingers(lower=lower)), flange="tool0")
         for q in np.random.default_rng(0).uniform(-1.0, 1.0, (5, 6)):
-            base_T_tool = arm.base_T_flange(q)
-            points = base_T_tool.apply([behind, ahead])
+            base_T_flange = arm.base_T_flange(q)
+            points = base_T_flange.apply([behind, ahead])
             hides = own_sight_in(arm, q, beside, points[:1])
             assert (hides.link, hides.status) == (link, "hidden" if link else "free")
             strays = own_sight_in(arm, q, beside, points[1:], kept={"left": 0.05}, camera_strays=0.03)
             assert strays.status == "free"
 
 
-def test_without_a_name_for_the_tool_it_is_the_last_link_before_the_fingers(tmp_path):
+def test_without_a_name_for_the_flange_it_is_the_last_link_before_the_fingers(tmp_path):
     text = urdf(extra=fingers()).replace("tool0", "palm")
     arm = read(tmp_path, text)
-    assert (arm.tool, arm.dof) == ("palm", 6)
+    assert (arm.flange, arm.dof) == ("palm", 6)
     assert any("taken to sit on 'palm'; another link can be named" in notice for notice in arm.notices)
-    assert not any("taken to sit" in notice for notice in read(tmp_path, text, tool="palm").notices)
+    assert not any("taken to sit" in notice for notice in read(tmp_path, text, flange="palm").notices)
 
 
 @pytest.mark.parametrize(
@@ -102,12 +102,12 @@ def test_without_a_name_for_the_tool_it_is_the_last_link_before_the_fingers(tmp_
 def test_joints_of_a_gripper_that_turn_are_not_the_arms(tmp_path, names, mimic):
     text = urdf(extra=fingers(kind="revolute", names=names, mimic=mimic)).replace("tool0", "palm")
     arm = read(tmp_path, text)
-    assert (arm.joint_names, arm.tool) == (NAMES, "palm")
+    assert (arm.joint_names, arm.flange) == (NAMES, "palm")
     assert any(f"{names[0]} at 0 deg, {names[1]} at 0 deg" in notice for notice in arm.notices)
 
 
-def test_a_tool_before_the_last_joint_holds_what_is_behind_it(tmp_path):
-    seven, six = read(tmp_path, urdf(SEVEN)), read(tmp_path, urdf(SEVEN), tool="pitch_link")
+def test_a_flange_before_the_last_joint_holds_what_is_behind_it(tmp_path):
+    seven, six = read(tmp_path, urdf(SEVEN)), read(tmp_path, urdf(SEVEN), flange="pitch_link")
     assert (seven.dof, six.dof) == (7, 6)
     assert any("turn at 0 deg" in notice for notice in six.notices)
     assert "turn_link" in ArmBodies(six).links
@@ -115,23 +115,23 @@ def test_a_tool_before_the_last_joint_holds_what_is_behind_it(tmp_path):
 
 def test_a_finger_can_carry_the_camera_only_where_it_turns_by_itself(tmp_path):
     text = urdf(extra=fingers())
-    for tool, why in (("left", "is of type 'prismatic'"), ("right", "is of type 'prismatic'")):
+    for flange, why in (("left", "is of type 'prismatic'"), ("right", "is of type 'prismatic'")):
         with pytest.raises(
-            InputError, match=rf"{why} and carries the tool '{tool}'; .* tools: turn_link, tool0"
+            InputError, match=rf"{why} and carries the flange '{flange}'; .* turn_link, tool0"
         ):
-            read(tmp_path, text, tool=tool)
+            read(tmp_path, text, flange=flange)
     text = urdf(extra=fingers(kind="revolute", names=("thumb", "other"), mimic=""))
-    assert read(tmp_path, text, tool="left").joint_names == (*NAMES, "thumb")
+    assert read(tmp_path, text, flange="left").joint_names == (*NAMES, "thumb")
     text = urdf(extra=fingers(kind="revolute", names=("thumb", "copy"), mimic='<mimic joint="thumb"/>'))
-    with pytest.raises(InputError, match=r"joint 'copy': follows another \(<mimic>\) and carries the tool"):
-        read(tmp_path, text, tool="right")
+    with pytest.raises(InputError, match=r"joint 'copy': follows another \(<mimic>\) and carries the flange"):
+        read(tmp_path, text, flange="right")
 
 
 def test_what_copies_a_joint_of_the_arm_cannot_be_held_still(tmp_path):
     with pytest.raises(
         InputError, match="joint 'slide_b': a <mimic> joint follows 'turn', a joint of the arm"
     ):
-        read(tmp_path, urdf(extra=fingers(mimic='<mimic joint="turn"/>')), tool="tool0")
+        read(tmp_path, urdf(extra=fingers(mimic='<mimic joint="turn"/>')), flange="tool0")
 
 
 def test_continuous_joints_turn_once_to_each_side(tmp_path):
@@ -144,7 +144,7 @@ def test_continuous_joints_turn_once_to_each_side(tmp_path):
 
 def test_an_mjcf_hand_with_coupled_fingers_is_held_too(tmp_path):
     arm = read(tmp_path, mjcf_with_hand(), name="arm.xml")
-    assert (arm.dof, arm.tool) == (6, "hand")
+    assert (arm.dof, arm.flange) == (6, "hand")
     assert any("held still with what they carry: l, r" in notice for notice in arm.notices)
     assert {"hand", "left", "right"} <= set(ArmBodies(arm).links)
     assert arm.spec().compile().nu == 6

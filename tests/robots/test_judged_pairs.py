@@ -180,7 +180,7 @@ def test_a_gripper_of_the_file_is_kept_off_the_link_before_the_last_joint(tmp_pa
     with_finger = text.replace("<site ", f"{finger}<site ", 1)
     assert with_finger != text
     file.write_text(with_finger)
-    arm = load_arm(file, tool="flange")
+    arm = load_arm(file, flange="flange")
     bodies = ArmBodies(arm)
     assert judged(bodies)["finger"]["wrist_2"] >= 1
     gaps, q = [], np.zeros(6)

@@ -48,7 +48,7 @@ def test_it_is_free_far_from_singular_and_the_hand_looks_down(tmp_path, name):
     hand = arm.base_T_flange(q).rotation.apply(looks(arm))
     assert z >= -0.42 * hand[2]
     down = arm.base_T_flange(q).rotation.apply([0.0, 0.0, -1.0])[2]
-    assert down >= 0.6  # of all these the tool's z axis points out of the hand
+    assert down >= 0.6  # of all these the flange's z axis points away from the arm
 
 
 def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path):
@@ -64,7 +64,7 @@ def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path)
 
 @pytest.mark.parametrize("twist", [0.0, 1e-9])
 @pytest.mark.parametrize(("rpy", "way"), [((0, 0, 0.5), 2), ((math.pi, 0, 0), -2), ((0, -math.pi / 2, 0), 0)])
-def test_the_mount_looks_out_of_the_hand_however_the_tool_is_turned(tmp_path, rpy, way, twist):
+def test_the_mount_looks_away_from_the_arm_however_the_flange_is_turned(tmp_path, rpy, way, twist):
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SIX).replace('rpy="0 0 0.5"', f'rpy="{rpy[0] + twist} {rpy[1]} {rpy[2]}"'))
     arm = Arm(path)
@@ -81,7 +81,7 @@ def test_the_camera_stands_clear_of_what_a_link_carries(tmp_path):
     holder = '<joint name="holder" type="fixed"><origin xyz="0.2 0 0"/><parent link="lift_link"/>'
     path = tmp_path / "arm.urdf"
     path.write_text(urdf(SIX, extra=f'{ball}{holder}<child link="ball"/></joint>'))
-    arm = Arm(path, tool="tool0")
+    arm = Arm(path, flange="tool0")
     bodies = ArmBodies(arm, mounted=[solid.moved(suggested_mount(arm)) for solid in CAMERA_HOUSING])
     bodies.place(suggested_posture(arm))
     assert min(n.gap for n in bodies.near(0.2) if "camera" in bodies.names(n.pair)) >= 0.03

@@ -38,7 +38,7 @@ def file(tmp_path):
     places = [(1e3 * row).round().tolist() for row in (table.pose.translation, table.size)]
     stated = "center: {}, half_extents: {}, frame: base".format(*places)
     text = re.sub(r"center: .*?, frame: base", stated, text)
-    text = re.sub(r"tool_T_camera: \{.*?\}", "tool_T_camera: {translation: [90, 0, 20]}", text)
+    text = re.sub(r"flange_T_camera: \{.*?\}", "flange_T_camera: {translation: [90, 0, 20]}", text)
     save_camera(UnifiedCamera(210.0, 210.0, 159.5, 119.5, 0.0, 320, 240), tmp_path / "camera.yaml")
     text = text.replace("camera: perspective", "sensor: {rate: 10}\ncamera: camera.yaml")  # to be quick
     (tmp_path / "task.yaml").write_text(text)
@@ -101,9 +101,9 @@ BAD = {
         ("my_arm.urdf", '<limit lower="-2.9" upper="2.9" velocity="2.0" effort="120"/>', ""),
         (2, "my_arm.urdf: line .*: joint 'pan': no <limit>; legal: <limit lower="),
     ),
-    "a finger as the tool": (
-        ("task.yaml", "tool: tool0", "tool: left"),
-        (2, "joint 'slide_a': is of type 'prismatic' and carries the tool 'left'"),
+    "a finger as the flange": (
+        ("task.yaml", "flange: tool0", "flange: left"),
+        (2, "joint 'slide_a': is of type 'prismatic' and carries the flange 'left'"),
     ),
 }
 

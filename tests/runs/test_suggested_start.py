@@ -81,12 +81,12 @@ def suggested(folder, arm):
     mount, joints = suggested_mount(arm), suggested_posture(arm)
     table = suggested_table(arm, mount, joints)
     text = re.sub(r"model: .*", f"model: {arm.path.name}", EXAMPLE).replace(
-        "tool: tool0", f"tool: {arm.tool}"
+        "flange: tool0", f"flange: {arm.flange}"
     )
     text = re.sub(r"joints: \[.*?\]", f"joints: {np.rad2deg(joints).round().tolist()}", text)
     rows = (1e3 * mount.translation).tolist(), np.rad2deg(mount.rotation.as_rotvec()).tolist()
     stated = "{{translation: {}, rotation_vector: {}}}".format(*rows)
-    text = re.sub(r"tool_T_camera: \{.*?\}", f"tool_T_camera: {stated}", text)
+    text = re.sub(r"flange_T_camera: \{.*?\}", f"flange_T_camera: {stated}", text)
     if table is None:
         text = re.sub(r"surroundings:.*?\n  - .*?\n", "", text)
     else:

@@ -102,7 +102,7 @@ def document(frame, target=tags):
         "summary": "one scene",
         "units": {"length": "mm", "angle": "deg"},
         "camera": "fe185",
-        "arm": {"model": "rx60", "foot": FOOT, "tool_T_camera": pose(MOUNT)},
+        "arm": {"model": "rx60", "foot": FOOT, "flange_T_camera": pose(MOUNT)},
         "start": {"joints": JOINTS},
         "target": {"frame": frame, **target(initial_T)},
         "obstacles": [{"frame": frame, **block(initial_T)}],
@@ -171,7 +171,7 @@ def planned(task):
 
 def test_the_whole_arm_keeps_off_what_stands_around(tmp_path):
     arm = load_arm("rx60")
-    middle = arm.base_T_flange(np.deg2rad(JOINTS)).translation / 2.0  # between the foot and the hand
+    middle = arm.base_T_flange(np.deg2rad(JOINTS)).translation / 2.0  # between the foot and the flange
     assert planned(standing(tmp_path, [-700, 0, 100])).status == "certified"
     blocked = planned(standing(tmp_path, (1e3 * middle).tolist()))
     assert blocked.status == "infeasible"

@@ -465,13 +465,25 @@ def test_a_mounts_covariance_that_is_none_is_refused(tmp_path, value, message):
         load_task(written(tmp_path, changed("arm.mount_covariance", value)))
 
 
-def test_the_mount_may_be_called_tool_T_camera_but_not_both(tmp_path):
+def test_older_files_say_tool_for_the_flange_but_not_both(tmp_path):
     document = changed("arm.tool_T_camera", {"translation": [0, 0, 50]})
     with pytest.raises(InputError, match="give flange_T_camera or tool_T_camera, which mean the same"):
         load_task(written(tmp_path, document))
     del document["arm"]["flange_T_camera"]
+    document["arm"]["tool"] = "flange"
     task = load_task(written(tmp_path, document))
     np.testing.assert_allclose(task.arm.flange_T_camera.translation, [0, 0, 0.05])
+    assert task.arm.flange == "flange"
+    with pytest.warns(DeprecationWarning, match="ArmMount.tool is called flange now"):
+        assert task.arm.tool == "flange"
+    document["arm"]["flange"] = "flange"
+    with pytest.raises(InputError, match="give flange or tool, which mean the same"):
+        load_task(written(tmp_path, document))
+
+
+def test_a_misspelt_field_of_the_arm_is_told_the_names_of_now(tmp_path):
+    with pytest.raises(InputError, match="legal: model, flange, packages, foot, flange_T_camera, mount_cov"):
+        load_task(written(tmp_path, changed("arm.flang", "tool0")))
 
 
 def test_moves_shift_what_is_known_from_their_time_on(tmp_path):

@@ -14,7 +14,7 @@ name: own-start
 summary: An arm at joints that its owner has read
 units: {length: mm, angle: deg}
 camera: perspective
-arm: {model: panda, foot: [100, 200, 300], tool_T_camera: {translation: [10, 20, 30]}}
+arm: {model: panda, foot: [100, 200, 300], flange_T_camera: {translation: [10, 20, 30]}}
 start: {START}
 teach: {initial_T_goal: {translation: [0, 0, 50]}}
 scale: {tags: true}

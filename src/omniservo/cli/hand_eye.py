@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from omniservo.calibration.hand_eye import ImageHandEye
 
 _BOARD = "checkerboard:9x6:0.0236 (inner corners, square in m), charuco:…, aprilgrid:…, circles:…"
-_POSES = "The robot's poses base_T_tool (YAML, JSON, CSV), or ViSP's files with %d for the number."
+_POSES = "The robot's poses base_T_flange (YAML, JSON, CSV), or ViSP's files with %d for the number."
 
 
 def calibrate_hand_eye(
@@ -31,13 +31,13 @@ def calibrate_hand_eye(
     target: Annotated[
         Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Write tool_T_camera here (JSON).")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Write flange_T_camera here (JSON).")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Eye-in-hand calibration: the camera's pose on the tool, from images of a fixed board."""
+    """Eye-in-hand calibration: the camera's pose on the flange, from images of a fixed board."""
     from omniservo.calibration import board_from_text
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
     from omniservo.camera_files import named_camera
@@ -51,32 +51,32 @@ def calibrate_hand_eye(
     if (board is None) == (target is None):
         raise InputError("calibrate-hand-eye: give --board or --target, one of them")
     looked_for = Target.load(target) if target is not None else board_from_text(board or "")
-    base_T_tool = load_robot_poses(poses).of_images(images)
+    base_T_flange = load_robot_poses(poses).of_images(images)
     output = Output(as_json, quiet)
     with output.working("looking for the board") as say:
         found = calibrate_hand_eye_images(
-            named_camera(camera, camera_name), base_T_tool, images, looked_for, progress=say
+            named_camera(camera, camera_name), base_T_flange, images, looked_for, progress=say
         )
     if report is not None:
         write_hand_eye_report(found, report, force=force)
         output.written(report)
     result = found.result
-    if result.tool_T_camera is None:
+    if result.flange_T_camera is None:
         raise NoSolutionError(f"hand-eye calibration: {result.status}: {result.message}")
     if out is not None:
         result.save(out, force=force)
         output.written(out)
-    for line in _lines(found, result.tool_T_camera):
+    for line in _lines(found, result.flange_T_camera):
         output.line(line)
     output.result(_fields(found))
 
 
-def _lines(found: ImageHandEye, tool_T_camera: RigidTransform) -> Iterator[str]:
+def _lines(found: ImageHandEye, flange_T_camera: RigidTransform) -> Iterator[str]:
     """Yield what a person wants to know."""
     result = found.result
     sigma = np.sqrt(np.diag(result.covariance))
-    yield f"translation {_spelled(1e3 * tool_T_camera.translation)} ± {_spelled(1e3 * sigma[:3])} mm"
-    turn = tool_T_camera.rotation.as_rotvec(degrees=True)
+    yield f"translation {_spelled(1e3 * flange_T_camera.translation)} ± {_spelled(1e3 * sigma[:3])} mm"
+    turn = flange_T_camera.rotation.as_rotvec(degrees=True)
     yield f"rotation vector {_spelled(turn)} ± {_spelled(np.degrees(sigma[3:]))} deg (of the camera)"
     rms, worst = ((1e3 * m, math.degrees(rad)) for m, rad in (result.scatter_rms, result.scatter_worst))
     yield (

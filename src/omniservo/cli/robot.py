@@ -31,9 +31,10 @@ app.command("expand")(expand)
 @app.command("show")
 def show(
     robot: Annotated[str, typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.")],
-    tool: Annotated[
-        str | None, typer.Option("--tool", help="The site or link that carries the camera.")
+    flange: Annotated[
+        str | None, typer.Option("--flange", help="The site or link that carries the camera.")
     ] = None,
+    tool: Annotated[str | None, typer.Option("--tool", hidden=True)] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Draw the arm into this folder.")] = None,
     package: PackageOption = None,
     as_json: JsonOption = False,
@@ -43,12 +44,10 @@ def show(
     from omniservo.robots import load_arm, suggested_mount, suggested_posture, suggested_table
 
     output = Output(as_json, quiet)
-    arm = load_arm(robot, tool=tool, packages=packages_of(package))
-    output.line(f"{'arm':<14} {arm.name}: {arm.dof} revolute joints ({arm.path.name})")
-    output.line(f"{'flange':<14} {arm.tool!r}, on link {arm.tool_link!r}")
-    output.line(f"{'reach':<14} {arm.reach:.3f} m from the axis of {arm.joint_names[0]}")
-    known = "closed form, all branches" if arm.has_closed_form else "seeded numeric search"
-    output.line(f"{'inverse':<14} {known}")
+    if tool is not None:
+        output.line(f"{'notice':<14} --tool is called --flange now")
+    arm = load_arm(robot, flange=flange or tool, packages=packages_of(package))
+    _say_arm(arm, output)
     joints, wide = _joints(arm), max(map(len, [*arm.joint_names, *(link.name for link in arm.links)]))
     for joint in joints:
         output.line(_spelled_joint(joint, wide))
@@ -59,7 +58,9 @@ def show(
         f"{'configuration':<14} {_spelled_posture(posture)} deg: to start with, as start.joints of a task"
     )
     mount = suggested_mount(arm)
-    output.line(f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a tool_T_camera that looks along the tool")
+    output.line(
+        f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a flange_T_camera that looks along the last axis"
+    )
     table = suggested_table(arm, mount, posture)
     if table is not None:
         output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")
@@ -73,8 +74,8 @@ def show(
             "joints": joints,
             "reach": arm.reach,
             "flange": {
-                "name": arm.tool,
-                "link": arm.tool_link,
+                "name": arm.flange,
+                "link": arm.flange_link,
                 "link_T_flange": arm.link_T_flange.as_matrix(),
             },
             "flange_T_camera": mount.as_matrix(),
@@ -85,6 +86,15 @@ def show(
             "notices": list(arm.notices),
         }
     )
+
+
+def _say_arm(arm: Arm, output: Output) -> None:
+    """Say what arm it is, as a whole."""
+    output.line(f"{'arm':<14} {arm.name}: {arm.dof} revolute joints ({arm.path.name})")
+    output.line(f"{'flange':<14} {arm.flange!r}, on link {arm.flange_link!r}")
+    output.line(f"{'reach':<14} {arm.reach:.3f} m from the axis of {arm.joint_names[0]}")
+    known = "closed form, all branches" if arm.has_closed_form else "seeded numeric search"
+    output.line(f"{'inverse':<14} {known}")
 
 
 def _joints(arm: Arm) -> list[dict[str, Any]]:

@@ -61,7 +61,7 @@ def _pixels(found: ImageHandEye) -> Drawing:
     legend_below(figure, axes, 2)
     caption = (
         "Grey: what corners and camera leave, the board's pose being free in each view. Orange: what the "
-        "robot's pose, tool_T_camera and base_T_board leave together."
+        "robot's pose, flange_T_camera and base_T_board leave together."
     )
     return Drawing("view-residuals", "What is left in each view", caption, figure)
 

@@ -39,7 +39,7 @@ def hand_eye_html(found: ImageHandEye) -> str:
         figures = tag("div", *(framed(d, "half") for d in hand_eye_drawings(found)), class_="figures")
         body += [
             tiles(_numbers(result)),
-            part("The camera in the tool's frame", _pose(result), _board_size(result)),
+            part("The camera in the flange's frame", _pose(result), _board_size(result)),
             part("Figures", figures),
         ]
     body.append(part("Images", _images(found)))
@@ -82,13 +82,13 @@ def _half_axes(covariance: FloatArray) -> tuple[float, float]:
 
 
 def _pose(result: HandEye) -> Markup:
-    if result.tool_T_camera is None:
+    if result.flange_T_camera is None:
         return Markup("")
     sigma = np.sqrt(np.diag(result.covariance))
-    turn = result.tool_T_camera.rotation.as_rotvec(degrees=True)
+    turn = result.flange_T_camera.rotation.as_rotvec(degrees=True)
     rows = [
         [f"translation {axis}", f"{1e3 * value:.3f} mm", f"± {significant(1e3 * s)} mm"]
-        for axis, value, s in zip("xyz", result.tool_T_camera.translation, sigma[:3], strict=True)
+        for axis, value, s in zip("xyz", result.flange_T_camera.translation, sigma[:3], strict=True)
     ]
     rows += [
         [
@@ -98,7 +98,7 @@ def _pose(result: HandEye) -> Markup:
         ]
         for axis, value, s in zip("xyz", turn, sigma[3:], strict=True)
     ]
-    return table(["tool_T_camera", "value", "standard deviation"], rows)
+    return table(["flange_T_camera", "value", "standard deviation"], rows)
 
 
 def _board_size(result: HandEye) -> Markup:

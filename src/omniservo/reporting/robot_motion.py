@@ -106,7 +106,7 @@ def _three(
 
 
 def _most(rotations: FloatArray) -> str:
-    """Say how far the hand turned (k, 3) [rad]: on a small scale noise looks like motion."""
+    """Say how far the flange turned (k, 3) [rad]: on a small scale noise looks like motion."""
     most = np.rad2deg(np.linalg.norm(rotations, axis=1)).max()
     hardly = "hardly turned, by" if most < 1.0 else "turned by"
     return f"It {hardly} at most {most:.2g}°."

@@ -18,7 +18,7 @@ _PANEL = 245.0
 
 
 def views(result: RunResult) -> Drawing:
-    """Draw the initial, goal and final image from the hand; below each its points, near and numbered."""
+    """Draw the initial, goal and final image of the camera; below each its points, near and numbered."""
     camera = result.task.camera
     figure = new_figure(11.0, 0.5 + 7.4 * camera.height / camera.width)
     panels = figure.subplots(2, 3)

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.renamed import renamed_arguments, renamed_attribute
 from omniservo.robots.arm_files import read_arm_file
 from omniservo.robots.kinematics.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
 from omniservo.robots.kinematics.numeric_inverse import STARTS, descend_all, solutions
@@ -30,17 +31,18 @@ class Arm:
     """A serial arm of six or seven revolute joints.
 
     Its frames are ``base`` (its foot: the world of its MJCF file, or the URDF's root link) and ``flange``
-    (the tool that carries the camera).
+    (what carries the camera).
     """
 
     def __repr__(self) -> str:
-        return f"Arm({self.name}, {self.dof} joints, flange {self.tool}, reaches {self.reach:.3g} m)"
+        return f"Arm({self.name}, {self.dof} joints, flange {self.flange}, reaches {self.reach:.3g} m)"
 
+    @renamed_arguments(tool="flange")
     def __init__(
         self,
         file: str | Path,
         *,
-        tool: str | None = None,
+        flange: str | None = None,
         packages: Mapping[str, str | Path] | None = None,
     ) -> None:
         """Read the arm from an MJCF or URDF file, which need not be trusted.
@@ -48,7 +50,7 @@ class Arm:
         Args:
             file: its path. A URDF states limits and speeds of the arm's joints; an MJCF states ranges and,
                 as custom numerics, ``joint_speed_deg_s`` and, if known, ``joint_acceleration_deg_s2``.
-            tool: the site or link that is the flange; None: the one called ``tool0``, ``flange`` or
+            flange: the site or link that is it; None: the one called ``tool0``, ``flange`` or
                 ``attachment_site``, else the last link before a gripper's joints. Joints that do not carry it
                 are held still, and listed in `notices`.
             packages: folders of ROS packages by name, where ``package://NAME/…`` finds meshes; others are
@@ -59,7 +61,7 @@ class Arm:
                 is legal.
         """
         self.path = Path(file)
-        self._file = read_arm_file(self.path, tool, packages)
+        self._file = read_arm_file(self.path, flange, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
         """Names of the joints, from the base outwards."""
@@ -71,17 +73,20 @@ class Arm:
         """(n,) largest acceleration that is commanded [rad/s²]."""
         self.joint_effort = self._read_effort()
         """(n,) largest torque [N m]; None where the file does not state it of every joint."""
-        self.tool = self._file.tool
+        self.flange = self._file.flange
         """Name of the site or link that is the flange."""
-        self.tool_link = self._file.tool_body
+        self.flange_link = self._file.flange_body
         """Name of the link that the flange is fixed to."""
-        self.link_T_flange = self._file.body_T_tool
+        self.link_T_flange = self._file.body_T_flange
         """The flange in that link's frame."""
         self.notices = self._file.notices
         """What of the file was left out, put in or assumed."""
         self.chain = self._read_chain()
         """The same kinematics as arrays, for compiled code: not to be written to."""
         self._geometry = self._read_geometry()
+
+    tool = renamed_attribute("tool", "flange")
+    tool_link = renamed_attribute("tool_link", "flange_link")
 
     @classmethod
     def rx60(cls) -> Arm:
@@ -368,7 +373,7 @@ class Arm:
         model, data = self._model, mujoco.MjData(self._model)
         data.qpos[:] = 0.0
         mujoco.mj_kinematics(model, data)
-        link = data.body(self.tool_link)
+        link = data.body(self.flange_link)
         base_T_link = np.column_stack([link.xmat.reshape(3, 3), link.xpos])
         tool = base_T_link[:, :3] @ self.link_T_flange.as_matrix()[:3]
         tool[:, 3] += base_T_link[:, 3]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.files import is_file
+from omniservo.renamed import renamed_arguments
 from omniservo.robots.arm import Arm
 
 
@@ -17,14 +18,15 @@ def shipped_arms() -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".xml") for f in folder.iterdir() if f.name.endswith(".xml")))
 
 
+@renamed_arguments(tool="flange")
 def load_arm(
-    arm: str | Path, *, tool: str | None = None, packages: Mapping[str, str | Path] | None = None
+    arm: str | Path, *, flange: str | None = None, packages: Mapping[str, str | Path] | None = None
 ) -> Arm:
     """Return a shipped arm by its name, or the one of an MJCF or URDF file.
 
     Args:
         arm: a name of `shipped_arms`, or a file. A name wins over a file of the same name without ending.
-        tool: the site or link that carries the camera, see `Arm`.
+        flange: the site or link that carries the camera, see `Arm`.
         packages: folders of ROS packages by name, see `Arm`.
 
     Raises:
@@ -33,10 +35,10 @@ def load_arm(
     names = shipped_arms()
     if str(arm) in names:
         with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{arm}.xml") as path:
-            return Arm(path, tool=tool)
+            return Arm(path, flange=flange)
     if not is_file(arm):
         raise InputError(
             f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
             f"{did_you_mean(arm, names)}"
         )
-    return Arm(arm, tool=tool, packages=packages)
+    return Arm(arm, flange=flange, packages=packages)

@@ -31,7 +31,7 @@ def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
         InputError: fewer than two logs, or one without these columns, without a plan, or of another arm.
     """
     arm, mount = (
-        load_arm(task.arm.model, tool=task.arm.tool, packages=task.arm.packages),
+        load_arm(task.arm.model, flange=task.arm.flange, packages=task.arm.packages),
         task.arm.flange_T_camera.transform,
     )
     bodies = ArmBodies(arm, mounted=[solid.moved(mount) for solid in CAMERA_HOUSING])

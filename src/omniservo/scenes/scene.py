@@ -17,7 +17,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 from omniservo.robots import Arm
 
 Colour: TypeAlias = tuple[float, float, float]
-"""Linear red, green, blue in [0, 1]; the camera in the hand sees its luminance."""
+"""Linear red, green, blue in [0, 1]; the camera on the flange sees its luminance."""
 
 BOARD_COLOUR: Colour = (0.88, 0.88, 0.86)
 """White card."""
@@ -147,7 +147,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Sensor:
-    """How the camera in the hand delivers images."""
+    """How the camera on the flange delivers images."""
 
     rate: float = 30.0
     """frames per second [Hz]"""

@@ -31,7 +31,7 @@ def scene_of_task(task: Task) -> Scene:
         InputError: the arm cannot bring the camera to its start pose.
     """
     world_T_initial = task.start.world_T_camera.transform
-    arm = load_arm(task.arm.model, tool=task.arm.tool, packages=task.arm.packages)
+    arm = load_arm(task.arm.model, flange=task.arm.flange, packages=task.arm.packages)
     world_T_base = RigidTransform.from_translation(np.asarray(task.arm.foot))
     flange_T_camera = task.arm.flange_T_camera.transform
     near = np.asarray(task.start.joints_near)

@@ -113,7 +113,7 @@ class OutsideView:
             height: [px]
             shadow_rays: points of the lamp that each visible point is joined to; 0: no shadows, 1: hard ones.
                 Time grows with it.
-            shows_camera: whether the camera in the arm's hand is in the picture.
+            shows_camera: whether the camera on the arm's flange is in the picture.
             films: whether what stands still is drawn once, and each picture anew only where the arm may cover
                 or shade it: for many pictures of one world.
 

@@ -10,7 +10,7 @@ from omniservo.simulation.world import World
 
 
 def points_under(world: World, joints: FloatArray, pixels: FloatArray) -> FloatArray:
-    """Return the points (n, 3) [m], in the world, that the camera in the hand shows at ``pixels`` (n, 2).
+    """Return the points (n, 3) [m], in the world, that the camera on the flange shows at ``pixels`` (n, 2).
 
     NaN where a pixel lies outside the camera's domain or its ray meets nothing.
 

@@ -1,4 +1,4 @@
-"""The image of the camera in the hand: one ray per pixel, more on edges, then lens and sensor."""
+"""The image of the camera on the flange: one ray per pixel, more on edges, then lens and sensor."""
 
 from __future__ import annotations
 

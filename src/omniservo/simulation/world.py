@@ -57,7 +57,7 @@ class World:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         _put_base(spec, scene.world_T_base)
         link_T_camera = scene.arm.link_T_flange * scene.flange_T_camera
-        _add_camera(spec, spec.body(scene.arm.tool_link), link_T_camera)
+        _add_camera(spec, spec.body(scene.arm.flange_link), link_T_camera)
         _let_camera_touch_wrist(spec, scene)
         for body in scene.bodies:
             _add_body(spec, body)

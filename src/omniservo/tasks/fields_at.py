@@ -19,9 +19,7 @@ def fields_at(place: Sequence[str | int]) -> tuple[str, ...]:
         inner = [s for section in sections for s in _sections_of(section, part)]
         kinds = [s for s in sections if part == _kind(s)]
         sections = inner or kinds or sections
-    found = (
-        name for section in sections for n, field in section.model_fields.items() for name in _names(n, field)
-    )
+    found = (_names(n, field)[0] for section in sections for n, field in section.model_fields.items())
     return tuple(dict.fromkeys(found))
 
 
@@ -45,7 +43,7 @@ def _kind(section: type[Section]) -> str | None:
 
 
 def _names(name: str, field: FieldInfo) -> list[str]:
-    """Return a field's names in the file."""
+    """Return a field's names in the file, those of older files last."""
     if isinstance(field.validation_alias, AliasChoices):
         return [str(choice) for choice in field.validation_alias.choices]
     return [str(field.validation_alias or name)]

@@ -139,13 +139,13 @@ def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
 
 def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
     """Return the section with the camera's pose in the place of a hand-eye calibration's file."""
-    for name in ("tool_T_camera", "flange_T_camera"):
+    for name in ("flange_T_camera", "tool_T_camera"):
         if isinstance(arm.get(name), str):
             from omniservo.calibration.hand_eye import load_hand_eye  # only tasks that name a file pay for it
 
             path = files.path(f"arm.{name}", arm[name])
-            tool_T_camera, covariance = load_hand_eye(path)
-            translation, quaternion = tool_T_camera.translation, tool_T_camera.rotation.as_quat()
+            flange_T_camera, covariance = load_hand_eye(path)
+            translation, quaternion = flange_T_camera.translation, flange_T_camera.rotation.as_quat()
             # a Pose, not a mapping: the calibration is in metres whatever the task's units are
             pose = Pose(translation=tuple(translation.tolist()), quaternion=tuple(quaternion.tolist()))
             return {"mount_covariance": covariance.tolist(), **arm, name: pose}

@@ -42,7 +42,7 @@ def start_at_joints(fields: dict[str, Any], context: dict[str, float], source: s
     """
     stated = ArmAtStart.model_validate({name: fields[name] for name in ("arm", "start")}, context=context)
     mount, joints = stated.arm, np.array(stated.start.joints)
-    arm = load_arm(mount.model, tool=mount.tool, packages=mount.packages)
+    arm = load_arm(mount.model, flange=mount.flange, packages=mount.packages)
     if len(joints) != arm.dof:
         raise InputError(
             f"{source}: start.joints: {len(joints)} numbers given; {arm.name} has {arm.dof} joints: "

@@ -7,12 +7,13 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.renamed import renamed_attribute
 from omniservo.robots import TrackingTube
 from omniservo.tasks.framed import Frame
 from omniservo.tasks.move import Move
@@ -57,25 +58,28 @@ class ArmMount(Section):
 
     model: str = "rx60"
     """a shipped arm's name, or the path of an MJCF or URDF file; in the task's file: inside its folder"""
-    tool: str | None = None
+    flange: Annotated[str | None, Field(validation_alias=AliasChoices("flange", "tool"))] = None
     """the arm's site or link that carries the camera; where absent: see `omniservo.robots.Arm`"""
     packages: dict[str, str] = Field(default_factory=dict)
     """folders of ROS packages by name, where the arm's meshes lie; in the task's file: inside its folder"""
     foot: Point = (0.0, 0.0, 0.0)
     """the arm's foot in the world [m]"""
-    flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("tool_T_camera", "flange_T_camera"))]
-    """the camera in the flange frame, the arm's tool; in the file ``tool_T_camera`` or ``flange_T_camera``,
-    and either may name the file of a hand-eye calibration in the task's folder"""
+    flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
+    """the camera in the flange frame; a file may name that of a hand-eye calibration in its folder, and says
+    ``tool_T_camera``, and ``tool`` above, where it is older"""
     mount_covariance: tuple[tuple[FiniteFloat, ...], ...] | None = None
     """(6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on the right [rad];
     the file of a hand-eye calibration states it. Plans with a risk count with it"""
 
     @model_validator(mode="before")
     @classmethod
-    def _one_mount(cls, fields: Any) -> Any:
-        if isinstance(fields, dict) and {"flange_T_camera", "tool_T_camera"} <= set(fields):
-            raise ValueError("give flange_T_camera or tool_T_camera, which mean the same; not both")
+    def _one_name(cls, fields: Any) -> Any:
+        for name, older in (("flange", "tool"), ("flange_T_camera", "tool_T_camera")):
+            if isinstance(fields, dict) and {name, older} <= set(fields):
+                raise ValueError(f"give {name} or {older}, which mean the same; not both")
         return fields
+
+    tool: ClassVar[Any] = renamed_attribute("tool", "flange")
 
     @field_validator("mount_covariance")
     @classmethod

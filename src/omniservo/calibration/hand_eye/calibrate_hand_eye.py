@@ -1,4 +1,4 @@
-"""Hand-eye calibration: tool_T_camera from robot poses and what the camera saw of a board at each."""
+"""Hand-eye calibration: flange_T_camera from robot poses and what the camera saw of a board at each."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from omniservo.calibration.hand_eye.start import HandEyeStart, start
 from omniservo.calibration.hand_eye.wrong_views import robust_step
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
+from omniservo.renamed import renamed_arguments
 
 _ROBUST_STEPS = 6
 _STEPS = 30
@@ -60,19 +61,20 @@ class _Fit:
         return self.solution.covariance + np.outer(self.sized.step[:12], self.sized.step[:12])
 
 
+@renamed_arguments(base_T_tool="base_T_flange")
 def calibrate_hand_eye(
     camera: UnifiedCamera,
-    base_T_tool: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
+    base_T_flange: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
     image_points: Sequence[npt.ArrayLike],
     object_points: Sequence[npt.ArrayLike],
     *,
     turns: Sequence[RigidTransform] = (),
 ) -> HandEye:
-    """Return tool_T_camera and base_T_board that explain the corners of a board that stands still.
+    """Return flange_T_camera and base_T_board that explain the corners of a board that stands still.
 
-    In every view, camera_T_board = tool_T_camera⁻¹ · (base_T_tool Δ)⁻¹ · base_T_board, with Δ the robot's own
-    error. The start is a closed form of AX = XB (Park & Martin 1994; Daniilidis 1999) that most views agree
-    with. Then
+    In every view, camera_T_board = flange_T_camera⁻¹ · (base_T_flange Δ)⁻¹ · base_T_board, with Δ the robot's
+    own error. The start is a closed form of AX = XB (Park & Martin 1994; Daniilidis 1999) that most views
+    agree with. Then
 
         Σ ρ(‖π(camera_T_board p) − u‖²/σ²) + Σ ‖d_t‖²/σ_t² + ‖d_r‖²/σ_r²
 
@@ -82,7 +84,7 @@ def calibrate_hand_eye(
 
     Args:
         camera: took the pictures.
-        base_T_tool: n poses as the robot reports them: RigidTransform, a sequence of them, or (n, 4, 4) [m].
+        base_T_flange: n poses as the robot reports them: RigidTransform, several in a row, or (n, 4, 4) [m].
         image_points: of each view (k, 2) [px]; an empty one where the board was not found.
         object_points: of each view (k, 3) [m] the same points on the board.
         turns: motions of the board onto itself, where its first corner was chosen for each view alone.
@@ -92,7 +94,7 @@ def calibrate_hand_eye(
             pose, a corner outside the camera's domain; the message names view and row.
     """
     started = time.perf_counter()
-    poses = checked_poses(base_T_tool)
+    poses = checked_poses(base_T_flange)
     views, reasons = usable_views(camera, poses, image_points, object_points, turns)
     found = _fit(camera, views, reasons, turns)
     seconds = time.perf_counter() - started
@@ -105,12 +107,12 @@ def _fit(
     camera: UnifiedCamera, views: list[SeenView], reasons: list[str], turns: Sequence[RigidTransform]
 ) -> _Fit | Refusal:
     """Return the adjusted loop; views that are wrong get a reason."""
-    refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_tool for view in views])
+    refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_flange for view in views])
     if refusal is not None:
         return refusal
-    base_T_tool = RigidTransform.concatenate([view.base_T_tool for view in views])
-    first = start(base_T_tool, [view.poses for view in views])
-    refusal = judge_start(first, base_T_tool, [view.poses for view in views])
+    base_T_flange = RigidTransform.concatenate([view.base_T_flange for view in views])
+    first = start(base_T_flange, [view.poses for view in views])
+    refusal = judge_start(first, base_T_flange, [view.poses for view in views])
     if first is None or refusal is not None:
         return refusal or Refusal("not_converged", "the closed forms of all views fail")
     views = [view.with_pose(int(k), turns) for view, k in zip(views, first.chosen, strict=True)]
@@ -126,7 +128,7 @@ def _fit(
                 "its pose and its picture do not belong together: the other views agree without it"
             )
     views = [view for view, is_wrong in zip(views, wrong, strict=True) if not is_wrong]
-    refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_tool for view in views])
+    refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_flange for view in views])
     return refusal or _adjusted(camera, views, replace(state, offsets=state.offsets[~wrong]), noise_px)
 
 
@@ -139,16 +141,16 @@ def _agreed(
     """
     seen = together(views)
     own = RigidTransform.concatenate([view.poses[0] for view in views])
-    X, Z = first.tool_T_camera, first.base_T_board
+    X, Z = first.flange_T_camera, first.base_T_board
     for _ in range(_ROBUST_STEPS):
-        offset = seen.base_T_tool.inv() * Z * (X * own).inv()
+        offset = seen.base_T_flange.inv() * Z * (X * own).inv()
         state = LoopState(X, Z, np.hstack([offset.translation, offset.rotation.as_rotvec()]))
         linear = linearise(camera, seen, state, noise_px)
         if linear is None:
             return Refusal("not_converged", "a corner lies at the rim of the camera's field")
         step, wrong = robust_step(linear)
         moved = state.stepped(step, state.offsets)
-        X, Z = moved.tool_T_camera, moved.base_T_board
+        X, Z = moved.flange_T_camera, moved.base_T_board
     return moved, wrong
 
 
@@ -180,7 +182,7 @@ def _result(
     return HandEye(
         status="ok",
         message="",
-        tool_T_camera=fit.state.tool_T_camera,
+        flange_T_camera=fit.state.flange_T_camera,
         base_T_board=fit.state.base_T_board,
         covariance=owned(fit.covariance[:6, :6]),
         board_covariance=owned(fit.covariance[6:, 6:]),
@@ -198,8 +200,8 @@ def _told(camera: UnifiedCamera, state: LoopState, view: SeenView | None, reason
     """Return what is left over in a view."""
     if view is None:
         return _unseen(reason)
-    base_T_board = view.base_T_tool * state.tool_T_camera * view.poses[0]
-    loop = (view.base_T_tool * state.tool_T_camera).inv() * state.base_T_board
+    base_T_board = view.base_T_flange * state.flange_T_camera * view.poses[0]
+    loop = (view.base_T_flange * state.flange_T_camera).inv() * state.base_T_board
     return HandEyeView(
         used=not reason,
         reason=reason,
@@ -230,7 +232,7 @@ def _without_pose(refusal: Refusal, views: list[SeenView], reasons: list[str], s
     return HandEye(
         status=refusal.status,
         message=refusal.message,
-        tool_T_camera=None,
+        flange_T_camera=None,
         base_T_board=None,
         covariance=unknown,
         board_covariance=unknown,

@@ -1,4 +1,4 @@
-"""From pictures and robot poses to the camera's place in the hand."""
+"""From pictures and robot poses to the camera's place on the flange."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.files.image_files import read_grey_image
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import find_tags
+from omniservo.renamed import renamed_arguments
 from omniservo.targets import Target
 
 _SAME = 1e-6
@@ -46,19 +47,20 @@ class _Found:
     turnable: bool = False
 
 
+@renamed_arguments(base_T_tool="base_T_flange")
 def calibrate_hand_eye_images(
     camera: UnifiedCamera,
-    base_T_tool: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
+    base_T_flange: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
     images: Sequence[str | Path],
     target: Board | Target,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ImageHandEye:
-    """Return where the camera sits in the hand, from one picture at each pose; see `calibrate_hand_eye`.
+    """Return where the camera sits on the flange, from one picture at each pose; see `calibrate_hand_eye`.
 
     Args:
         camera: took the pictures.
-        base_T_tool: n poses as the robot reports them.
+        base_T_flange: n poses as the robot reports them.
         images: n files, in the same order.
         target: what stands still in front of the arm: a board, or tags of known size and place.
         progress: told what is being done.
@@ -66,7 +68,7 @@ def calibrate_hand_eye_images(
     Raises:
         InputError: other numbers of poses and images, no image, another size than the camera's, no target.
     """
-    poses = checked_poses(base_T_tool)
+    poses = checked_poses(base_T_flange)
     if len(images) != len(poses):
         raise InputError(f"images: {len(images)} given for {len(poses)} poses; one each is needed")
     paths = tuple(Path(image) for image in images)

@@ -50,45 +50,47 @@ def too_few(views: int, reasons: Sequence[str]) -> Refusal | None:
     return Refusal("too_few_views", words)
 
 
-def judge_rotations(base_T_tool: Sequence[RigidTransform]) -> Refusal | None:
-    """Refuse robot poses that do not turn the tool about two axes.
+def judge_rotations(base_T_flange: Sequence[RigidTransform]) -> Refusal | None:
+    """Refuse robot poses that do not turn the flange about two axes.
 
-    (R − I) t = … is what the views say about the camera's place t, R being the tool's rotation between two of
-    them: along an axis that no R moves, they say nothing.
+    (R − I) t = … is what the views say about the camera's place t, R being the flange's rotation between two
+    of them: along an axis that no R moves, they say nothing.
     """
-    R = np.stack([pose.rotation.as_matrix() for pose in base_T_tool])
+    R = np.stack([pose.rotation.as_matrix() for pose in base_T_flange])
     i, j = np.triu_indices(len(R), k=1)
     moved_by = np.swapaxes(R[i], 1, 2) @ R[j] - np.eye(3)
     squares, axes = np.linalg.eigh(np.einsum("nki,nkj->ij", moved_by, moved_by) / len(i))
     if squares[2] < _TURNED**2:
-        words = f"the tool turned by less than {math.degrees(_TURNED):g}° between all poses"
+        words = f"the flange turned by less than {math.degrees(_TURNED):g}° between all poses"
         return Refusal("no_rotation", f"{words}; turn it about two axes")
     if squares[0] < _TURNED**2:
         axis = _spelled(axes[:, 0] * np.sign(axes[np.argmax(np.abs(axes[:, 0])), 0]))
-        words = f"all poses turn the tool about one axis, {axis} in its frame: where the camera sits along it"
-        return Refusal("one_axis", f"{words} is not observable; tilt the tool about a second axis too")
+        words = (
+            f"all poses turn the flange about one axis, {axis} in its frame: where the camera sits along it"
+        )
+        return Refusal("one_axis", f"{words} is not observable; tilt the flange about a second axis too")
     return None
 
 
 def judge_start(
-    first: HandEyeStart | None, base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
+    first: HandEyeStart | None, base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
 ) -> Refusal | None:
     """Refuse a start that most views do not agree with; say whether inverted poses would."""
     if first is not None and first.misfit < _MISFIT / _BETTER:
         return None
-    other = start(base_T_tool.inv(), poses)
+    other = start(base_T_flange.inv(), poses)
     if (
         other is not None
         and (first is None or other.misfit * _BETTER < first.misfit)
         and other.misfit < _MISFIT
     ):
-        words = (
-            "views agree once every robot pose is inverted: tool_T_base seems given, base_T_tool is needed"
+        words = "views agree once every robot pose is inverted: flange_T_base seems given, base_T_flange is"
+        return Refusal(
+            "poses_inverted", f"{words} needed (or the camera stands still and the board is on the flange)"
         )
-        return Refusal("poses_inverted", f"{words} (or the camera stands still and the board is in the hand)")
     if first is not None and first.misfit < _MISFIT:
         return None
-    return Refusal("views_disagree", _disagreement(base_T_tool, poses))
+    return Refusal("views_disagree", _disagreement(base_T_flange, poses))
 
 
 def judge_fit(sigmas: tuple[float, float], covariance: FloatArray) -> Refusal | None:
@@ -106,21 +108,21 @@ def judge_fit(sigmas: tuple[float, float], covariance: FloatArray) -> Refusal | 
 
 
 _CAUSES = (
-    "poses of other pictures, lengths in another unit than m, another tool frame, a board of another size?"
+    "poses of other pictures, or of another frame; lengths in another unit than m; a board of another size?"
 )
 
 
-def _disagreement(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> str:
+def _disagreement(base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> str:
     """Say whether the rotations alone agree: then it is lengths that do not."""
     camera_T_board = RigidTransform.concatenate([own[0] for own in poses])
-    X = closed_form(base_T_tool.as_matrix(), camera_T_board.as_matrix(), cv2.CALIB_HAND_EYE_PARK)
+    X = closed_form(base_T_flange.as_matrix(), camera_T_board.as_matrix(), cv2.CALIB_HAND_EYE_PARK)
     if X is None:
         return f"no closed form fits the views: {_CAUSES}"
-    tool_T_camera = RigidTransform.from_matrix(X)
-    boards = (base_T_tool * tool_T_camera * camera_T_board).rotation
+    flange_T_camera = RigidTransform.from_matrix(X)
+    boards = (base_T_flange * flange_T_camera * camera_T_board).rotation
     turned = float(np.median((boards.mean().inv() * boards).magnitude()))
     if turned < _MISFIT / _BETTER:
-        factor = _length_factor(base_T_tool, tool_T_camera, camera_T_board)
+        factor = _length_factor(base_T_flange, flange_T_camera, camera_T_board)
         return (
             "the views' rotations agree, their places do not, unless the robot's lengths are multiplied by"
             f" {factor:.3g}: are they in m, and is the board of that size?"
@@ -129,13 +131,13 @@ def _disagreement(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTra
 
 
 def _length_factor(
-    base_T_tool: RigidTransform, tool_T_camera: RigidTransform, camera_T_board: RigidTransform
+    base_T_flange: RigidTransform, flange_T_camera: RigidTransform, camera_T_board: RigidTransform
 ) -> float:
     """Return s of the best s t_A + R_A (R_X t_B + t_X) = t_Z, linear in s, t_X and t_Z."""
-    R = base_T_tool.rotation.as_matrix()
-    seen = base_T_tool.rotation.apply(tool_T_camera.rotation.apply(camera_T_board.translation))
+    R = base_T_flange.rotation.as_matrix()
+    seen = base_T_flange.rotation.apply(flange_T_camera.rotation.apply(camera_T_board.translation))
     rows = np.concatenate(
-        [base_T_tool.translation[:, :, None], R, -np.broadcast_to(np.eye(3), R.shape)], axis=2
+        [base_T_flange.translation[:, :, None], R, -np.broadcast_to(np.eye(3), R.shape)], axis=2
     )
     return float(np.linalg.lstsq(rows.reshape(-1, 7), -seen.ravel(), rcond=None)[0][0])
 

@@ -1,4 +1,4 @@
-"""The camera in the hand: where it sits, how sure that is, and what it rests on."""
+"""The camera on the flange: where it sits, how sure that is, and what it rests on."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.renamed import renamed_attribute
 
 FORMAT = "omniservo.hand_eye/1"
 
@@ -45,7 +46,7 @@ class HandEyeView:
     reason: str
     """why it is not used; empty where it is"""
     position_m: float
-    """how far base_T_tool · tool_T_camera · camera_T_board of this view alone is from base_T_board [m]"""
+    """how far base_T_flange · flange_T_camera · camera_T_board of this view alone is from base_T_board [m]"""
     rotation_rad: float
     """the same for its rotation [rad]"""
     own_rms_px: float
@@ -69,24 +70,24 @@ class HandEyeView:
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """tool_T_camera and base_T_board from n views, or the reason why there are none.
+    """flange_T_camera and base_T_board from n views, or the reason why there are none.
 
     Any status but "ok" is no pose: both are None, and numbers that belong to them are NaN.
     """
 
     status: HandEyeStatus
-    """"ok"; "too_few_views": fewer than four can be used; "no_rotation", "one_axis": the tool did not turn,
+    """"ok"; "too_few_views": fewer than four can be used; "no_rotation", "one_axis": the flange did not turn,
     or about one axis only, along which the camera could sit anywhere; "poses_inverted": the views agree once
     every pose is inverted; "views_disagree": no two poses of camera and board that most views agree with;
     "not_determined": the camera's pose is left open by more than 50 mm or 5°; "not_converged": no minimum was
     found."""
     message: str
     """one sentence with the evidence; empty for "ok\""""
-    tool_T_camera: RigidTransform | None
+    flange_T_camera: RigidTransform | None
     base_T_board: RigidTransform | None
     covariance: FloatArray
-    """(6, 6) of tool_T_camera: translation in the tool's frame [m], rotation vector on the right [rad]. Where
-    the board's size is disputed it reaches as far as the pose that the other size would give."""
+    """(6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on the right [rad].
+    Where the board's size is disputed it reaches as far as the pose that the other size would give."""
     board_covariance: FloatArray
     """(6, 6) of base_T_board, likewise"""
     robot_position_m: float
@@ -104,12 +105,13 @@ class HandEye:
     seconds: float
     """wall time [s]"""
 
+    tool_T_camera = renamed_attribute("tool_T_camera", "flange_T_camera")
+
     def __repr__(self) -> str:
         words = [self.status, f"{len(self.views)} views"]
-        if self.tool_T_camera is not None:
-            words.append(
-                f"camera {1e3 * float(np.linalg.norm(self.tool_T_camera.translation)):.1f} mm from the tool"
-            )
+        if self.flange_T_camera is not None:
+            away = 1e3 * float(np.linalg.norm(self.flange_T_camera.translation))
+            words.append(f"camera {away:.1f} mm from the flange")
         return f"HandEye({', '.join(words)})"
 
     @property
@@ -138,11 +140,12 @@ class HandEye:
         Raises:
             InputError: there is no pose (``status`` is not "ok").
         """
-        if self.tool_T_camera is None or self.base_T_board is None:
+        if self.flange_T_camera is None or self.base_T_board is None:
             raise InputError(f"hand-eye calibration: no pose to save: {self.status}: {self.message}")
         return {
             "format": FORMAT,
-            "tool_T_camera": _pose_fields(self.tool_T_camera),
+            "flange_T_camera": _pose_fields(self.flange_T_camera),
+            "tool_T_camera": _pose_fields(self.flange_T_camera),  # its name of before, for one release
             "covariance": self.covariance.tolist(),
             "base_T_board": _pose_fields(self.base_T_board),
             "board_covariance": self.board_covariance.tolist(),
@@ -164,7 +167,7 @@ class HandEye:
 
 
 def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
-    """Return tool_T_camera and its covariance (6, 6) from a file that `HandEye.save` wrote.
+    """Return flange_T_camera and its covariance (6, 6) from a file that `HandEye.save` wrote.
 
     Raises:
         InputError: not such a file; the message names file, field, what was given and what is legal.
@@ -173,20 +176,19 @@ def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
     if not isinstance(fields, dict) or fields.get("format") != FORMAT:
         given = spelled(fields.get("format")) if isinstance(fields, dict) else spelled(fields)
         raise InputError(f"{path}: format: {given} given; legal: {FORMAT!r}")
-    for name in ("tool_T_camera", "covariance"):
+    mount = next((name for name in ("flange_T_camera", "tool_T_camera") if name in fields), "flange_T_camera")
+    for name in (mount, "covariance"):
         if name not in fields:
             raise InputError(f"{path}: {name}: missing field")
-    pose = fields["tool_T_camera"]
+    pose = fields[mount]
     if not isinstance(pose, dict) or set(pose) != {"translation", "quaternion"}:
         raise InputError(
-            f"{path}: tool_T_camera: {spelled(pose)} given; legal: a mapping with translation and quaternion"
+            f"{path}: {mount}: {spelled(pose)} given; legal: a mapping with translation and quaternion"
         )
-    translation = finite_array(f"{path}: tool_T_camera: translation", pose["translation"], (3,))
-    quaternion = finite_array(f"{path}: tool_T_camera: quaternion", pose["quaternion"], (4,))
+    translation = finite_array(f"{path}: {mount}: translation", pose["translation"], (3,))
+    quaternion = finite_array(f"{path}: {mount}: quaternion", pose["quaternion"], (4,))
     if abs(math.hypot(*quaternion) - 1.0) > _NEAR_UNIT:
-        raise InputError(
-            f"{path}: tool_T_camera: quaternion: norm {math.hypot(*quaternion):g} given; legal: 1"
-        )
+        raise InputError(f"{path}: {mount}: quaternion: norm {math.hypot(*quaternion):g} given; legal: 1")
     covariance = finite_array(f"{path}: covariance", fields["covariance"], (6, 6))
     if (
         not np.allclose(covariance, covariance.T, rtol=1e-9, atol=0.0)

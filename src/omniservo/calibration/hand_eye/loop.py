@@ -1,6 +1,6 @@
-"""The loop base → tool → camera → board, linearised in each view.
+"""The loop base → flange → camera → board, linearised in each view.
 
-    π(X⁻¹ (A Δ)⁻¹ Z p) = u + noise,   X = tool_T_camera, Z = base_T_board, A = base_T_tool as reported,
+    π(X⁻¹ (A Δ)⁻¹ Z p) = u + noise,   X = flange_T_camera, Z = base_T_board, A = base_T_flange as reported,
 
 where Δ = (d_t, d_r) is what the robot's report is off by: the true pose has the translation t_A + R_A d_t and
 the rotation R_A exp(d_r). X and Z move likewise: t + x_t, R exp(x_r). Every one of these moves the board in
@@ -25,7 +25,7 @@ _CAUCHY = 3.0
 class SeenViews:
     """What n pictures show of the board, and where the robot says that they were taken."""
 
-    base_T_tool: RigidTransform
+    base_T_flange: RigidTransform
     """n poses"""
     pixels: FloatArray
     """(N, 2) corners of all views, one view after the other [px]"""
@@ -50,21 +50,21 @@ class SeenViews:
 class LoopState:
     """Both unknown poses, and what each reported robot pose is off by."""
 
-    tool_T_camera: RigidTransform
+    flange_T_camera: RigidTransform
     base_T_board: RigidTransform
     offsets: FloatArray
     """(n, 6) Δ of each view: d_t [m], d_r [rad]"""
 
-    def camera_T_board(self, base_T_tool: RigidTransform) -> RigidTransform:
+    def camera_T_board(self, base_T_flange: RigidTransform) -> RigidTransform:
         """Return the board's n poses in the camera that the loop gives."""
         offset = RigidTransform.from_components(
             self.offsets[:, :3], Rotation.from_rotvec(self.offsets[:, 3:])
         )
-        return (base_T_tool * offset * self.tool_T_camera).inv() * self.base_T_board
+        return (base_T_flange * offset * self.flange_T_camera).inv() * self.base_T_board
 
     def stepped(self, step: FloatArray, offsets: FloatArray) -> LoopState:
         """Return the state after a step (12,) of X and Z, with these offsets."""
-        return LoopState(_moved(self.tool_T_camera, step[:6]), _moved(self.base_T_board, step[6:]), offsets)
+        return LoopState(_moved(self.flange_T_camera, step[:6]), _moved(self.base_T_board, step[6:]), offsets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def linearise(
 
     Corners count by Cauchy's loss with the standard deviation ``sigma_px`` of a coordinate.
     """
-    camera_T_board = state.camera_T_board(views.base_T_tool)
+    camera_T_board = state.camera_T_board(views.base_T_flange)
     points = views.rows(camera_T_board)
     pixels, by_point, valid = camera.project_jacobian(points)
     if not valid.all():
@@ -120,16 +120,18 @@ def linearise(
 def _twists(state: LoopState, camera_T_board: RigidTransform) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return by which twist (v, ω) of the board in the camera X, Z and Δ move it, (n, 6, 6) each."""
     n = len(state.offsets)
-    camera_R_tool = state.tool_T_camera.rotation.as_matrix().T
+    camera_R_flange = state.flange_T_camera.rotation.as_matrix().T
     camera_R_board = camera_T_board.rotation.as_matrix()
     by_X, by_Z, by_offset = np.zeros((3, n, 6, 6))
-    by_X[:, :3, :3], by_X[:, 3:, 3:] = -camera_R_tool, -np.eye(3)
+    by_X[:, :3, :3], by_X[:, 3:, 3:] = -camera_R_flange, -np.eye(3)
     by_Z[:, :3, :3] = camera_R_board @ state.base_T_board.rotation.as_matrix().T
     by_Z[:, :3, 3:] = _cross_matrices(camera_T_board.translation) @ camera_R_board
     by_Z[:, 3:, 3:] = camera_R_board
-    by_offset[:, :3, :3] = -camera_R_tool @ Rotation.from_rotvec(-state.offsets[:, 3:]).as_matrix()
-    by_offset[:, :3, 3:] = _cross_matrices(camera_R_tool @ state.tool_T_camera.translation) @ camera_R_tool
-    by_offset[:, 3:, 3:] = -camera_R_tool
+    by_offset[:, :3, :3] = -camera_R_flange @ Rotation.from_rotvec(-state.offsets[:, 3:]).as_matrix()
+    by_offset[:, :3, 3:] = (
+        _cross_matrices(camera_R_flange @ state.flange_T_camera.translation) @ camera_R_flange
+    )
+    by_offset[:, 3:, 3:] = -camera_R_flange
     return by_X, by_Z, by_offset
 
 

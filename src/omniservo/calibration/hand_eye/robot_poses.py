@@ -17,25 +17,25 @@ ROUNDED = 1e-3
 """how far robots' printed rotations may be from one; they are normalised"""
 
 
-def checked_poses(base_T_tool: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike) -> RigidTransform:
+def checked_poses(base_T_flange: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike) -> RigidTransform:
     """Return n poses as one RigidTransform.
 
     Raises:
         InputError: not poses, more than `MOST_POSES`, a matrix whose upper left is no rotation.
     """
-    if isinstance(base_T_tool, RigidTransform):
-        matrices = np.atleast_3d(base_T_tool.as_matrix()).reshape(-1, 4, 4)
-    elif isinstance(base_T_tool, list | tuple) and all(
-        isinstance(pose, RigidTransform) for pose in base_T_tool
+    if isinstance(base_T_flange, RigidTransform):
+        matrices = np.atleast_3d(base_T_flange.as_matrix()).reshape(-1, 4, 4)
+    elif isinstance(base_T_flange, list | tuple) and all(
+        isinstance(pose, RigidTransform) for pose in base_T_flange
     ):
-        matrices = np.array([pose.as_matrix() for pose in base_T_tool]).reshape(-1, 4, 4)
+        matrices = np.array([pose.as_matrix() for pose in base_T_flange]).reshape(-1, 4, 4)
     else:
-        matrices = finite_array("base_T_tool", cast("npt.ArrayLike", base_T_tool), (None, 4, 4))
+        matrices = finite_array("base_T_flange", cast("npt.ArrayLike", base_T_flange), (None, 4, 4))
     if not 1 <= len(matrices) <= MOST_POSES:
-        raise InputError(f"base_T_tool: {len(matrices)} poses given; legal: 1 to {MOST_POSES}")
-    finite_array("base_T_tool", matrices, (None, 4, 4))
+        raise InputError(f"base_T_flange: {len(matrices)} poses given; legal: 1 to {MOST_POSES}")
+    finite_array("base_T_flange", matrices, (None, 4, 4))
     return RigidTransform.concatenate(
-        [pose_from_matrix(f"base_T_tool[{i}]", m) for i, m in enumerate(matrices)]
+        [pose_from_matrix(f"base_T_flange[{i}]", m) for i, m in enumerate(matrices)]
     )
 
 

@@ -18,6 +18,7 @@ from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, stated_units
 from omniservo.geometry.arrays import finite_array
+from omniservo.renamed import renamed_attribute
 from omniservo.short_repr import short_repr
 
 FORMAT = "omniservo.robot_poses/1"
@@ -31,17 +32,18 @@ _ROTATIONS = ("quaternion", "rotation_vector", "matrix")
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class RobotPoses:
-    """base_T_tool of n views, and what says which picture belongs to each."""
+    """base_T_flange of n views, and what says which picture belongs to each."""
 
     source: str
     """the file, for messages"""
-    base_T_tool: tuple[RigidTransform, ...]
+    base_T_flange: tuple[RigidTransform, ...]
     images: tuple[str, ...] | None = None
     """names of the image files; None: in the order of the images"""
     numbers: tuple[int, ...] | None = None
     """last number in the names of the image files, as ViSP numbers its files; None: as above"""
 
     __repr__ = short_repr
+    base_T_tool = renamed_attribute("base_T_tool", "base_T_flange")
 
     def of_images(self, images: Sequence[Path]) -> tuple[RigidTransform, ...]:
         """Return the pose of each image: by name or number, else by order. Other poses are left out.
@@ -50,14 +52,14 @@ class RobotPoses:
             InputError: an image without a pose; without names, another number of images than poses.
         """
         if self.images is None and self.numbers is None:
-            if len(images) != len(self.base_T_tool):
+            if len(images) != len(self.base_T_flange):
                 raise InputError(
-                    f"{self.source}: {len(self.base_T_tool)} poses given for {len(images)} images;"
+                    f"{self.source}: {len(self.base_T_flange)} poses given for {len(images)} images;"
                     " one each is needed"
                 )
-            return self.base_T_tool
+            return self.base_T_flange
         keys: dict[str | int, RigidTransform] = dict(
-            zip(self.images or self.numbers or (), self.base_T_tool, strict=True)
+            zip(self.images or self.numbers or (), self.base_T_flange, strict=True)
         )
         found = []
         for image in images:
@@ -72,7 +74,7 @@ class RobotPoses:
 
 
 def load_robot_poses(path: str | Path) -> RobotPoses:
-    """Read base_T_tool of several views; see docs/hand-eye.md.
+    """Read base_T_flange of several views; see docs/hand-eye.md.
 
     Our own format is YAML or JSON; a name that ends in .csv is a table in metres and radians.
     ViSP's are one YAML file a pose (tx, ty, tz and θu), ``path`` then holding ``%d`` in place of the number,
@@ -90,7 +92,7 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
     fields = parse_document(text, source)
     if not isinstance(fields, dict):
         raise InputError(
-            f"{source}: {spelled(fields)} found; a mapping with format and base_T_tool is needed"
+            f"{source}: {spelled(fields)} found; a mapping with format and base_T_flange is needed"
         )
     for name in _VISP_LISTS:
         if "format" not in fields and isinstance(fields.get(name), list):
@@ -102,12 +104,13 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
 
 
 def _own(fields: dict[str, Any], source: str) -> RobotPoses:
-    _only(fields, ("format", "units", "base_T_tool"), source)
+    name = "base_T_flange" if "base_T_tool" not in fields else "base_T_tool"  # as it was called before
+    _only(fields, ("format", "units", name), source)
     units = stated_units(fields.get("units", {}), source)
-    entries = fields.get("base_T_tool")
+    entries = fields.get(name)
     if not isinstance(entries, list) or not entries:
-        raise InputError(f"{source}: base_T_tool: {spelled(entries)} given; a list of poses is needed")
-    return _listed(entries, [f"{source}: base_T_tool[{i}]" for i in range(len(entries))], units, source)
+        raise InputError(f"{source}: {name}: {spelled(entries)} given; a list of poses is needed")
+    return _listed(entries, [f"{source}: {name}[{i}]" for i in range(len(entries))], units, source)
 
 
 def _only(fields: dict[str, Any], legal: tuple[str, ...], where: str) -> None:

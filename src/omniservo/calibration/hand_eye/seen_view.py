@@ -23,7 +23,7 @@ class SeenView:
 
     number: int
     """its place among all views"""
-    base_T_tool: RigidTransform
+    base_T_flange: RigidTransform
     pixels: FloatArray
     """(k, 2) [px]"""
     points: FloatArray
@@ -49,7 +49,7 @@ class SeenView:
 def together(views: Sequence[SeenView]) -> SeenViews:
     """Return the corners of all views in flat arrays."""
     return SeenViews(
-        base_T_tool=RigidTransform.concatenate([view.base_T_tool for view in views]),
+        base_T_flange=RigidTransform.concatenate([view.base_T_flange for view in views]),
         pixels=np.concatenate([view.pixels for view in views]),
         points=np.concatenate([view.points for view in views]),
         ends=np.cumsum([0, *(len(view.pixels) for view in views)]),
@@ -58,7 +58,7 @@ def together(views: Sequence[SeenView]) -> SeenViews:
 
 def usable_views(
     camera: UnifiedCamera,
-    base_T_tool: RigidTransform,
+    base_T_flange: RigidTransform,
     image_points: Sequence[npt.ArrayLike],
     object_points: Sequence[npt.ArrayLike],
     turns: Sequence[RigidTransform],
@@ -69,14 +69,14 @@ def usable_views(
         InputError: see `calibrate_hand_eye`.
     """
     for name, value in (("image_points", image_points), ("object_points", object_points)):
-        if len(value) != len(base_T_tool):
+        if len(value) != len(base_T_flange):
             raise InputError(
-                f"{name}: {len(value)} views given for {len(base_T_tool)} poses; one each is needed"
+                f"{name}: {len(value)} views given for {len(base_T_flange)} poses; one each is needed"
             )
     views: list[SeenView] = []
     reasons: list[str] = []
     for i, (seen, known) in enumerate(zip(image_points, object_points, strict=True)):
-        view = _seen(camera, i, base_T_tool[i], _rows(f"image_points[{i}]", seen, 2),
+        view = _seen(camera, i, base_T_flange[i], _rows(f"image_points[{i}]", seen, 2),
                      _rows(f"object_points[{i}]", known, 3), turns)  # fmt: skip
         reasons.append(view if isinstance(view, str) else "")
         if not isinstance(view, str):
@@ -91,7 +91,7 @@ def _rows(name: str, value: npt.ArrayLike, width: int) -> FloatArray:
 def _seen(
     camera: UnifiedCamera,
     number: int,
-    base_T_tool: RigidTransform,
+    base_T_flange: RigidTransform,
     pixels: FloatArray,
     points: FloatArray,
     turns: Sequence[RigidTransform],
@@ -111,7 +111,7 @@ def _seen(
     poses = tuple(found.inv() for found in pose.poses)
     poses += tuple(found * turn.inv() for turn in turns for found in poses)
     members = pose.inliers if pose.status == "ok" else np.ones(len(pixels), dtype=np.bool_)
-    seen = SeenView(number, base_T_tool, pixels[members], points[members], poses, 0.0, 0.0)
+    seen = SeenView(number, base_T_flange, pixels[members], points[members], poses, 0.0, 0.0)
     errors = seen.residuals(camera, poses[0])
     square = float((errors**2).sum())
     dof = max(2 * len(errors) - 6, 1)

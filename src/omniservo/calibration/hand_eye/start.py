@@ -1,6 +1,6 @@
 """Where the adjustment begins: closed forms of three views at a time, and the one that most views agree with.
 
-AX = XB: two views give A = (base_T_tool₂)⁻¹ base_T_tool₁ and B = camera_T_board₂ (camera_T_board₁)⁻¹.
+AX = XB: two views give A = (base_T_flange₂)⁻¹ base_T_flange₁ and B = camera_T_board₂ (camera_T_board₁)⁻¹.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _METHODS = (cv2.CALIB_HAND_EYE_PARK, cv2.CALIB_HAND_EYE_DANIILIDIS)
 class HandEyeStart:
     """Both unknown poses, roughly."""
 
-    tool_T_camera: RigidTransform
+    flange_T_camera: RigidTransform
     base_T_board: RigidTransform
     chosen: IntArray
     """(n,) which of its poses each view has"""
@@ -30,12 +30,12 @@ class HandEyeStart:
     """of the median view, whose board is off: angle [rad] plus length over the board's distance"""
 
 
-def closed_form(base_T_tool: FloatArray, camera_T_board: FloatArray, method: int) -> FloatArray | None:
-    """Return tool_T_camera (4, 4) of n views (n, 4, 4) each, by one of OpenCV's methods; None where it fails.
+def closed_form(base_T_flange: FloatArray, camera_T_board: FloatArray, method: int) -> FloatArray | None:
+    """Return flange_T_camera (4, 4) of n views (n, 4, 4) each, by a method of OpenCV's; None where it fails.
 
     Park & Martin, IEEE T-RA 10(5), 1994, or dual quaternions: Daniilidis, IJRR 18(3), 1999.
     """
-    A, B = base_T_tool, camera_T_board
+    A, B = base_T_flange, camera_T_board
     try:
         R, t = cv2.calibrateHandEye(
             list(A[:, :3, :3]), list(A[:, :3, 3]), list(B[:, :3, :3]), list(B[:, :3, 3]), method=method
@@ -47,15 +47,15 @@ def closed_form(base_T_tool: FloatArray, camera_T_board: FloatArray, method: int
     return np.block([[R, t], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
-def start(base_T_tool: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> HandEyeStart | None:
+def start(base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> HandEyeStart | None:
     """Return the closed form whose board stands still for most views; None where all fail.
 
     Args:
-        base_T_tool: n poses.
+        base_T_flange: n poses.
         poses: of each view camera_T_board, all that its corners leave open.
     """
     rng = np.random.default_rng(0)
-    A = base_T_tool.as_matrix()
+    A = base_T_flange.as_matrix()
     B = np.stack([pose.as_matrix() for own in poses for pose in own])
     counts = np.array([len(own) for own in poses])
     firsts = np.cumsum(counts) - counts

@@ -1,4 +1,4 @@
-"""An arm's file made ready: MuJoCo's model of it, its limits, and the tool that carries the camera."""
+"""An arm's file made ready: MuJoCo's model of it, its limits, and the flange that carries the camera."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class ArmModel:
     """MuJoCo's MjSpec: the arm alone, with drives, without gravity's pull; the file's world is its base"""
     model: Any
     """the same compiled"""
-    tool: str
+    flange: str
     """name of the site or link that carries the camera"""
-    tool_body: str
-    """the link that the tool is fixed to"""
-    body_T_tool: RigidTransform
+    flange_body: str
+    """the link that the flange is fixed to"""
+    body_T_flange: RigidTransform
     speed: FloatArray
     """(n,) [rad/s]"""
     acceleration: FloatArray

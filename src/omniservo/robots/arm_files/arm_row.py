@@ -1,4 +1,4 @@
-"""Which of a file's joints are the arm's: those before the tool. All others, a gripper's, are held still."""
+"""Which of a file's joints are the arm's: those before the flange. Others, a gripper's, are held still."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from omniservo.errors import InputError, spelled
 from omniservo.robots.arm_files.description import LEGAL_COUNTS
 
-TOOL_NAMES = ("tool0", "flange", "attachment_site")
-"""What the place for a tool is called: in ROS-Industrial (z outwards), here, in MuJoCo's collection."""
+FLANGE_NAMES = ("tool0", "flange", "attachment_site")
+"""What a flange is called: in ROS-Industrial (z outwards), here, in MuJoCo's collection."""
 
 _OF_GRIPPERS = re.compile("gripper|finger|jaw|knuckle|thumb", re.IGNORECASE)
 """In the names of joints that no arm has."""
 
 _MOST_NAMED = 8
-"""tools in a message"""
+"""flanges in a message"""
 
 _LEGAL = "legal: 6 or 7 in a row"
 
@@ -39,28 +39,28 @@ class MovingJoint:
 
 
 def arm_row(
-    joints: Sequence[MovingJoint], carriers: Mapping[str, int | None], tool: str | None, source: str
+    joints: Sequence[MovingJoint], carriers: Mapping[str, int | None], flange: str | None, source: str
 ) -> tuple[int, ...]:
     """Return the numbers of the arm's joints, from the base outwards: 6 or 7 that turn.
 
-    With a ``tool`` they are all that carry it. Without, all in a row up to where it ends, or to the first
+    With a ``flange`` they are all that carry it. Without, all in a row up to where it ends, or to the first
     joint of a gripper: one that does not turn, copies another or is copied, is called gripper, finger, jaw,
-    knuckle or thumb, or moves beside others behind the sixth. If a link or site is called as in `TOOL_NAMES`
-    and such a row carries it, it ends there.
+    knuckle or thumb, or moves beside others behind the sixth. If a link or site is called as in
+    `FLANGE_NAMES` and such a row carries it, it ends there.
 
     Args:
         joints: all that move, each behind the one that carries it.
         carriers: the last joint before each link and site, by their names; None: no joint.
-        tool: the link or site that carries the camera; None: not said.
+        flange: the link or site that carries the camera; None: not said.
         source: stands first in messages.
 
     Raises:
-        InputError: there is no such tool, or no such row; the message names the joint and what is legal.
+        InputError: there is no such flange, or no such row; the message names the joint and what is legal.
     """
-    if tool is not None:
-        row = _row_of_tool(joints, carriers, tool, source)
+    if flange is not None:
+        row = _row_of_flange(joints, carriers, flange, source)
     else:
-        named = (_before(joints, carriers[name]) for name in TOOL_NAMES if name in carriers)
+        named = (_before(joints, carriers[name]) for name in FLANGE_NAMES if name in carriers)
         plain = (row for row in named if _is_arm(joints, row) and not _grippers(joints, row))
         row = next(plain, ()) or _trunk(joints, carriers, source)
     for number, joint in enumerate(joints):
@@ -89,28 +89,29 @@ def _grippers(joints: Sequence[MovingJoint], row: Sequence[int]) -> list[int]:
     return [i for i in row if _why_a_grippers(joints, joints[i]) is not None]
 
 
-def _row_of_tool(
-    joints: Sequence[MovingJoint], carriers: Mapping[str, int | None], tool: str, source: str
+def _row_of_flange(
+    joints: Sequence[MovingJoint], carriers: Mapping[str, int | None], flange: str, source: str
 ) -> tuple[int, ...]:
-    legal = _legal_tools(joints, carriers)
-    if tool not in carriers:
-        raise InputError(f"{source}: tool {spelled(tool)}: no such link or site; legal: {legal}")
-    row = _before(joints, carriers[tool])
+    legal = _legal_flanges(joints, carriers)
+    if flange not in carriers:
+        raise InputError(f"{source}: flange {spelled(flange)}: no such link or site; legal: {legal}")
+    row = _before(joints, carriers[flange])
     odd = next((joints[i] for i in row if not joints[i].turns or joints[i].follows is not None), None)
     if odd is not None:
         what = f"is of type {spelled(odd.kind)}" if not odd.turns else "follows another (<mimic>)"
         raise InputError(
-            f"{odd.place}: {what} and carries the tool {spelled(tool)}; legal: joints that turn by "
-            f"themselves. Other tools: {legal}"
+            f"{odd.place}: {what} and carries the flange {spelled(flange)}; legal: joints that turn by "
+            f"themselves. Other flanges: {legal}"
         )
     if len(row) not in LEGAL_COUNTS:
         raise InputError(
-            f"{source}: tool {spelled(tool)}: carried by {_names(joints, row)}; {_LEGAL}, which carry {legal}"
+            f"{source}: flange {spelled(flange)}: carried by {_names(joints, row)}; {_LEGAL}, which carry "
+            f"{legal}"
         )
     return row
 
 
-def _legal_tools(joints: Sequence[MovingJoint], carriers: Mapping[str, int | None]) -> str:
+def _legal_flanges(joints: Sequence[MovingJoint], carriers: Mapping[str, int | None]) -> str:
     names = [name for name, last in carriers.items() if name and _is_arm(joints, _before(joints, last))]
     if not names:
         return "none, for no 6 or 7 joints turn one after the other"
@@ -134,12 +135,12 @@ def _trunk(joints: Sequence[MovingJoint], carriers: Mapping[str, int | None], so
         first, second = (joints[i] for i in own[:2])
         raise InputError(
             f"{second.place}: moves beside joint {spelled(first.name)}; legal: one joint after the other, or "
-            f"a tool that says whose arm is meant: {_legal_tools(joints, carriers)}"
+            f"a flange that says whose arm is meant: {_legal_flanges(joints, carriers)}"
         )
     if len(row) > max(LEGAL_COUNTS):
         raise InputError(
-            f"{source}: {_names(joints, row)}; {_LEGAL}. A tool says where the arm ends: "
-            f"{_legal_tools(joints, carriers)}"
+            f"{source}: {_names(joints, row)}; {_LEGAL}. A flange says where the arm ends: "
+            f"{_legal_flanges(joints, carriers)}"
         )
     if hanging:
         end = joints[hanging[0]]

@@ -13,7 +13,7 @@ _BANDWIDTH = 120.0
 """[rad/s] of a drive without load: fast beside any arm's motion, slow beside the physics step of 1 ms"""
 
 _ROTOR = 0.1
-"""[kg m²] least inertia of a motor behind its gear, so that a camera in the hand is no great load"""
+"""[kg m²] least inertia of a motor behind its gear, so that a camera on the flange is no great load"""
 
 _POSTURES = 16
 

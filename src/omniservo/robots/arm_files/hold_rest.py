@@ -12,8 +12,8 @@ from omniservo.robots.arm_files.arm_row import MovingJoint, arm_row
 _KINDS = ("free", "ball", "slide", "hinge")
 
 
-def hold_rest(spec: Any, tool: str | None, source: str) -> tuple[list[str], frozenset[str]]:
-    """Take all joints out of MuJoCo's MjSpec that do not carry the tool, see `arm_row`.
+def hold_rest(spec: Any, flange: str | None, source: str) -> tuple[list[str], frozenset[str]]:
+    """Take all joints out of MuJoCo's MjSpec that do not carry the flange, see `arm_row`.
 
     With them go their drives, and what couples them with each other alone (grippers are closed by that).
 
@@ -21,7 +21,7 @@ def hold_rest(spec: Any, tool: str | None, source: str) -> tuple[list[str], froz
         The names of these joints, and of the bodies that they carried.
 
     Raises:
-        InputError: there is no such tool, or no row of 6 or 7 hinges.
+        InputError: there is no such flange, or no row of 6 or 7 hinges.
     """
     joints: list[Any] = []
     before: list[int | None] = []
@@ -39,7 +39,7 @@ def hold_rest(spec: Any, tool: str | None, source: str) -> tuple[list[str], froz
         )
         for joint, last in zip(joints, before, strict=True)
     ]
-    row = arm_row(described, carriers, tool, source)
+    row = arm_row(described, carriers, flange, source)
     rest = [joint for number, joint in enumerate(joints) if number not in row]
     names, bodies = [joint.name for joint in rest], frozenset(joint.parent.name for joint in rest)
     for actuator in list(spec.actuators):

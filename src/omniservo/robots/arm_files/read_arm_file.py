@@ -22,7 +22,7 @@ from omniservo.robots.arm_files.description import Description, held_notice
 from omniservo.robots.arm_files.drives import add_drives, has_drives
 from omniservo.robots.arm_files.hold_rest import hold_rest
 from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
-from omniservo.robots.arm_files.serial_chain import check_joints, find_tool, name_parts
+from omniservo.robots.arm_files.serial_chain import check_joints, find_flange, name_parts
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
 from omniservo.robots.collision.exact_vertices import keep_vertices, on_hull
@@ -34,11 +34,11 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # [kg], [kg m²] of a link whose file 
 
 
 def read_arm_file(
-    path: str | Path, tool: str | None = None, packages: Mapping[str, str | Path] | None = None
+    path: str | Path, flange: str | None = None, packages: Mapping[str, str | Path] | None = None
 ) -> ArmModel:
     """Read a serial arm of 6 or 7 joints that turn from an MJCF or URDF file, which nobody need trust.
 
-    Joints that do not carry the tool, as a gripper's, are held still, and said: see `arm_row`.
+    Joints that do not carry the flange, as a gripper's, are held still, and said: see `arm_row`.
 
     The file is bounded in size, holds no document type, and reads no file but meshes and includes inside its
     folder, or meshes in a package that lies among or beside the folders above it, that ``packages`` states,
@@ -46,7 +46,7 @@ def read_arm_file(
 
     Args:
         path: of the file.
-        tool: the site or link that carries the camera; None: the one called ``tool0``, ``flange`` or
+        flange: the site or link that carries the camera; None: the one called ``tool0``, ``flange`` or
             ``attachment_site``, else the last link before a gripper's joints.
         packages: folders of packages by name.
 
@@ -59,7 +59,7 @@ def read_arm_file(
     if advice is not None:
         raise InputError(f"{file}: {advice}")
     if root.tag == "robot":
-        description = read_urdf(root, file, tool, RosPackages(file, packages))
+        description = read_urdf(root, file, flange, RosPackages(file, packages))
     elif root.tag == "mujoco":
         description = read_mjcf(root, file)
     else:
@@ -67,7 +67,7 @@ def read_arm_file(
             f"{file}: root element {spelled(root.tag)} given; legal: <robot> (URDF), <mujoco> (MJCF)"
         )
     spec = _spec(description, file)
-    return _made_ready(spec, description, file, tool)
+    return _made_ready(spec, description, file, flange)
 
 
 def _spec(description: Description, file: Path) -> Any:
@@ -103,11 +103,11 @@ def _unreadable(file: Path, error: ValueError) -> InputError:
     return InputError(f"{file}: MuJoCo cannot read it: {' '.join(str(error).split())[:300]}")
 
 
-def _made_ready(spec: Any, description: Description, file: Path, tool: str | None) -> ArmModel:
+def _made_ready(spec: Any, description: Description, file: Path, flange: str | None) -> ArmModel:
     notices = list(description.notices)
     renamed = name_parts(spec)
-    tool = None if tool is None else renamed.get(tool, tool)
-    held, hand = hold_rest(spec, tool, str(file))
+    flange = None if flange is None else renamed.get(flange, flange)
+    held, hand = hold_rest(spec, flange, str(file))
     hand |= {renamed.get(name, name) for name in description.hand}
     notices += [held_notice(held)] if held else []
     paint(spec)
@@ -132,7 +132,7 @@ def _made_ready(spec: Any, description: Description, file: Path, tool: str | Non
     if not has_drives(model):
         add_drives(spec, model)
         notices.append("no position servo for every joint; stiff ones are put in for the simulation")
-    found = find_tool(model, tool, hand)
-    if hand and tool is None:
-        notices.append(f"the camera is taken to sit on {found[0]!r}; another link can be named as the tool")
+    found = find_flange(model, flange, hand)
+    if hand and flange is None:
+        notices.append(f"the camera is taken to sit on {found[0]!r}; another link can be named as the flange")
     return ArmModel(spec, _compiled(spec, file), *found, speed, acceleration, tuple(notices))

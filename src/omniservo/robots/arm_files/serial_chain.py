@@ -1,4 +1,4 @@
-"""What MuJoCo's model of an arm calls its parts, whether its joints have limits, and its tool."""
+"""What MuJoCo's model of an arm calls its parts, whether its joints have limits, and its flange."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
-from omniservo.robots.arm_files.arm_row import TOOL_NAMES
+from omniservo.robots.arm_files.arm_row import FLANGE_NAMES
 
 _TAKEN = frozenset({"camera", "floor"})
 _WIDEST = 100.0
@@ -48,17 +48,17 @@ def check_joints(model: Any, source: str) -> None:
         _check_range(model, joint, source)
 
 
-def find_tool(model: Any, tool: str | None, hand: frozenset[str]) -> tuple[str, str, RigidTransform]:
-    """Return the tool's name, the name of the link that it is fixed to, and its pose there.
+def find_flange(model: Any, flange: str | None, hand: frozenset[str]) -> tuple[str, str, RigidTransform]:
+    """Return the flange's name, the name of the link that it is fixed to, and its pose there.
 
     Args:
-        model: of the arm alone; its last joint carries the tool.
-        tool: link or site; None: the first of `TOOL_NAMES` that the last joint carries, else the last link
-            before others stand beside each other or on a joint that is held still.
+        model: of the arm alone; its last joint carries the flange.
+        flange: link or site; None: the first of `FLANGE_NAMES` that the last joint carries, else the last
+            link before others stand beside each other or on a joint that is held still.
         hand: links on joints that are held still.
     """
     last = int(model.jnt_bodyid[-1])
-    for name in TOOL_NAMES if tool is None else (tool,):
+    for name in FLANGE_NAMES if flange is None else (flange,):
         place = _site_or_body(model, name)
         if place is not None and _carries(model, last, place[0]):
             return name, str(model.body(place[0]).name), place[1]

@@ -28,7 +28,7 @@ _ENDLESS = 2.0 * math.pi
 """[rad] range to both sides of a continuous joint: a camera's cable does not turn endlessly"""
 
 _SETTINGS = {
-    "fusestatic": "false",  # fixed frames stay: the tool is one of them
+    "fusestatic": "false",  # fixed frames stay: the flange is one of them
     "discardvisual": "false",
     "strippath": "false",
     "balanceinertia": "true",
@@ -38,28 +38,30 @@ _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere":
 
 
 def read_urdf(
-    root: XmlElement, file: Path, tool: str | None, packages: RosPackages | None = None
+    root: XmlElement, file: Path, flange: str | None, packages: RosPackages | None = None
 ) -> Description:
     """Return the arm that a URDF file describes.
 
     Args:
         root: the file's element <robot>.
         file: where it lies; meshes are looked for from there.
-        tool: the link that carries the camera; None: not said.
+        flange: the link that carries the camera; None: not said.
         packages: where the packages of its meshes are; None: near the file, or as ROS is set up.
 
     Raises:
         InputError: not a serial arm of 6 or 7 joints with limits, or a mesh that cannot be had.
     """
-    return _Urdf(root, file, tool, packages).description()
+    return _Urdf(root, file, flange, packages).description()
 
 
 class _Urdf:
     """One pass over one file."""
 
-    def __init__(self, root: XmlElement, file: Path, tool: str | None, packages: RosPackages | None) -> None:
+    def __init__(
+        self, root: XmlElement, file: Path, flange: str | None, packages: RosPackages | None
+    ) -> None:
         self._root = root
-        self._tool = tool
+        self._flange = flange
         self._file = file
         self._fields = XmlFields(file)
         self._meshes = MeshAssets(file, packages)
@@ -76,7 +78,7 @@ class _Urdf:
                 f"{self._file}: {len(links)} links, {len(joints)} joints; legal: at most {MOST_LINKS}"
             )
         tree = read_tree(links, joints, fields)
-        row = arm_row(tree.joints, tree.carriers, self._tool, str(self._file))
+        row = arm_row(tree.joints, tree.carriers, self._flange, str(self._file))
         moving = [tree.moving[number] for number in row]
         rest = [joint for joint in tree.moving if joint not in moving]
         held = held_positions(rest, fields)

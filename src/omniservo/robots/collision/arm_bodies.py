@@ -25,7 +25,7 @@ from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.tracking_tube import Tube
 
 MOUNTED = "camera"
-"""What the bodies that the tool carries are called together."""
+"""What the bodies that the flange carries are called together."""
 
 _FAR = 100.0
 """[m] farther than any two bodies that are asked about"""
@@ -74,7 +74,7 @@ class ArmBodies:
 
         Args:
             arm: with the shapes of its file that can be touched; a mesh counts as its convex hull.
-            mounted: what the tool carries, in the flange frame; one body called `MOUNTED`.
+            mounted: what the flange carries, in the flange frame; one body called `MOUNTED`.
             surroundings: what stands around, in the base frame. Bodies of one name are one thing: they stand
                 side by side in the sequence.
             tube: how far a run strays from its path: pairs are asked to keep so much more. None: it does not.
@@ -174,7 +174,7 @@ class ArmBodies:
         return True
 
     def _with_mounted(self, shapes: Shapes) -> tuple[Shapes, tuple[str, ...]]:
-        """Return the shapes with the pairs of what the tool carries and the link before, and notices."""
+        """Return the shapes with the pairs of what the flange carries and the link before, and notices."""
         last = self.arm.dof - 1
         before = self.touched[shapes.carried[self.touched] == last]
         mounted = self.shapes_of(MOUNTED)
@@ -368,7 +368,7 @@ class ArmBodies:
 
 
 def _mount(spec: Any, arm: Arm, mounted: Sequence[Solid]) -> None:
-    """Add what the tool carries to an arm's specification, as one body.
+    """Add what the flange carries to an arm's specification, as one body.
 
     Raises:
         InputError: a half-space.
@@ -376,7 +376,7 @@ def _mount(spec: Any, arm: Arm, mounted: Sequence[Solid]) -> None:
     if any(solid.kind == "half_space" for solid in mounted):
         raise InputError("mounted: a half-space given; legal: bodies that can be carried")
     if mounted:
-        holder = spec.body(arm.tool_link).add_body(name=MOUNTED)
+        holder = spec.body(arm.flange_link).add_body(name=MOUNTED)
         for solid in mounted:
             solid.moved(arm.link_T_flange).add_to(spec, holder).mass = 1e-3
 

@@ -1,4 +1,4 @@
-"""The camera in the hand as a body: a lens before a housing that reaches back to the flange."""
+"""The camera on the flange as a body: a lens before a housing that reaches back to the flange."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints that bring the tool to a pose, found by descent: for arms without a closed form."""
+"""Joints that bring the flange to a pose, found by descent: for arms without a closed form."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def follow_path(
         arm: six or seven joints.
         path: of the camera, see `PosePath`; `omniservo.planning.CameraPath` is one.
         base_T_initial: the frame that the path is stated in.
-        flange_T_camera: how the camera sits in the hand.
+        flange_T_camera: how the camera sits on the flange.
         start: (n,) [rad], where the arm stands: only the branch that goes on from there is followed, with
             these full turns; None: every branch, each with the full turns that leave most room.
         aim: (n,) [rad], a posture of seven joints at the path's end: what the camera leaves free goes the

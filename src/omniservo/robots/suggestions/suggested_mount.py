@@ -17,28 +17,28 @@ from omniservo.robots.suggestions.first_target import FIRST_TARGET
 _AHEAD = (0.0905, 0.12, 0.15)
 """[m] between flange and camera: what its housing takes, and more, where a link reaches beyond its flange"""
 _ASIDE = (0.06, 0.08, 0.1, 0.12, 0.14, 0.16)
-"""[m] between the hand's axis and a camera beside it, and"""
+"""[m] between the last joint's axis and a camera beside it, and"""
 _ALONG = (0.09, 0.12, 0.15, 0.18, 0.06, 0.03)
-"""[m] how far along the hand: the first at which the hand is neither touched nor seen. No farther back than
-needed: there is the wrist"""
+"""[m] how far along that axis: the first at which the gripper is neither touched nor seen. No farther back
+than needed: there is the wrist"""
 _OVERLAP = 0.003
 """[m] by which a housing on the flange may overlap the hull of what has the flange"""
 _UNSEEN = 0.008
-"""[m] that the hand keeps from lines of sight"""
+"""[m] that the gripper keeps from lines of sight"""
 _ALIGNED = 1e-6
 """sine of an angle that a file's rounding leaves"""
 
 
 def suggested_mount(arm: Arm) -> RigidTransform:
-    """Return flange_T_camera of a camera that looks along the hand: before the flange, or beside a gripper.
+    """Return flange_T_camera of a camera that looks ahead: before the flange, or beside a gripper.
 
-    The hand's way is that of the last joint's axis, away from the joint before. Flange frames have no common
+    Ahead is the way of the last joint's axis, away from the joint before. Flange frames have no common
     custom: mostly z points there, but also −z (Kinova's Jaco) or x (Unitree's Z1). The camera sits on the
     flange unless what the last joint carries, fingers say, would be in it or between it and the target of the
     documentation's first task.
     """
-    hand = _hand(arm)
-    turn = _turn_from_z(hand)
+    way = _way(arm)
+    turn = _turn_from_z(way)
     q = arm.joint_range.mean(axis=1)
     base_T_flange = arm.base_T_flange(q)
     bodies = ArmBodies(arm, surroundings=_camera_and_lines(base_T_flange))
@@ -46,13 +46,13 @@ def suggested_mount(arm: Arm) -> RigidTransform:
         mount = RigidTransform.from_components(turn.apply(place), turn)
         bodies.move_surroundings(_camera_and_lines(base_T_flange * mount))
         bodies.place(q)
-        if _is_off_hand(bodies):
+        if _is_off_gripper(bodies):
             return mount
-    return RigidTransform.from_components(_AHEAD[0] * hand, turn)
+    return RigidTransform.from_components(_AHEAD[0] * way, turn)
 
 
 def _places() -> Iterator[FloatArray]:
-    """Yield places (3,) in a frame whose z is the hand's way [m]: before the flange, then beside that."""
+    """Yield places (3,) in a frame whose z is that way [m]: before the flange, then beside that."""
     for ahead in _AHEAD:
         yield np.array([0.0, 0.0, ahead])
     for aside in _ASIDE:
@@ -76,7 +76,7 @@ def _line(base_T_camera: RigidTransform, point: FloatArray) -> Solid:
     return Solid("lines of sight", "capsule", np.array([_UNSEEN, 0.5 * length]), base_T_camera * middle)
 
 
-def _is_off_hand(bodies: ArmBodies) -> bool:
+def _is_off_gripper(bodies: ArmBodies) -> bool:
     """Return whether what the last joint carries is off the camera, but for `_OVERLAP`, and off the lines."""
     for near in bodies.near(0.0):
         first, second = bodies.pairs[near.pair]
@@ -88,7 +88,7 @@ def _is_off_hand(bodies: ArmBodies) -> bool:
     return True
 
 
-def _hand(arm: Arm) -> FloatArray:
+def _way(arm: Arm) -> FloatArray:
     """Return the unit vector (3,) in the flange frame."""
     axes, anchors, flange, _ = arm.chain
     outwards = float(axes[-1] @ (flange[:, 3] - anchors[-2])) >= 0.0
