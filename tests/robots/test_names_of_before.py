@@ -2,6 +2,7 @@
 
 import pytest
 
+from omniservo.errors import InputError
 from omniservo.robots import Arm, load_arm
 
 RENAMED = "tool is called flange now"
@@ -9,10 +10,15 @@ RENAMED = "tool is called flange now"
 
 def test_an_arm_is_made_by_the_arguments_of_before():
     path = load_arm("rx60").path
-    for make in (lambda: Arm(path, tool="flange"), lambda: load_arm("rx60", tool="flange")):
+    for make in (lambda name: Arm(path, tool=name), lambda name: load_arm("rx60", tool=name)):
         with pytest.warns(DeprecationWarning, match=RENAMED) as told:
-            assert make().flange == "flange"
+            assert make("flange").flange == "flange"
         assert [warning.filename for warning in told] == [__file__]
+        with (
+            pytest.warns(DeprecationWarning, match=RENAMED),
+            pytest.raises(InputError, match="flange 'shoulder': carried by 1 joint"),
+        ):
+            make("shoulder")
 
 
 def test_the_name_of_before_and_of_now_together_are_a_wrong_call():
