@@ -73,6 +73,7 @@ MOVED = [
     ),
     *(("omniservo.calibration", n, "omniservo.camera_files", n) for n in ("load_camera", "save_camera")),
     ("omniservo.robots", "Robot", "omniservo.robots", "ArmDriver"),
+    ("omniservo.runs", "estimate_simulated", "omniservo.runs", "estimate_in_cell"),
     ("omniservo.robots", "handy_mount", "omniservo.robots", "suggested_mount"),
     ("omniservo.simulation", "Box", "omniservo.scenes", "SceneBox"),
     *(

@@ -1,4 +1,4 @@
-"""What a run leaves: its log, film, scores' truth and the whole of it, from which reports are made."""
+"""What a run leaves, from which its report is made: log, film, the truth that it is scored against."""
 
 from omniservo.results.run_log import LogRow, RunLog
 from omniservo.results.run_result import Film, RunResult, Seen, Truth

@@ -1,5 +1,6 @@
-"""Whole jobs: a task becomes a folder of results."""
+"""Whole jobs, in any robot cell: a task becomes a folder of results."""
 
+from omniservo.renamed import renamed
 from omniservo.runs.estimate_images import estimate_images, estimate_in_cell
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.ground_truth import GroundTruth
@@ -23,3 +24,5 @@ __all__ = [
     "see",
     "teach_goal",
 ]
+
+__getattr__ = renamed(__name__, {"estimate_simulated": "estimate_in_cell"})

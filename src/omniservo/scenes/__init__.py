@@ -1,4 +1,4 @@
-"""What stands around: arm, camera, target, obstacles as plain values, and how a task says so."""
+"""The scene of a task: arm, camera mount, target, obstacles and surroundings as plain values."""
 
 from omniservo.scenes.scene import Ball, Dots, Panel, Scene, SceneBox, Sensor
 from omniservo.scenes.scene_of_task import scene_of_task
