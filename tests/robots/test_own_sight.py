@@ -400,7 +400,7 @@ def test_what_is_mounted_hides_what_rays_meet_there(arm, kind):
     random, seen = np.random.default_rng(13), {"free": 0, "hidden": 0}
     for _ in range(40):
         size = random.uniform(
-            0.01, 0.04, {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "hull": 0}[kind]
+            0.01, 0.04, {"sphere": 1, "capsule": 2, "cylinder": 2, "box": 3, "ellipsoid": 3, "hull": 0}[kind]
         )
         corners = random.uniform(-0.04, 0.04, (8, 3)) if kind == "hull" else None
         pose = RigidTransform.from_components(
