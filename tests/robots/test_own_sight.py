@@ -424,6 +424,7 @@ def test_a_mounted_body_that_holds_the_cameras_centre_is_looked_out_of(arm, kind
         "capsule": [0.01, 0.01],
         "cylinder": [0.02, 0.02],
         "box": [0.02] * 3,
+        "ellipsoid": [0.01, 0.015, 0.02],
         "hull": [],
     }
     corners = 0.02 * np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T if kind == "hull" else None
