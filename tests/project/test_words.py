@@ -38,6 +38,7 @@ REPLACED = {
     r"\bstray(s|ed)?\b": "deviates",
     r"\btake[sn]? up\b": "followed from, absorbed",
     r"[Pp]lanned again on the way|[Pp]lanning again on the way": "replanning",
+    r"\bdemands?\b|\bdemanded\b": "constraint, required",
     r"AnswerIsNo": "NoSolutionError",
     r"\b[Nn]obody\b": "unknown",
     r"\b(the|its|your|this|another) tool\b": "flange",

@@ -59,7 +59,7 @@ def _lead(result: RunResult) -> str:
     whole, risk, asked = result.whole_arm, result.risk, result.task.planning.risk
     if asked is None or risk is None:
         return "No risk is stated: estimate and mount are taken as exact."
-    parts = [f"{100 * risk.risk:g}% to what estimate and camera do to the camera's demands"]
+    parts = [f"{100 * risk.risk:g}% to what estimate and camera do to the camera's constraints"]
     if risk.links is not None:
         parts.append(f"{100 * risk.links.risk:g}% to what estimate and mount do to the arm's gaps")
     if whole is not None and whole.tube is not None:

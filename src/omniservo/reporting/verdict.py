@@ -78,7 +78,7 @@ def plan_sentence(result: RunResult) -> str:
 
 def _risk_sentence(risk: RiskPlan) -> str:
     return (
-        f"Its margins are so wide that an estimate as uncertain as this one leaves a demand unmet with "
+        f"Its margins are so wide that an estimate as uncertain as this one leaves a constraint unmet with "
         f"a probability of at most {100 * risk.predicted_bound:.2g}% (asked: {100 * risk.risk:g}%)."
     )
 

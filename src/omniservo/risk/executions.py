@@ -24,7 +24,7 @@ PILOTS = 100
 """Samples that show where the rest is looked at."""
 
 IMAGE = "image"
-"""Name of the one demand that all image limits share: the visibility margin."""
+"""Name of the one constraint that all image limits share: the visibility margin."""
 
 
 @with_field_docs
@@ -51,11 +51,11 @@ class Executions:
 
     @property
     def constraints(self) -> tuple[str, ...]:
-        """Names of what can be demanded more of: metres by the certificate's names, and `IMAGE`."""
+        """Names of what more can be required of: metres by the certificate's names, and `IMAGE`."""
         return tuple(dict.fromkeys(self._columns()))
 
     def margins(self, path: CameraPath, critical: FloatArray) -> FloatArray:
-        """Return the smallest margin (K, d) of each sample and demand along the executed path [m], [px].
+        """Return the smallest margin (K, d) of each sample and constraint along the executed path [m], [px].
 
         ``critical`` are more places w to look at. The domain's angle counts in px, by the focal length. A
         constraint is looked at only where it is nearly as tight as anywhere: see `_worth_looking`.
@@ -67,7 +67,7 @@ class Executions:
         return self._grouped(found[:, 0])
 
     def planned(self, path: CameraPath, places: FloatArray) -> FloatArray:
-        """Return the smallest margin (d,) of each demand at ``places``, the points being as estimated."""
+        """Return the smallest margin (d,) of each constraint at ``places``, the points being as estimated."""
         found = self._planned_at(self._response(path, places))
         return np.asarray(self._grouped(found.min(axis=0)[None])[0])
 
@@ -107,7 +107,7 @@ class Executions:
         return found
 
     def _grouped(self, found: FloatArray) -> FloatArray:
-        """Return the smallest of each demand (K, d) of columns (K, e + 2)."""
+        """Return the smallest of each constraint (K, d) of columns (K, e + 2)."""
         names, result = self._columns(), np.full((len(found), len(self.constraints)), math.inf)
         places_of = {name: g for g, name in enumerate(self.constraints)}
         for column, (name, unit) in enumerate(zip(names, self._units(), strict=True)):
@@ -116,7 +116,7 @@ class Executions:
         return result
 
     def _columns(self) -> list[str]:
-        """Return the demand that each column of the kernel's result belongs to."""
+        """Return the constraint that each column of the kernel's result belongs to."""
         entries = constraint_table_of(self.problem).entries
         return [IMAGE if e.unit in ("px", "rad", "1") else e.name for e in entries] + [IMAGE, IMAGE]
 

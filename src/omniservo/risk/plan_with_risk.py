@@ -54,12 +54,12 @@ def plan_with_risk(
     The estimate's goal and points take the place of the problem's. Samples of what the points may truly be
     (`TwoViewEstimate.sample`) are executed: the servo keeps the points it sees where the plan sees the
     estimated ones, so the camera goes another way than planned. A sample is violated where that way, or what
-    is seen from it, leaves a demand of the problem unmet. Margins are widened until few enough are.
+    is seen from it, leaves a constraint of the problem unmet. Margins are widened until few enough are.
 
     Args:
         problem: what to keep; obstacles in the initial camera frame, as exact as stated.
         estimate: metric, of status "ok", with its uncertainty.
-        risk: probability that any demand is violated, 0.0001 to 0.5.
+        risk: probability that any constraint is violated, 0.0001 to 0.5.
         points: rows (m,) of the estimated points that the servo follows and that stay in view; None: all
             inliers.
         seed: of the samples, and of planning.
@@ -119,7 +119,8 @@ def _reason(report: dict[str, UncertainMargin], predicted: float, risk: float) -
     found, digits = report[worst], 1e3 if report[worst].unit == "m" else 1.0
     unit = "mm" if found.unit == "m" else "px"
     return (
-        f"no path was found with a risk of {risk:g}: the best one violates a demand in {100 * predicted:.2g}%"
+        f"no path was found with a risk of {risk:g}: the best one violates a constraint in "
+        f"{100 * predicted:.2g}%"
         f" of the samples; {worst}: {digits * found.planned:.3g} {unit} planned,"
         f" {digits * found.executed:.3g} {unit} left at that risk"
     )
@@ -173,7 +174,7 @@ def _uncertain_margins(
     alone: Mapping[Source, Executions],
     risk: float,
 ) -> dict[str, UncertainMargin]:
-    """Return what uncertainty, and each source ``alone``, does to every demand."""
+    """Return what uncertainty, and each source ``alone``, does to every constraint."""
     critical = critical_places(found.plan)
     places = np.unique(np.concatenate((np.linspace(0.0, 1.0, PLANNED_PLACES), critical)))
     planned, left = check.planned(path, places), _left(margins, risk)
@@ -195,5 +196,5 @@ def _uncertain_margins(
 
 
 def _left(margins: FloatArray, risk: float) -> FloatArray:
-    """Return what is left of each demand (d,) but for a share ``risk`` of the samples (K, d)."""
+    """Return what is left of each constraint (d,) but for a share ``risk`` of the samples (K, d)."""
     return np.asarray(np.quantile(margins, risk, axis=0, method="lower"))

@@ -14,7 +14,7 @@ from omniservo.short_repr import short_repr
 @with_field_docs
 @dataclass(frozen=True)
 class UncertainMargin:
-    """What uncertainty does to one demand of the problem."""
+    """What uncertainty does to one constraint of the problem."""
 
     unit: str
     """"m" or "px\""""
@@ -56,25 +56,25 @@ class RiskPlan:
     """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none."""
 
     ok: bool
-    """the executed path violates a demand with at most the stated risk: the 95% upper bound on ``predicted``
-    by Clopper and Pearson, from samples that had no part in the search, is not above it"""
+    """the executed path violates a constraint with at most the stated risk: the 95% upper bound on
+    ``predicted`` by Clopper and Pearson, from samples that had no part in the search, is not above it"""
     plan: Plan
     """its problem asks for the widened margins: certificate and verifier prove those. Of status "not_found"
     or "infeasible" where ``ok`` is False: then the best attempt"""
     risk: float
-    """as stated for the camera's demands; see ``links`` for what the arm has besides"""
+    """as stated for the camera's constraints; see ``links`` for what the arm has besides"""
     predicted: float
-    """share of the samples whose executed path violates a demand of the problem"""
+    """share of the samples whose executed path violates a constraint of the problem"""
     predicted_bound: float
     """its upper bound, see ``ok``"""
     samples: int
     """how many"""
     extra_clearance: float
-    """most that was added to a demand in metres [m]"""
+    """most that was added to a constraint in metres [m]"""
     extra_visibility: float
     """added to the visibility margin [px]"""
     margins: Mapping[str, UncertainMargin]
-    """demand → what uncertainty does to it; "image" are all image limits together"""
+    """constraint → what uncertainty does to it; "image" are all image limits together"""
     advice: str
     """where ``ok`` is False: what would help, found by planning without each source; else what dominates"""
     seconds: float
