@@ -155,7 +155,9 @@ def test_what_stands_around_hides_what_is_behind_it():
     assert judged_at(setting, only_goal, AHEAD) == ""
     found = plan_with_arm(only_goal, setting).plan
     assert found.status == "infeasible"
-    assert re.match(r"the goal pose is not free in any of \d+ postures: plate .* line of sight", found.reason)
+    assert re.match(
+        r"the goal pose is not free in any of \d+ joint configurations: plate .* line of sight", found.reason
+    )
 
 
 def judged_at(setting, problem, q):
@@ -240,7 +242,7 @@ def test_a_mounted_body_that_hides_a_point_in_the_goal_image_or_on_the_way_is_na
     for w, pattern in (
         (
             1.0,
-            r"the goal pose is not free in any of \d+ postures: bracket stands .* line of sight to point 8",
+            r"the goal pose is not free in any of \d+ joint configurations: bracket stands .* line of sight to point 8",
         ),
         (0.5, r"a point is hidden: bracket stands .* point 8 at w = 0\.\d+"),
     ):

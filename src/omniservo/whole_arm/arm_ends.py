@@ -55,7 +55,7 @@ def _violation_at(pose: str, initial_T_camera: RigidTransform, stand: _Stand) ->
         if not reasons[-1][1]:
             return ""
     known = "" if setting.arm.has_closed_form else " that a seeded search found"
-    return _sentence(pose, min(reasons)[1], f" in any of {len(reasons)} postures{known}")
+    return _sentence(pose, min(reasons)[1], f" in any of {len(reasons)} joint configurations{known}")
 
 
 def _sentence(pose: str, reason: str, where: str) -> str:
@@ -106,7 +106,7 @@ class _Stand:
             if short > (0.0 if worst is None else worst[0]):
                 link, other = bodies.names(near.pair)
                 left = spelled_gap(link, other, near.gap)
-                worst = short, f"{left}; {1e3 * asked[near.pair]:g} mm are asked for"
+                worst = short, f"{left}; {1e3 * asked[near.pair]:g} mm are required"
         return worst
 
     def _hidden(self, q: FloatArray) -> tuple[float, str] | None:

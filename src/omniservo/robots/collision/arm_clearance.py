@@ -82,7 +82,7 @@ class ArmClearance:
             return ""
         found = self.closest
         left = f"{spelled_gap(found.link, found.other, found.gap)} at w = {found.w:.4f}"
-        left = f"{left}; {1e3 * found.asked:g} mm are asked for"
+        left = f"{left}; {1e3 * found.asked:g} mm are required"
         return left if self.status == "too_close" else f"undecided: {left}"
 
 
