@@ -38,7 +38,7 @@ class FollowingWatch:
     e^(−(s − d)/τ)/τ over s > d that they are averaged with. One that cannot accelerate as fast as they ask
     for turns by something between this and the same of D, which goes after them with the least acceleration
     of a drive. What the joint turned beyond the largest or short of the smallest of them by more than
-    ``following_error``, and by how far S and D differ over T, no such drive explains. Dead time, time
+    ``following_error``, and g times how far S and D differ over a newer part of T, no such drive explains. Dead time, time
     constant and gain belong to a drive: of all cells of a grid over them, one must explain all that a joint
     did in the last `MEMORY`.
 
@@ -101,6 +101,7 @@ class FollowingWatch:
         apart = np.abs(fast - slow)[self._cells].max(axis=1)
         low = np.minimum(fast, slow)[self._cells].min(axis=1)
         high = np.maximum(fast, slow)[self._cells].max(axis=1)
+        apart = self._gains.max(axis=0) * np.maximum.accumulate(apart, axis=1)  # of parts of a window, too
         return (self._gains * low).min(axis=0) - apart, (self._gains * high).max(axis=0) + apart
 
 

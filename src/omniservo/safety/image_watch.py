@@ -131,7 +131,7 @@ class ImageWatch:
         seen = np.where(valid[:, None], pixels, np.nan)
         now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3])
         if self._still is None or not _stands_still(self._still, now):
-            self._still = self._seen[-1] if self._seen and _stands_still(self._seen[-1], now) else now
+            self._still = next((seen for seen in self._seen if _stands_still(seen, now)), now)
         told = [self._disagreement(before, now, points) for before in self._before(now)]
         self._first = self._first or now
         odd = np.zeros(OFFSETS, dtype=np.bool_)
