@@ -339,10 +339,13 @@ def test_sound_drives_of_other_gains_and_late_readings_are_not_stopped(guard, wr
 class Drive:
     """A joint of every arm's kind: dead time, time constant, gain; it is watched every 5 ms."""
 
-    def __init__(self, delay=0.0, constant=0.005, gain=1.0):
+    def __init__(self, delay=0.0, constant=0.005, gain=1.0, arm="ur5e"):
         self.delay, self.constant, self.gain = round(delay / 1e-3), constant, gain
-        arm = load_arm("ur5e")
-        self.q, self.v, self.sent = np.zeros(6), np.zeros(6), [np.zeros(6)] * (self.delay + 1)
+        arm = load_arm(arm)
+        self.most = 1e-3 * arm.joint_acceleration
+        self.n = arm.dof
+        self.q, self.v = np.zeros((2, self.n))
+        self.sent = [np.zeros(self.n)] * (self.delay + 1)
         self.history = MotionHistory(self.state(0.0), 0.5 * arm.joint_acceleration)
         self.watch = FollowingWatch(arm, SafetyOptions())
 
@@ -353,8 +356,9 @@ class Drive:
         """Return when the watch tells that it does not follow; infinity: never."""
         for k in range(1, round(until / 1e-3)):
             time = 1e-3 * k
-            wanted = self.gain * self.sent[-1 - self.delay] if time < dead else np.zeros(6)
-            self.v = self.v + (wanted - self.v) * min(1.0, 1e-3 / self.constant)
+            wanted = self.gain * self.sent[-1 - self.delay] if time < dead else np.zeros(self.n)
+            change = (wanted - self.v) * min(1.0, 1e-3 / self.constant)
+            self.v = self.v + np.clip(change, -self.most, self.most)
             self.q = self.q + 1e-3 * self.v
             if k % 5 == 0:
                 self.history.measured(self.state(time))
@@ -362,8 +366,8 @@ class Drive:
                     self.watch.check(self.history)
                 except NotFollowing:
                     return time
-                self.history.sent(np.full(6, velocity(time)))
-            self.sent.append(np.full(6, velocity(time)))
+                self.history.sent(np.full(self.n, velocity(time)))
+            self.sent.append(np.full(self.n, velocity(time)))
         return np.inf
 
 
@@ -378,6 +382,16 @@ def swing(time):
 )
 def test_a_sound_drive_may_have_any_dead_time_and_time_constant_within_the_lag(delay, constant, gain):
     assert Drive(delay, constant, gain).follow(swing, 4.0) == np.inf
+
+
+@pytest.mark.parametrize(("arm", "hertz", "amplitude"), [("panda", 2.0, 1.0), ("ur5e", 4.0, 0.6)])
+def test_a_drive_that_cannot_accelerate_as_fast_as_it_is_sent_to_is_sound(arm, hertz, amplitude):
+    """Within a window it stays behind and comes after: at the window's end the bounds alone have met again."""
+
+    def back_and_forth(time):
+        return 0.3 + amplitude * np.sign(np.sin(2.0 * np.pi * hertz * time) + 0.3 * np.sin(9.1 * time))
+
+    assert Drive(gain=1.5, arm=arm).follow(back_and_forth, 3.0) == np.inf
 
 
 @pytest.mark.parametrize("dead", [1.6, 1.7, 2.25])

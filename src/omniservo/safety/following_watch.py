@@ -38,9 +38,9 @@ class FollowingWatch:
     e^(−(s − d)/τ)/τ over s > d that they are averaged with. One that cannot accelerate as fast as they ask
     for turns by something between this and the same of D, which goes after them with the least acceleration
     of a drive. What the joint turned beyond the largest or short of the smallest of them by more than
-    ``following_error``, and g times how far S and D differ over a newer part of T, no such drive explains. Dead time, time
-    constant and gain belong to a drive: of all cells of a grid over them, one must explain all that a joint
-    did in the last `MEMORY`.
+    ``following_error``, and g times how far S and D differ over a newer part of T, no such drive explains.
+    Dead time, time constant and gain belong to a drive: of all cells of a grid over them, one must explain
+    all that a joint did in the last `MEMORY`.
 
     Args:
         arm: for its joints' names.
