@@ -386,7 +386,7 @@ def test_a_sound_drive_may_have_any_dead_time_and_time_constant_within_the_lag(d
 
 @pytest.mark.parametrize(("arm", "hertz", "amplitude"), [("panda", 2.0, 1.0), ("ur5e", 4.0, 0.6)])
 def test_a_drive_that_cannot_accelerate_as_fast_as_it_is_sent_to_is_sound(arm, hertz, amplitude):
-    """Within a window it stays behind and comes after: at the window's end the bounds alone have met again."""
+    """Within a window it stays behind and catches up: at its end the bounds alone have met again."""
 
     def back_and_forth(time):
         return 0.3 + amplitude * np.sign(np.sin(2.0 * np.pi * hertz * time) + 0.3 * np.sin(9.1 * time))
