@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from tests.planning.solids import asked, displaced, margins_of, sight_distance, true_clearance
 
 from omniservo.errors import InputError
-from omniservo.planning import Cylinder, Ellipsoid, plan_path
+from omniservo.planning import Box, Cylinder, Ellipsoid, plan_path
 from omniservo.planning.body_arrays import bodies_of, hulls_of
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.verification import verify_plan
@@ -195,6 +195,13 @@ def test_an_end_within_the_clearance_is_infeasible_and_verified(name):
 def test_what_is_no_body_is_named(make, words):
     with pytest.raises(InputError, match=words):
         make()
+
+
+@pytest.mark.parametrize("make", [Box, Ellipsoid])
+def test_without_a_rotation_it_lies_along_the_axes_of_its_frame(make):
+    body = make([0.1, 0.2, 0.3], [0.01, 0.02, 0.03])
+    assert body.distance(np.array([[0.1, 0.2, 0.34], [0.12, 0.2, 0.3]])) == pytest.approx([0.01, 0.01])
+    assert body.quaternion.tolist() == [0.0, 0.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize("body", [RODS["pipe"], RODS["egg"]], ids=["cylinder", "ellipsoid"])

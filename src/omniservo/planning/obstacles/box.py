@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -30,8 +30,8 @@ class Box:
     """(3,) [m], read-only"""
     half_extents: FloatArray
     """(3,) [m], > 0, along the box's own axes, read-only"""
-    quaternion: FloatArray
-    """box axes in the initial camera frame (4,), (x, y, z, w), unit, read-only"""
+    quaternion: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0]))
+    """box axes in the initial camera frame (4,), (x, y, z, w), unit, read-only; default: the same"""
     clearance: float | None = None
     """what the camera centre keeps from its surface [m]; None: the problem's clearance"""
     motion: FloatArray | None = None
