@@ -28,12 +28,12 @@ bench: $(STAMP)
 # Ours beside what people use today, into docs/benchmark-planning.md.   ARGS=--quick: a part of it, into runs/
 bench-planning: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
-	$(BIN)/python -m benchmarks.planning $(ARGS)
+	$(BIN)/python -m benchmarks.comparisons.planning $(ARGS)
 
 # Motion and pose beside pycolmap, PoseLib and OpenCV, into docs/benchmark-estimation.md.
 bench-estimation: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
-	$(BIN)/python -m benchmarks.estimation_page $(ARGS)
+	$(BIN)/python -m benchmarks.comparisons.estimation_page $(ARGS)
 
 # The README's table and animation, from runs made now.
 readme: $(STAMP)

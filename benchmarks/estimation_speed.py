@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.peers import shortest
+from benchmarks.stopwatch import shortest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera, preset

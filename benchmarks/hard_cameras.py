@@ -14,7 +14,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from benchmarks.planning.draws import Draws
+from benchmarks.comparisons.planning.draws import Draws
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError

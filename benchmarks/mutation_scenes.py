@@ -11,8 +11,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from benchmarks.planning.draws import Draws
-from benchmarks.planning.sets import SIZES, problem
+from benchmarks.comparisons.planning.draws import Draws
+from benchmarks.comparisons.planning.sets import SIZES, problem
 from benchmarks.verifier_speed import DISTORTION
 
 from omniservo.geometry.arrays import FloatArray

@@ -1,10 +1,10 @@
 """Time of replanning on the way: an obstacle has moved by 10 to 30 mm, or the goal by 10 mm.
 
 Run: ``python -m benchmarks.replanning_speed [--count N]``. Plans of the published sets
-(`benchmarks.planning.sets`) are followed to a random w; from the pose and velocity there the rest is planned
-again. "Kernel": `settle_rest`, arrays in, coefficients and verdict out, whether it finds a path or not;
-"blocked": the same where the rest of the old path is no longer of use. "Public": `replan`, a plan in, a plan
-with every margin out, search included. Warm, one core; medians of 15 calls a problem.
+(`benchmarks.comparisons.planning.sets`) are followed to a random w; from the pose and velocity there the rest
+is planned again. "Kernel": `settle_rest`, arrays in, coefficients and verdict out, whether it finds a path or
+not; "blocked": the same where the rest of the old path is no longer of use. "Public": `replan`, a plan in, a
+plan with every margin out, search included. Warm, one core; medians of 15 calls a problem.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from benchmarks.planning.sets import problems
+from benchmarks.comparisons.planning.sets import problems
 from benchmarks.planning_speed import median_seconds
 from scipy.spatial.transform import RigidTransform
 

@@ -29,7 +29,7 @@ from functools import partial
 
 import numpy as np
 from benchmarks.estimation_speed import random_scene
-from benchmarks.peers import shortest
+from benchmarks.stopwatch import shortest
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform, Rotation
 

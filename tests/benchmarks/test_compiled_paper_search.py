@@ -8,11 +8,11 @@ import pytest
 from omniservo.planning import Degrees
 from omniservo.planning.paper_search import paper_path
 
-pytest.importorskip("benchmarks.planning", reason="benchmarks/ is not part of this copy")
+pytest.importorskip("benchmarks.comparisons.planning", reason="benchmarks/ is not part of this copy")
 
-from benchmarks.planning.neutral import neutral_of
-from benchmarks.planning.peers.paper_compiled import sampled_value, solve
-from benchmarks.planning.sets import problem
+from benchmarks.comparisons.planning.neutral import neutral_of
+from benchmarks.comparisons.planning.peers.paper_compiled import sampled_value, solve
+from benchmarks.comparisons.planning.sets import problem
 
 CASES = [("paper", 0), ("paper", 2), ("fisheye", 2), ("perspective", 4), ("catadioptric", 3), ("past-90", 5)]
 

@@ -8,12 +8,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import preset
 from omniservo.planning import Box, Degrees, PlanningProblem, Sphere, certify
 
-pytest.importorskip("benchmarks.planning", reason="benchmarks/ is not part of this copy")
+pytest.importorskip("benchmarks.comparisons.planning", reason="benchmarks/ is not part of this copy")
 
-from benchmarks.planning.neutral import neutral_of
-from benchmarks.planning.path_space import PathSpace
-from benchmarks.planning.pose_check import FAMILIES, least_values
-from benchmarks.planning.samples import Samples
+from benchmarks.comparisons.planning.neutral import neutral_of
+from benchmarks.comparisons.planning.path_space import PathSpace
+from benchmarks.comparisons.planning.pose_check import FAMILIES, least_values
+from benchmarks.comparisons.planning.samples import Samples
 
 W = np.linspace(0.0, 1.0, 21)
 

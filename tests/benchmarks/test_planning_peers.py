@@ -6,17 +6,17 @@ import importlib
 import numpy as np
 import pytest
 
-pytest.importorskip("benchmarks.planning", reason="benchmarks/ is not part of this copy")
+pytest.importorskip("benchmarks.comparisons.planning", reason="benchmarks/ is not part of this copy")
 
 import itertools
 
-from benchmarks.planning.neutral import neutral_of
-from benchmarks.planning.path_space import PathSpace
-from benchmarks.planning.peers.compiled_rows import CompiledRows
-from benchmarks.planning.peers.local_search import EFFORT_WITH_MARGIN, floors
-from benchmarks.planning.peers.motion_check import motion_is_free, motion_is_free_numpy
-from benchmarks.planning.pose_check import least_values
-from benchmarks.planning.samples import Samples
+from benchmarks.comparisons.planning.neutral import neutral_of
+from benchmarks.comparisons.planning.path_space import PathSpace
+from benchmarks.comparisons.planning.peers.compiled_rows import CompiledRows
+from benchmarks.comparisons.planning.peers.local_search import EFFORT_WITH_MARGIN, floors
+from benchmarks.comparisons.planning.peers.motion_check import motion_is_free, motion_is_free_numpy
+from benchmarks.comparisons.planning.pose_check import least_values
+from benchmarks.comparisons.planning.samples import Samples
 from benchmarks.planning_speed import shipped_problem
 
 from omniservo.cameras import UnifiedCamera
@@ -46,7 +46,7 @@ def crowded_problem(kind: str) -> PlanningProblem:
 
 def peer(name: str, library: str):
     pytest.importorskip(library, reason=f"{library} is not installed: requirements-bench.lock")
-    return importlib.import_module(f"benchmarks.planning.peers.{name}")
+    return importlib.import_module(f"benchmarks.comparisons.planning.peers.{name}")
 
 
 @pytest.mark.parametrize("kind", ["hidden", "boxes"])
@@ -68,7 +68,7 @@ def test_compiled_rows_are_the_neutral_ones(kind):
 @pytest.mark.parametrize("kind", ["hidden", "boxes"])
 def test_casadi_rows_are_the_neutral_ones(kind):
     ca = pytest.importorskip("casadi", reason="casadi is not installed: requirements-bench.lock")
-    from benchmarks.planning.peers import ipopt_model
+    from benchmarks.comparisons.planning.peers import ipopt_model
 
     space = PathSpace(neutral_of(crowded_problem(kind)), 3, 2)
     model = ipopt_model.model_of(ipopt_model.structure_of(space), W)

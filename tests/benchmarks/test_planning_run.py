@@ -10,17 +10,17 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from omniservo.planning import CameraPath, Sphere
 
-pytest.importorskip("benchmarks.planning", reason="benchmarks/ is not part of this copy")
+pytest.importorskip("benchmarks.comparisons.planning", reason="benchmarks/ is not part of this copy")
 
-from benchmarks.planning.__main__ import main
-from benchmarks.planning.attempt import Attempt, Polyline
-from benchmarks.planning.methods import Method, ours
-from benchmarks.planning.neutral import neutral_of
-from benchmarks.planning.path_space import PathSpace
-from benchmarks.planning.runner import measured, run_set
-from benchmarks.planning.scoring import energy, score
-from benchmarks.planning.sets import problem
-from benchmarks.planning.summary import summaries
+from benchmarks.comparisons.planning.__main__ import main
+from benchmarks.comparisons.planning.attempt import Attempt, Polyline
+from benchmarks.comparisons.planning.methods import Method, ours
+from benchmarks.comparisons.planning.neutral import neutral_of
+from benchmarks.comparisons.planning.path_space import PathSpace
+from benchmarks.comparisons.planning.runner import measured, run_set
+from benchmarks.comparisons.planning.scoring import energy, score
+from benchmarks.comparisons.planning.sets import problem
+from benchmarks.comparisons.planning.summary import summaries
 
 
 def test_a_run_writes_its_page_its_rows_and_its_plot(

@@ -5,10 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("benchmarks.planning", reason="benchmarks/ is not part of this copy")
+pytest.importorskip("benchmarks.comparisons.planning", reason="benchmarks/ is not part of this copy")
 
-from benchmarks.planning.random_problems import KINDS
-from benchmarks.planning.sets import CHECKSUMS, FIRST, SIZES, checksum, problem, problems, straight_is_good
+from benchmarks.comparisons.planning.random_problems import KINDS
+from benchmarks.comparisons.planning.sets import (
+    CHECKSUMS,
+    FIRST,
+    SIZES,
+    checksum,
+    problem,
+    problems,
+    straight_is_good,
+)
 
 from omniservo.planning.end_poses import violation_at_end
 

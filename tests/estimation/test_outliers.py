@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from benchmarks.estimation_comparison import random_pair
+from benchmarks.comparisons.motion import random_pair
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from benchmarks.planning.neutral import neutral_of
-from benchmarks.planning.path_space import PathSpace
-from benchmarks.planning.samples import Samples
+from benchmarks.comparisons.planning.neutral import neutral_of
+from benchmarks.comparisons.planning.path_space import PathSpace
+from benchmarks.comparisons.planning.samples import Samples
 from scipy.optimize import minimize
 
 from omniservo.geometry.polynomial import bernstein_from_power
