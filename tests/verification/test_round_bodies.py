@@ -54,7 +54,8 @@ def test_what_is_nearer_than_a_distance_is_decided_from_both_sides():
             little = 1e-9 * (1.0 + abs(distance))
             assert body.nearer(exact(x), Fraction(distance + little))
             assert not body.nearer(exact(x), Fraction(distance - little))
-            assert not body.nearer(exact(x), Fraction(min(distance, 0.0) - 1.0))
+            for deeper in (1e-9, 1e-4, 0.01, 1.0):
+                assert not body.nearer(exact(x), Fraction(min(distance, 0.0) - deeper))
             inside, outside = inside + (distance < 0.0), outside + (distance > 0.0)
     assert min(inside, outside) > 200
 
