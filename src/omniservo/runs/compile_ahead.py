@@ -28,7 +28,7 @@ ENOUGH = 100
 def compiling_ahead() -> Iterator[subprocess.Popen[bytes] | None]:
     """Let another process compile ahead, if there is much to compile and a core for it; it ends with this."""
     kernels = {file.name for folder in kernel_folders() for file in folder.glob("*.kernel")}
-    if len(kernels) >= ENOUGH or _cores() < 2:
+    if len(kernels) >= ENOUGH or usable_cores() < 2:
         yield None
         return
     nowhere = subprocess.DEVNULL
@@ -43,7 +43,6 @@ def compiling_ahead() -> Iterator[subprocess.Popen[bytes] | None]:
 
 def compile_ahead() -> None:
     """Plan a path past a ball and follow it for a moment, which compiles planner and tracker."""
-    parent = os.getppid()
     camera = preset("fe185")
     points = np.array([[x, y, 0.5 - abs(x)] for x in (-0.1, 0.0, 0.1) for y in (-0.09, 0.0, 0.08)])
     goal = RigidTransform.from_components([0.1, -0.05, 0.12], RigidTransform.identity().rotation)
@@ -54,12 +53,11 @@ def compile_ahead() -> None:
     goal_pixels = camera.project(goal.inv().apply(points))[0]
     tracker = PathTracker(plan, camera, goal_pixels=goal_pixels, time_law=RestToRestLaw(4.0))
     for step, pose in enumerate(plan.path(np.linspace(0.0, 0.05, 20))):
-        if os.getppid() == parent:
-            pixels, seen = camera.project(pose.inv().apply(points))
-            tracker.step(0.04 * step, pixels, seen)
+        pixels, seen = camera.project(pose.inv().apply(points))
+        tracker.step(0.04 * step, pixels, seen)
 
 
-def _cores() -> int:
+def usable_cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
