@@ -110,6 +110,8 @@ def _problem() -> dict[str, Any]:
                 "half_extents": [0.1, 0.1, 0.1],
             },
             {"type": "capsule", "from": [-0.4, -0.1, 0], "to": [-0.4, 0.1, 0.1], "radius": 0.05},
+            {"type": "cylinder", "from": [-0.6, -0.1, 0], "to": [-0.6, 0.1, 0.1], "radius": 0.05},
+            {"type": "ellipsoid", "center": [0.0, -0.8, 0.0], "radii": [0.1, 0.02, 0.05]},
             {"type": "half_space", "normal": [0, 0, 1], "offset": -0.5, "clearance": 0.01},
             {"type": "mesh", "vertices": (CORNERS + np.array([0.0, 0.4, 0.0])).tolist()},
             {"type": "cloud", "points": [[-0.4, 0.2, 0.1], [-0.4, 0.25, 0.1]], "radius": 0.01},
