@@ -1,5 +1,6 @@
 """Cylinders and ellipsoids: distances against SciPy's constrained minimum, plans against dense sampling."""
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,6 +9,7 @@ from tests.planning.solids import asked, displaced, margins_of, sight_distance, 
 from omniservo.errors import InputError
 from omniservo.planning import Box, Cylinder, Ellipsoid, plan_path
 from omniservo.planning.body_arrays import bodies_of, hulls_of
+from omniservo.planning.constraints.round_gap import _SAFE_SIDE, ellipsoid_distance
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
 from omniservo.verification import verify_plan
 
@@ -67,6 +69,39 @@ def test_the_distance_of_a_segment_is_scipys_least_one(seed):
     beyond = min(np.dot(n, t - row[:3]), np.dot(n, h - row[:3])) - core_support(row, hulls_of(problem), *n)
     assert found - 1e-6 <= beyond <= found + 1e-12
     assert body.distance(near[None])[0] == pytest.approx(found, abs=1e-9)
+
+
+def exact_distance(radii, p):
+    """Distance of a point outside an ellipsoid in its own axes: the root by 60 digits and 220 halvings."""
+    with mpmath.workdps(60):
+        radii, p = [mpmath.mpf(float(r)) for r in radii], [mpmath.mpf(float(x)) for x in p]
+        low, high = mpmath.mpf(0), mpmath.sqrt(sum((r * x) ** 2 for r, x in zip(radii, p, strict=True))) + 1
+        for _ in range(220):
+            t = (low + high) / 2
+            beyond = sum((r * x / (t + r**2)) ** 2 for r, x in zip(radii, p, strict=True)) > 1
+            low, high = (t, high) if beyond else (low, t)
+        return mpmath.sqrt(sum((x - r**2 * x / (low + r**2)) ** 2 for r, x in zip(radii, p, strict=True)))
+
+
+def test_the_stated_distance_is_never_less_than_the_exact_one_however_flat_the_ellipsoid():
+    """Radii from 1e-9 to 1e6 m, points from 1e-15 of them outside to 1000 km away."""
+    random, outside = np.random.default_rng(0), 0
+    for i in range(400):
+        radii = 10.0 ** random.uniform(-9, 6, 3)
+        on = random.normal(size=3)
+        on *= radii / np.linalg.norm(on)
+        p = (
+            on * (1 + 10.0 ** random.uniform(-15, -3))
+            if i % 2
+            else on + random.normal(size=3) * 10.0 ** random.uniform(-9, 5)
+        )
+        if np.sum((p / radii) ** 2) <= 1.0:
+            continue
+        size, exact = float(np.abs(p).sum() + radii.sum()), exact_distance(radii, p)
+        short = float(exact - ellipsoid_distance(tuple(radii.tolist()), *p.tolist())[3])
+        assert -1e-9 * size < short < 0.01 * _SAFE_SIDE * size
+        outside += 1
+    assert outside > 200
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -5,7 +5,9 @@ import os
 import pytest
 
 from omniservo.geometry.kernel_cache import user_folder
+from omniservo.planning.search.search import search
 from omniservo.runs.compile_ahead import ENOUGH, compile_ahead, compiling_ahead, usable_cores
+from omniservo.tracking.step_kernel import track_step
 
 
 @pytest.fixture
@@ -41,5 +43,7 @@ def test_there_is_none_on_one_core(empty_cache):
         os.sched_setaffinity(0, cores)
 
 
-def test_what_it_does_ends_well():
+def test_it_calls_the_search_and_the_trackers_step():
     compile_ahead()
+    assert search.signatures
+    assert track_step.signatures

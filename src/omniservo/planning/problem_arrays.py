@@ -26,7 +26,7 @@ from omniservo.planning.constraints.constraints import Constraints, Slots
 from omniservo.planning.obstacles.ball_tree import BallTree
 from omniservo.planning.obstacles.cloud import Cloud
 from omniservo.planning.obstacles.half_space import HalfSpace
-from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.obstacle import Obstacle, hides_points
 from omniservo.planning.obstacles.sphere import Sphere
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.workspace import Workspace
@@ -240,7 +240,7 @@ def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> lis
     if problem.occlusion:
         for i, (o, about) in enumerate(_among_its_kind(problem)):
             name = f"occlusion obstacle {i}"
-            if isinstance(o, HalfSpace) or (isinstance(o, Sphere | Cloud) and o.radius == 0.0):
+            if not hides_points(o):
                 continue
             kind = _SIGHTS[_clearance_kind(o)]
             step = COARSE if kind == margin_kinds.BODY_SIGHT else metre

@@ -9,7 +9,7 @@ from typing import Any
 from omniservo.planning.checks import LARGEST
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.mesh import Mesh
-from omniservo.planning.obstacles.obstacle import Obstacle
+from omniservo.planning.obstacles.obstacle import Obstacle, hides_points
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.workspace import Workspace
 
@@ -56,7 +56,7 @@ def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mappin
     own = problem.clearance if obstacle.clearance is None else obstacle.clearance
     clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
     grown = metres.get(f"occlusion obstacle {i}", 0.0)
-    if isinstance(obstacle, HalfSpace | Mesh) or getattr(obstacle, "radius", 1.0) == 0.0:
+    if isinstance(obstacle, HalfSpace | Mesh) or not hides_points(obstacle):
         grown = 0.0
     elif grown > 0.0:
         obstacle = obstacle.grown(grown)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import preset
+from omniservo.errors import NoSolutionError
 from omniservo.geometry.kernel_cache import kernel_folders
 from omniservo.planning import PlanningProblem, Sphere, plan_path
 from omniservo.servoing import RestToRestLaw
@@ -48,8 +49,8 @@ def compile_ahead() -> None:
     goal = RigidTransform.from_components([0.1, -0.05, 0.12], RigidTransform.identity().rotation)
     ball = Sphere(np.array([0.05, -0.025, 0.06]), 0.01)
     plan = plan_path(PlanningProblem(camera, points, goal, obstacles=(ball,), clearance=0.05))
-    if plan.path is None:  # it has one
-        return
+    if plan.path is None:
+        raise NoSolutionError(plan.reason)
     goal_pixels = camera.project(goal.inv().apply(points))[0]
     tracker = PathTracker(plan, camera, goal_pixels=goal_pixels, time_law=RestToRestLaw(4.0))
     for step, pose in enumerate(plan.path(np.linspace(0.0, 0.05, 20))):

@@ -60,13 +60,16 @@ class BoxSection(Block, _Obstacle):
         return Box(center, half, self.rotation.as_quat(), self.clearance)
 
 
-class CapsuleSection(_Obstacle):
-    """A rod with round ends."""
-
-    type: Literal["capsule"]
+class _Rod(_Obstacle):
     start: Annotated[Point, Field(alias="from")]
     end: Annotated[Point, Field(alias="to")]
     radius: PositiveLength
+
+
+class CapsuleSection(_Rod):
+    """A rod with round ends."""
+
+    type: Literal["capsule"]
 
     @property
     def obstacle(self) -> Capsule:
@@ -74,13 +77,10 @@ class CapsuleSection(_Obstacle):
         return Capsule(np.array(self.start), np.array(self.end), self.radius, self.clearance)
 
 
-class CylinderSection(_Obstacle):
+class CylinderSection(_Rod):
     """A rod with flat ends."""
 
     type: Literal["cylinder"]
-    start: Annotated[Point, Field(alias="from")]
-    end: Annotated[Point, Field(alias="to")]
-    radius: PositiveLength
 
     @property
     def obstacle(self) -> Cylinder:

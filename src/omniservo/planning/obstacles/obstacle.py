@@ -25,3 +25,10 @@ KINDS: dict[str, type[Obstacle]] = {
     "cloud": Cloud,
 }
 """``type`` in a file; the class's FIELDS are the attribute of each field there."""
+
+
+def hides_points(obstacle: Obstacle) -> bool:
+    """Tell whether it can stand between camera and target: points cannot, and see `HalfSpace`."""
+    if isinstance(obstacle, Sphere | Cloud):
+        return obstacle.radius > 0.0
+    return not isinstance(obstacle, HalfSpace)

@@ -1,4 +1,4 @@
-"""A camera in the hand, and what is carried beside it."""
+"""A camera on the flange, and what is carried beside it."""
 
 from __future__ import annotations
 
