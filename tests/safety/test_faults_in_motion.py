@@ -576,6 +576,19 @@ def test_points_that_stand_still_are_told_from_a_motion_that_keeps_them_nearly_i
     assert stop.reason == "time_limit"
 
 
+def test_points_that_stand_still_are_compared_with_the_oldest_image_that_shows_them_so(run):  # noqa: F811
+    """Every fifth image is 2 px beside the first, but not beside those after it: what they show is not lost."""
+    seen = []
+
+    def jolted(p, before):
+        seen.append(1.2 * (len(seen) > 0) + np.array([1.9 * (len(seen) % 5 == 4), 0.0]))
+        return before + seen[-1] + 0.3 * np.sin(1e3 * p)
+
+    stop, steps = run(lambda k: ROUND if k >= 15 else np.zeros(6), prepare=pictured(jolted), time_limit=3.0)
+    assert stop.reason == "inconsistent_image"
+    assert len(steps) < 15 + 30
+
+
 @pytest.mark.parametrize(
     "broken",
     [
