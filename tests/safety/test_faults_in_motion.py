@@ -577,7 +577,7 @@ def test_points_that_stand_still_are_told_from_a_motion_that_keeps_them_nearly_i
 
 
 def test_points_that_stand_still_are_compared_with_the_oldest_image_that_shows_them_so(run):  # noqa: F811
-    """Every fifth image is 2 px beside the first, but not beside those after it: what they show is not lost."""
+    """Every fifth image is 2 px beside the first, not beside those after it: these still count."""
     seen = []
 
     def jolted(p, before):
