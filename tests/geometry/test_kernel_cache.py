@@ -112,6 +112,45 @@ def test_an_edit_of_a_callee_in_another_file_is_seen_by_its_callers(tmp_path, co
     np.testing.assert_allclose(edited[1] - first[1], [320.0, 0.0] * 7, atol=1e-9)
 
 
+ROOTS = """
+import numpy as np
+from omniservo.geometry import kernel_cache
+kernel_cache.LARGEST_LINKED = 0
+from omniservo.geometry.compiler_watch import CompilerWatch
+from omniservo.geometry.real_roots import real_roots
+
+with CompilerWatch() as watch:
+    roots = np.empty(3)
+    count = real_roots(np.array([-6.0, 11.0, -6.0, 1.0]), 10.0, roots)
+print(watch.compiled, *roots[:count].round(9))
+"""
+
+
+def test_a_callee_is_called_in_place_of_linked_and_where_its_file_is_gone_the_caller_is_compiled_again(
+    tmp_path,
+):
+    """Machine code that calls what is not there would end the process."""
+
+    def compiled():
+        environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
+        out = subprocess.run(
+            [sys.executable, "-c", ROOTS], env=environment, capture_output=True, text=True, check=True
+        )
+        count, *roots = out.stdout.split()
+        assert roots == ["1.0", "2.0", "3.0"]
+        return int(count)
+
+    assert compiled() > 0
+    assert compiled() == 0
+    files = {file.name for file in tmp_path.rglob("*.kernel")}
+    [callee] = tmp_path.rglob("*real_roots._value-*")
+    for damage in (callee.unlink, lambda: callee.write_bytes(callee.read_bytes()[:-1])):
+        damage()
+        assert compiled() > 0
+        assert compiled() == 0
+        assert {file.name for file in tmp_path.rglob("*.kernel")} == files
+
+
 def test_what_is_edited_while_a_process_runs_is_not_kept_by_it(tmp_path, copied):
     process = start(1, tmp_path, copied.parent)
     assert process.stdout.readline() == "ready\n"
@@ -138,7 +177,7 @@ def test_globals_of_kernels_come_from_files_under_the_hash():
     files = set(kernel_files())
     modules = [module for name, module in sys.modules.items() if name.startswith("omniservo.")]
     kernels = {id(v): v for m in modules for v in vars(m).values() if isinstance(v, Dispatcher)}
-    assert len(kernels) > 300
+    assert len(kernels) > 250
     for compiled in kernels.values():
         function = compiled.py_func
         assert Path(function.__code__.co_filename) in files
@@ -172,6 +211,7 @@ def compiled(tmp_path, monkeypatch):
     Compiled anew: what came from another cache has no object code that could be kept again.
     """
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(kernel_cache, "_callable", {})
     anew, cache = leaf(write_pixels.py_func), KernelCache(write_pixels.py_func)
     p, x = np.zeros(13), np.zeros(3)
     anew(p, x, x, np.empty((3, 2)), np.empty(3, dtype=bool))
@@ -180,8 +220,10 @@ def compiled(tmp_path, monkeypatch):
 
 
 def loaded(cache, signature):
-    """What a cache has for a signature."""
-    return cache.load_overload(signature, write_pixels.targetctx)
+    """What a process that has loaded nothing yet finds in a cache for a signature."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel_cache, "_callable", {})
+        return cache.load_overload(signature, write_pixels.targetctx)
 
 
 def test_a_damaged_file_and_one_of_another_signature_are_not_used(compiled):

@@ -9,13 +9,18 @@ file its code under the other's signature. Here neither can happen:
   that one of these imports, over the versions of Numba, llvmlite and Python, over Numba's settings and over
   the processor that the code is for. A change of any of them begins another folder; what is edited while a
   process runs is not kept by it.
-- A file holds one function for one signature, which is compared when it is read. It is written under another
-  name first, and no file names another: processes at work at the same time do each other no harm.
+- A file holds one function for one signature, which is compared when it is read, and is written under another
+  name first. A file calls another by its name, and whichever process wrote that, it does the same:
+  processes at work at the same time do each other no harm.
+
+Numba links a kernel into each of its callers and compiles it there again, which takes half of all the time.
+Here a large kernel is compiled once. Its callers call it by a symbol, the name of its file; who loads a
+caller loads first what it calls, and where that is missing, the caller is compiled again.
 
 A wheel brings a folder of its own, for a generic processor, which is only read; the user's comes after it.
 Private parts of Numba, tried with 0.68.1: `Dispatcher._cache` and what it calls of a cache,
-`CompileResult._reduce` and `_rebuild`, `serialize.dumps`, `CodeLibrary.has_dynamic_globals` and
-`_get_module_for_linking`, `JitEngine._defined_symbols`.
+`CompileResult._reduce` and `_rebuild`, `serialize.dumps`, `CodeLibrary.has_dynamic_globals`, `_final_module`
+and `_get_module_for_linking`, `JitEngine._defined_symbols`.
 """
 
 from __future__ import annotations
@@ -41,6 +46,9 @@ PACKAGE = Path(__file__).parents[1]
 SHIPPED = PACKAGE / "kernels"
 """A wheel's own kernels; a checkout has none."""
 
+LARGEST_LINKED = 24_000
+"""characters of LLVM assembly up to which a kernel is linked into its callers: small ones run faster so"""
+
 KEPT = 6
 """Folders of the user's that are kept, those used last: each edit of a kernel begins one."""
 
@@ -59,7 +67,8 @@ _NAME, _FEATURES = "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"
 _IMPORT = re.compile(rb"from (omniservo[\w.]*) import (\([^)]*\)|[^\n]*)")
 _NAME_OF = re.compile(rb"\w+")
 _HAS_KERNELS = b"omniservo.geometry.kernel import"
-_DIGEST_BYTES = 32
+_DIGEST_BYTES, _ENDING = 32, ".kernel"
+_FUNCTION_TYPE = re.compile(r"(\w+) \((.*)\)")
 
 
 class KernelCache:
@@ -83,34 +92,29 @@ class KernelCache:
         from numba.core.runtime import rtsys
 
         rtsys.initialize(target_context)  # all that code needs to run; `refresh` loads what compiles, too
-        for folder in kernel_folders():
-            try:
-                data = (folder / self._file(signature)).read_bytes()
-            except OSError:
-                continue
-            _mark_as_used(folder)
-            digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
-            if hashlib.sha256(content).digest() != digest:
-                continue
-            kept, symbols, code = pickle.loads(content)  # noqa: S301 — this user compiled it, or installed it
-            if kept == signature:
-                return _linked(target_context, symbols, *code)
-        return None
+        kept, compiled = _load(self._file(signature), target_context)
+        return compiled if kept == signature else None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Keep what a signature compiled to; where that cannot be written it is compiled again next time."""
         from numba.core.serialize import dumps
 
-        if compiled.library.has_dynamic_globals or _stamps(kernel_files()) != _sources()[1]:
-            return  # the latter: a file was edited while this process ran, and is not what was compiled
-        content = dumps((signature, _symbols(compiled.library), compiled._reduce()))
+        name, library = self._file(signature), compiled.library
+        if library.has_dynamic_globals:
+            return
+        symbols, called = _symbols(library._final_module)
+        if len(str(library._final_module)) > LARGEST_LINKED:
+            _stand_apart(name, signature, compiled)
+        if _stamps(kernel_files()) != _sources()[1]:
+            return  # a file was edited while this process ran, and is not what was compiled
+        content = dumps((signature, called, symbols, compiled._reduce()))
         folder = user_folder()
         try:
             _begin(folder)
-            handle, name = tempfile.mkstemp(dir=folder)
+            handle, written = tempfile.mkstemp(dir=folder)
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(content).digest() + content)
-            os.replace(name, folder / self._file(signature))
+            os.replace(written, folder / name)
         except OSError:
             return
 
@@ -118,17 +122,72 @@ class KernelCache:
         """Forget nothing: what is kept belongs to this very code."""
 
     def _file(self, signature: Any) -> str:
-        return f"{self._name}-{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}.kernel"
+        return f"{self._name}-{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}{_ENDING}"
 
 
-def _symbols(library: Any) -> tuple[str, ...]:
-    """Return what a library defines."""
-    module = library._get_module_for_linking()
+_callable: dict[str, tuple[Any, Any]] = {}
+"""Signature and code, by symbol, of what this process has loaded, or compiled and does not link"""
+
+
+def _load(name: str, target_context: Any) -> tuple[Any, Any]:
+    """Return signature and code of a file, with all that it calls; (None, None): it has to be compiled."""
+    if name in _callable:
+        return _callable[name]
+    for folder in kernel_folders():
+        try:
+            data = (folder / name).read_bytes()
+        except OSError:
+            continue
+        _mark_as_used(folder)
+        digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
+        if hashlib.sha256(content).digest() != digest:
+            continue
+        signature, called, symbols, code = pickle.loads(content)  # noqa: S301 — compiled by this user, or installed
+        if all(_load(callee, target_context)[1] is not None for callee in called):
+            return _give_symbol(name, signature, _rebuilt(target_context, symbols, *code))
+    return None, None
+
+
+def _give_symbol(name: str, signature: Any, compiled: Any) -> tuple[Any, Any]:
+    """Let machine code that is loaded from now on call this by its name."""
+    from llvmlite.binding import add_symbol
+
+    add_symbol(name, compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+    _callable[name] = signature, compiled
+    return signature, compiled
+
+
+def _stand_apart(name: str, signature: Any, compiled: Any) -> None:
+    """Have what is linked into callers do nothing but call this by its name."""
+    from llvmlite.binding import parse_assembly
+
+    module = compiled.library._final_module
+    function = module.get_function(compiled.fndesc.llvm_func_name)
+    kind = _FUNCTION_TYPE.fullmatch(str(function.global_value_type))
+    if kind is None:
+        return
+    returned, types = kind.groups()
+    arguments = ", ".join(f"{one} %a{i}" for i, one in enumerate(types.split(", ")))
+    call = parse_assembly(f"""
+        target datalayout = "{module.data_layout}"
+        target triple = "{module.triple}"
+        declare {returned} @"{name}"({types})
+        define linkonce_odr {returned} @"{function.name}"({arguments}) alwaysinline {{
+            %r = tail call {returned} @"{name}"({arguments})
+            ret {returned} %r
+        }}""")
+    compiled.library._get_module_for_linking = lambda: call
+    _give_symbol(name, signature, compiled)
+
+
+def _symbols(module: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what a module defines, and the names of the files that it calls."""
     both = [*module.functions, *module.global_variables]
-    return tuple(symbol.name for symbol in both if not symbol.is_declaration)
+    called = (f.name for f in module.functions if f.is_declaration and f.name.endswith(_ENDING))
+    return tuple(symbol.name for symbol in both if not symbol.is_declaration), tuple(called)
 
 
-def _linked(target_context: Any, symbols: tuple[str, ...], library: Any, *rest: Any) -> Any:
+def _rebuilt(target_context: Any, symbols: tuple[str, ...], library: Any, *rest: Any) -> Any:
     """Do what `CompileResult._rebuild` does, but read bitcode only for a caller that is compiled later.
 
     That takes longer than all else, and what is called from Python needs its machine code alone.

@@ -120,11 +120,3 @@ def halve(controls: FloatArray, left: FloatArray, right: FloatArray) -> None:
             for k in range(n - level):
                 right[r, k] = 0.5 * (right[r, k] + right[r, k + 1])
             left[r, level + 1] = right[r, 0]
-
-
-@leaf
-def copy_into(source: FloatArray, out: FloatArray) -> None:
-    """Copy (m, n) into (m, n): NumPy's own assignment takes seconds to compile."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            out[i, j] = source[i, j]

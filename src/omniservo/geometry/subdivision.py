@@ -24,7 +24,8 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import TINY, UNIT, copy_into, halve
+from omniservo.geometry.polynomial import TINY, UNIT, halve
+from omniservo.geometry.vectors import copy_into
 
 PROVEN, REFUTED, UNDECIDED = 1, -1, 0
 """What a proof on [0, 1] can say."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import UNIT, bernstein_from_power, copy_into, magnitude
+from omniservo.geometry.polynomial import UNIT, bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
     FAILS_AT_START,
@@ -27,6 +27,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
+from omniservo.geometry.vectors import copy_into
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion

@@ -13,7 +13,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import TINY, copy_into
+from omniservo.geometry.polynomial import TINY
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
     FAILS_AT_START,
@@ -27,6 +27,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
+from omniservo.geometry.vectors import copy_into
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 from omniservo.planning.constraints.visibility import (
     OUTSIDE,

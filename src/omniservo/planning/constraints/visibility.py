@@ -17,7 +17,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import TINY, copy_into
+from omniservo.geometry.polynomial import TINY
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
     FAILS_AT_START,
@@ -32,6 +32,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
+from omniservo.geometry.vectors import copy_into
 from omniservo.planning.constraints.dead_zone import Limit, disc_size, tangent_limit
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 

@@ -12,6 +12,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.vectors import fill
 from omniservo.planning.constraints.cloud import push_off_clouds
 from omniservo.planning.constraints.cloud_sight import push_sights_off_clouds
 from omniservo.planning.constraints.collision import push_from_obstacles
@@ -164,13 +165,6 @@ def _block(family: PathFamily, index: int, i: int, inner: int) -> tuple[int, int
     k, basis = i - inner, family.translation_basis
     free = family.translation_form.shape[0]
     return 4, 3, basis[index, basis.shape[1] - 1 - free + k], 4 * inner + 3 * k
-
-
-@leaf
-def fill(values: FloatArray, value: float) -> None:
-    """Set every item of (n,) to ``value``."""
-    for i in range(values.shape[0]):
-        values[i] = value
 
 
 @leaf

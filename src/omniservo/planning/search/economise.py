@@ -8,9 +8,10 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.subdivision import PROVEN, REFUTED
+from omniservo.geometry.vectors import copy_into, fill, smallest, write
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.search.descent import PLENTY, Room, fill, room_for
+from omniservo.planning.search.descent import PLENTY, Room, room_for
 from omniservo.planning.search.effort_steps import bend, step_to_least_effort
 from omniservo.planning.search.path_family import (
     MAX_SAMPLES,
@@ -118,7 +119,8 @@ def leads_back(constraints: Constraints, family: PathFamily, x: FloatArray, opti
                 for k in range(x.shape[0]):
                     trial[k] = x[k] + part * (optima[i, k] - x[k])
                 look_at_samples(constraints, family, trial, asleep, room, levels)
-                clear_way = levels.min() >= 0.0
+                for k in range(LOOKS):
+                    clear_way = clear_way and smallest(levels[k]) >= 0.0
         if clear_way:
             return True
     return False
@@ -153,8 +155,7 @@ def economise(
     energy = path_energy(family, ell, x)
     if status == PROVEN and energy < before:
         return PROVEN, rotation, translation, energy
-    for i in range(x.shape[0]):
-        x[i] = found[i]
+    write(found, x)
     return REFUTED, rotation, translation, before
 
 
@@ -178,12 +179,14 @@ def _bend_and_prove(
     rotation, translation = power_path(family, ell, x)
     for done in range(ROUNDS):
         if fine == math.inf:
-            x[:], hessian[:], fine = found, normal[:, :size], LOOSE
+            fine = LOOSE
+            write(found, x)
+            copy_into(normal[:, :size], hessian)
             fill(asleep, LOOKED_AT)
         kept = capped_targets(ends, left)
         missing = step_to_least_effort(constraints, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
         if missing == math.inf or path_energy(family, ell, x) >= beat:
-            x[:] = found
+            write(found, x)
             break
         added, lowest = add_lows(constraints, family, between, x, kept, room, asleep)
         if max(missing, -lowest) > JUMPED:
@@ -200,7 +203,7 @@ def _bend_and_prove(
         if status == PROVEN:
             break
         fill(asleep, LOOKED_AT)
-        hessian[:] = normal[:, :size]
+        copy_into(normal[:, :size], hessian)
         if not (status == REFUTED and add_apart(family, w)) or done >= PATIENCE:
             left *= MORE
     return status, rotation, translation

@@ -8,6 +8,7 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, REFUTED
+from omniservo.geometry.vectors import smallest, write
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.search.economise import economise, leads_back
 from omniservo.planning.search.path_family import Ends, PathFamily, path_energy, path_family, unknowns
@@ -67,15 +68,6 @@ def start_offsets(family: PathFamily, ell: float, index: int, phase: float) -> F
 def detour_size(index: int) -> float:
     """Return the size of detour ``index`` over ℓ: small ones first, soon from 0.2 to 6.4, evenly in scale."""
     return float(0.2 * 2.0 ** (min(5.0, 1.0 + 0.8 * math.sqrt(index)) * ((SPREAD[2] * index) % 1.0)))
-
-
-@leaf
-def smallest(values: FloatArray) -> float:
-    """Return the smallest of ``values``."""
-    least = math.inf
-    for i in range(values.shape[0]):
-        least = min(least, values[i])
-    return least
 
 
 @leaf
@@ -154,7 +146,8 @@ def search(
                 constraints, family, end_least, x, min(beat, facts[ENERGY])
             )
             if status == PROVEN:
-                turn, move, optima[known] = better_turn, better_move, x
+                turn, move = better_turn, better_move
+                write(x, optima[known])
                 known += 1
         if proven == 1 or energy < facts[ENERGY]:
             rotation, translation = turn, move

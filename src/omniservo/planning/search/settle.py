@@ -12,8 +12,9 @@ from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import power_from_bernstein
 from omniservo.geometry.subdivision import PROVEN, REFUTED
+from omniservo.geometry.vectors import fill
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.search.descent import descend, fill, linearise, reached, room_for
+from omniservo.planning.search.descent import descend, linearise, reached, room_for
 from omniservo.planning.search.path_family import (
     PathFamily,
     add_sample,

@@ -8,10 +8,11 @@ import math
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
+from omniservo.geometry.vectors import fill
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import AT, place
 from omniservo.planning.constraints.push import ASLEEP, Samples
-from omniservo.planning.search.descent import Room, fill, push_all
+from omniservo.planning.search.descent import Room, push_all
 from omniservo.planning.search.path_family import PathFamily, path_controls
 
 TOUCH = 1e-8

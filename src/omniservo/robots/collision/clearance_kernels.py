@@ -10,7 +10,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel, leaf
-from omniservo.geometry.polynomial import copy_into
+from omniservo.geometry.vectors import copy_into
 from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece, rounding
 from omniservo.robots.collision.gap_search import widen
 from omniservo.robots.collision.shapes import PlacedShapes, Shapes

@@ -9,7 +9,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.polynomial import copy_into
+from omniservo.geometry.vectors import copy_into
 from omniservo.robots.kinematics.chain import Chain, least_motion, miss
 
 STARTS = 64
