@@ -52,7 +52,14 @@ def test_normals_become_unit_and_arrays_read_only():
         dots.centers[0, 0] = 1.0
 
 
-@pytest.mark.parametrize("bad", [{"rate": 0}, {"latency": -0.1}, {"noise": np.nan}, {"blur": np.inf}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        *({"rate": 0}, {"latency": -0.1}, {"noise": np.nan}, {"blur": np.inf}, {"readout": np.nan}),
+        *({"exposure": -1}, {"exposure": 0.1}, {"gain": -1}, {"vignetting": 1.1}, {"defocus": np.inf}),
+        *({"jpeg": 0}, {"jpeg": 80.5}, {"latency": 0.01, "readout": 0.03}),
+    ],
+)
 def test_impossible_sensor_is_refused(bad):
     with pytest.raises(InputError, match=f"sensor: {next(iter(bad))}"):
         Sensor(**bad)

@@ -6,9 +6,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.scenes import Ball, Panel
+from omniservo.scenes import Ball, Light, Panel
 from omniservo.simulation import OutsideView, UnifiedRenderer, Viewpoint, World
-from omniservo.simulation.ray_caster import daylight
 
 RNG = np.random.default_rng(8)
 CELLS = np.kron(np.pad(RNG.integers(0, 2, (6, 6)), 1), np.ones((4, 4))).astype(float)
@@ -35,7 +34,7 @@ def picture_of(make_scene, fisheye):
         scene = make_scene(camera=camera, panels=placed, boards=(), dots=None, floor=None, **more)
         image = UnifiedRenderer(World(scene)).render(base.start_joints)
         face = placed[0].world_T_panel.rotation.apply([[0.0, 0.0, -1.0]])
-        return image / daylight(face)
+        return image / Light().share(face)
 
     return render
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception import tag_cells, tag_picture
 from omniservo.perception.tag_picture import QUIET_CELLS
-from omniservo.scenes.scene import Panel
+from omniservo.scenes.panel import Panel
 from omniservo.scenes.textures import texture
 from omniservo.tasks.target import MOST_FACES, TagSection, TargetSection, TexturedFace
 

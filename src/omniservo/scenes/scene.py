@@ -12,9 +12,14 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.robots import Arm
+from omniservo.scenes.lens_error import LensError
+from omniservo.scenes.light import Light
+from omniservo.scenes.panel import Panel
+from omniservo.scenes.sensor import Sensor
 
 Colour: TypeAlias = tuple[float, float, float]
 """Linear red, green, blue in [0, 1]; the camera on the flange sees its luminance."""
@@ -110,62 +115,6 @@ class Dots:
 
 
 @dataclass(frozen=True)
-class Panel:
-    """A flat printed picture. Like a dot it has no body of its own: it cannot be touched.
-
-    Its frame lies in the middle of its face, as a viewer sees it: x right, y down in the picture, z into the
-    panel. From behind and from the side it is white card.
-    """
-
-    name: str
-    """unique in its scene"""
-    world_T_panel: RigidTransform
-    size: FloatArray
-    """(2,) width along x, height along y [m]"""
-    picture: FloatArray
-    """(rows, columns) linear grey in [0, 1]; each entry fills its rectangle of the face evenly"""
-
-    def __post_init__(self) -> None:
-        size = finite_array(f"panel {self.name!r}: size", self.size, (2,))
-        if size.min() < _SHORTEST:
-            raise InputError(
-                f"panel {self.name!r}: size {size.min():g} m given; at least {_SHORTEST:g} is needed"
-            )
-        picture = finite_array(f"panel {self.name!r}: picture", self.picture, (None, None))
-        if not picture.size or picture.min() < 0.0 or picture.max() > 1.0:
-            raise InputError(f"panel {self.name!r}: picture must hold greys between 0 and 1, at least one")
-        object.__setattr__(self, "size", frozen(size))
-        object.__setattr__(self, "picture", frozen(picture))
-
-    @property
-    def corners(self) -> FloatArray:
-        """(4, 3) corners in the world [m]: top left, top right, bottom right, bottom left of the picture."""
-        signs = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-        corners: FloatArray = self.world_T_panel.apply(signs * [*self.size, 0.0])
-        return corners
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """How the camera on the flange delivers images."""
-
-    rate: float = 30.0
-    """frames per second [Hz]"""
-    latency: float = 0.02
-    """from exposure to delivery [s]"""
-    noise: float = 2.0
-    """standard deviation of the grey values, of 255"""
-    blur: float = 0.4
-    """standard deviation of the lens's point spread [px]"""
-
-    def __post_init__(self) -> None:
-        finite_number("sensor: rate", self.rate, above=0.0, maximum=1000.0)
-        finite_number("sensor: latency", self.latency, minimum=0.0)
-        finite_number("sensor: noise", self.noise, minimum=0.0)
-        finite_number("sensor: blur", self.blur, minimum=0.0)
-
-
-@dataclass(frozen=True)
 class Scene:
     """The whole world of one task."""
 
@@ -174,6 +123,7 @@ class Scene:
     """the arm's foot"""
     flange_T_camera: RigidTransform
     camera: UnifiedCamera
+    """what whoever works with the pictures is told"""
     start_joints: FloatArray
     """(n,) [rad], within the arm's range"""
     sensor: Sensor = field(default_factory=Sensor)
@@ -187,16 +137,32 @@ class Scene:
     """what else stands around: tables, walls"""
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
+    true_camera: CentralModel | None = None
+    """whose pictures are taken, of the same size; None: `camera`"""
+    lens_error: LensError | None = None
+    """where the pictures are displaced against that model's"""
+    lights: tuple[Light, ...] = (Light(),)
+    """as they shine one after the other, by `Light.since`"""
 
     def __post_init__(self) -> None:
         joints = finite_array("scene: start_joints", self.start_joints, (self.arm.dof,))
         if not self.arm.within_limits(joints):
             raise InputError(f"scene: start_joints {np.rad2deg(joints).round(1)} deg leave the arm's range")
         object.__setattr__(self, "start_joints", frozen(joints))
+        if self.true_camera is not None:
+            sizes = [(lens.width, lens.height) for lens in (self.true_camera, self.camera)]
+            if sizes[0] != sizes[1]:
+                raise InputError(f"scene: true_camera: {_size(sizes[0])} given; camera has {_size(sizes[1])}")
+        if not self.lights or self.lights[0].since > 0.0 or list(self.lights) != sorted(self.lights):
+            raise InputError("scene: lights: one since 0 s is needed, and later ones in their order")
         names = [body.name for body in (*self.bodies, *self.panels)]
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
+
+    def light_at(self, time: float) -> Light:
+        """Return the light that shines at ``time`` [s] on the clock of whoever takes pictures."""
+        return [light for light in self.lights if light.since <= max(time, 0.0)][-1]
 
     @property
     def bodies(self) -> tuple[SceneBox | Ball, ...]:
@@ -222,3 +188,7 @@ def _check_colour(name: str, colour: Colour) -> None:
     values = finite_array(f"{name}: colour", colour, (3,))
     if values.min() < 0.0 or values.max() > 1.0:
         raise InputError(f"{name}: colour {colour} given; red, green and blue lie between 0 and 1")
+
+
+def _size(size: tuple[int, int]) -> str:
+    return f"{size[0]} × {size[1]} px"

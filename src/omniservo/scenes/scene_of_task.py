@@ -19,8 +19,8 @@ from omniservo.scenes.scene import (
     Dots,
     Scene,
     SceneBox,
-    Sensor,
 )
+from omniservo.scenes.sensor import Sensor
 from omniservo.tasks import Block, Task
 
 
@@ -41,14 +41,13 @@ def scene_of_task(task: Task) -> Scene:
         start = arm.inverse_near(world_T_base.inv() * world_T_initial * flange_T_camera.inv(), near)
     except InputError as error:
         raise InputError(f"start.world_T_camera: {error}") from None
-    sensor = task.sensor
     return Scene(
         arm=arm,
         world_T_base=world_T_base,
         flange_T_camera=flange_T_camera,
         camera=task.camera,
         start_joints=start,
-        sensor=Sensor(sensor.rate, sensor.latency, sensor.noise, sensor.blur),
+        sensor=Sensor(**task.sensor.model_dump()),
         dots=_dots(task, world_T_initial),
         panels=panels_of_target(task.target, world_T_initial),
         boards=_boxes("board", task.target.boards, world_T_initial, BOARD_COLOUR),

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.geometry.kernel import leaf
-from omniservo.scenes.scene import Panel
+from omniservo.scenes.panel import Panel
 
 _LEAST_SIDE = 0.01  # [picture elements] a smaller rectangle's sum would drown in rounding
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.simulation.ray_caster import RayCaster
+from omniservo.simulation.true_lens import TrueLens
 from omniservo.simulation.world import World
 
 
@@ -21,7 +22,7 @@ def points_under(world: World, joints: FloatArray, pixels: FloatArray) -> FloatA
     """
     caster = RayCaster(world, sees_camera=False)
     pose = world.world_T_camera(caster.pose_arm(joints))
-    bearings, valid = world.scene.camera.unproject(pixels)
+    bearings, valid = TrueLens(world.scene).unproject(pixels)
     directions = pose.rotation.apply(np.where(valid[:, None], bearings, [0.0, 0.0, 1.0]))
     origin = np.array(pose.translation)
     _, distances, _ = caster.cast(origin, np.ascontiguousarray(directions))

@@ -1,4 +1,4 @@
-"""Rays from one point into the world: which geom each one meets first, and how bright it is there."""
+"""Rays from one point into the world: which geom each one meets first."""
 
 from __future__ import annotations
 
@@ -16,9 +16,6 @@ MISS = -1
 """Geom number of a ray that meets nothing."""
 
 _FARTHEST = 1e6  # [m]
-_LIGHT = np.array([-0.55, 0.25, 0.80])
-_TO_LIGHT = _LIGHT / np.linalg.norm(_LIGHT)
-_AMBIENT = 0.68
 _GEOM_GROUPS = 6
 _ROOM = 1.0 + 1e-9
 """A ball's radius is rounded; what lies on it is met."""
@@ -117,14 +114,3 @@ def _for_rays(model: Any, groups: NDArray[np.uint8]) -> Any:
     passed = np.setdiff1d(np.arange(model.nbody), model.geom_bodyid[seen])
     model.body_geomnum[passed], model.body_bvhadr[passed] = 0, -1
     return model
-
-
-def daylight(normals: FloatArray) -> FloatArray:
-    """Return the share (n,) in (0, 1] of its own grey that a matt surface with these normals (n, 3) shows.
-
-    Ambient light and a far lamp: a + (1 − a) max(0, n·l), with l above and behind the arm, so that boards
-    facing the arm are bright.
-    """
-    lit = np.maximum(np.einsum("ij,j->i", normals, _TO_LIGHT), 0.0)  # BLAS would start threads here
-    shares: FloatArray = _AMBIENT + (1.0 - _AMBIENT) * lit
-    return shares

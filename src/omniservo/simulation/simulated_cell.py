@@ -11,6 +11,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.scenes import Ball, SceneBox, scene_of_task
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.simulated_truth import SimulatedTruth
+from omniservo.simulation.true_scene import light_of, true_scene
 from omniservo.tasks import Task
 
 
@@ -27,8 +28,11 @@ class SimulatedCell:
 
     def __init__(self, task: Task, seed: int = 0) -> None:
         self.scene = scene_of_task(task)
-        """as the task describes it; the arm stands in its start joints"""
-        self.robot = SimulatedRobot(self.scene, seed=seed)
+        """as the task tells of it; the arm stands in its start joints"""
+        truth = true_scene(task, self.scene)
+        light = task.simulation.goal_light
+        self._goal_light = truth.lights[0] if light is None else light_of(light)
+        self.robot = SimulatedRobot(truth, seed=seed)
         """arm and camera in one"""
         self.truth = SimulatedTruth(self.robot)
         """what the simulator knows"""
@@ -48,12 +52,13 @@ class SimulatedCell:
         self.robot.advance(duration)
 
     def bring_arm_to(self, joints: FloatArray) -> None:
-        """Put the arm to rest in these joints (n,) [rad] at once, at time 0.
+        """Put the arm to rest in these joints (n,) [rad] at once, at time 0, to teach a goal in its light.
 
         Raises:
             InputError: wrong shape, not finite, or outside the arm's range.
         """
         self.robot.place(joints)
+        self.robot.light_up(self._goal_light)
 
     def move_obstacles(self, numbers: Sequence[int], by: FloatArray) -> None:
         """Put the scene's obstacles of these numbers elsewhere, at once, by (3,) [m] in the world."""

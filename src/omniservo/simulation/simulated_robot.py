@@ -15,8 +15,9 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots import CameraImage, RobotState
+from omniservo.scenes.light import Light
 from omniservo.scenes.scene import Ball, Scene, SceneBox
-from omniservo.simulation.unified_renderer import UnifiedRenderer
+from omniservo.simulation.unified_renderer import JointsAt, UnifiedRenderer
 from omniservo.simulation.world import TICK, World
 
 _RAMP = 0.99
@@ -34,8 +35,9 @@ class SimulatedRobot:
     Velocity commands pass the drives' acceleration limits, become joint set points, and a stiff position
     loop that knows the arm's masses follows them, so that speeds and accelerations of the joints themselves
     keep their limits at every millisecond; only a joint that is driven to the end of its range stands at
-    once. Frame k is exposed at the tick nearest to k / rate, shows the joints of exactly that tick, carries
-    its time, and can be read from latency later on. Its noise depends on seed and k alone.
+    once. Frame k is exposed round the tick nearest to k / rate, as its `Sensor` says along the joints' own
+    motion; it carries the time of that tick, and can be read from latency later on. Before time 0 the arm
+    stood still. Its noise depends on seed and k alone.
     """
 
     def __init__(self, scene: Scene, seed: int = 0, *, rendered: bool = True) -> None:
@@ -72,6 +74,11 @@ class SimulatedRobot:
         self._command = np.zeros_like(q)
         self._contacts = self.world.touching(self._data)
         self._exposed: dict[float, tuple[FloatArray, World]] = {}
+        kept = math.ceil((self._scene.sensor.latency + self._scene.sensor.half_span) / TICK) + 2
+        self._joints: deque[FloatArray] = deque(maxlen=kept)
+        """of the last ticks"""
+        self._motion: JointsAt | None = None
+        """of the delivered frame"""
         self._waiting: deque[tuple[int, int]] = (
             deque()
         )  # exposure tick and number of frames not yet delivered
@@ -100,7 +107,8 @@ class SimulatedRobot:
             if self._renderer is None or self._renderer.world is not world:
                 self._renderer = UnifiedRenderer(world)
             noise = np.random.default_rng([self._seed, number])
-            pixels = self._renderer.photograph(joints, noise)
+            light = self._scene.light_at(tick * TICK)
+            pixels = self._renderer.photograph(self._motion or joints, noise, light)
             self._picture = CameraImage(tick * TICK, pixels)
         return self._picture
 
@@ -137,6 +145,10 @@ class SimulatedRobot:
         while self._due >= 1.0 - _ROUNDING:
             self._due -= 1.0
             self._step()
+
+    def light_up(self, light: Light) -> None:
+        """Let this light alone shine from now on."""
+        self._scene = replace(self._scene, lights=(replace(light, since=0.0),))
 
     def rearrange(self, obstacles: Sequence[SceneBox | Ball]) -> None:
         """Put the scene's obstacles elsewhere, at once; the arm moves on. Earlier exposures show them before.
@@ -200,6 +212,7 @@ class SimulatedRobot:
     def _expose(self) -> None:
         """Record the joints if a frame is exposed at this tick; deliver frames whose latency has passed."""
         sensor = self._scene.sensor
+        self._joints.append(self._data.qpos.copy())
         number = round(self.time * sensor.rate)
         if round(number / sensor.rate / TICK) == self._tick:
             self._exposed[self.time] = self._data.qpos.copy(), self.world
@@ -207,3 +220,14 @@ class SimulatedRobot:
         latency = math.ceil(sensor.latency / TICK - _ROUNDING)
         while self._waiting and self._waiting[0][0] + latency <= self._tick:
             self._delivered = self._waiting.popleft()
+            self._motion = self._motion_round(self._delivered[0]) if sensor.half_span > 0.0 else None
+
+    def _motion_round(self, tick: int) -> JointsAt:
+        """Return the joints round a tick, from the last ticks' and, between them, from both neighbours'."""
+        joints = np.array(self._joints)
+        times = (np.arange(len(joints)) + self._tick + 1 - len(joints) - tick) * TICK
+
+        def joints_at(time: float) -> FloatArray:
+            return np.array([np.interp(time, times, angle) for angle in joints.T])
+
+        return joints_at

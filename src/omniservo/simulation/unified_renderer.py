@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras.image_mask import distance_beyond
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.scenes import Light
+from omniservo.simulation.exposure_times import exposure_times
 from omniservo.simulation.panel_pictures import Footprints, PanelPictures
 from omniservo.simulation.pixel_edges import differs_from_neighbour, fill_between_alike, sheared_grid
-from omniservo.simulation.ray_caster import MISS, RayCaster, daylight
-from omniservo.simulation.world import World
+from omniservo.simulation.ray_caster import MISS, RayCaster
+from omniservo.simulation.sensor_effects import grey_values
+from omniservo.simulation.true_lens import TrueLens
+from omniservo.simulation.world import ARM_GROUP, World
 
 DARK = 0.012
 """Linear grey outside the image circle, in the dead zone and in the mask."""
 
 BACKGROUND = 0.25
-"""Linear grey of rays that meet nothing."""
+"""Linear grey of rays that meet nothing, in a light of brightness 1."""
+
+MOVING_STEP = 0.5
+"""[px] Pictures of a moving camera are mixed of sharp ones so far apart."""
+STANDS_STILL = 0.1
+"""[px] A camera whose picture moves by less while it is taken counts as standing still."""
+
+JointsAt: TypeAlias = Callable[[float], FloatArray]
+"""From the time since an image's time stamp [s] to the joints (n,) [rad]"""
 
 _THREADS = 2
 _DOT_EDGE = 8  # rays per side of a pixel next to a dot: its centre is measured
@@ -29,7 +40,8 @@ _OTHER_EDGE = 2  # rays per side of a pixel on any other edge
 _TILES = 3  # per side of a pixel that sees nothing but one panel
 _CONTRAST = 0.01  # neighbouring greys that differ by more lie on an edge
 _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])  # [px] of a pixel's square
-_BLUR_REACH = 4.0  # standard deviations
+_LOOKS = 24  # pixels along a side of the image whose motion is asked for
+_MOST = 0.9  # share of them that move by less than what counts
 
 
 class _Sight(NamedTuple):
@@ -43,8 +55,22 @@ class _Sight(NamedTuple):
     """(…) index of the panel whose picture is met, −1 for none"""
 
 
+class _Look(NamedTuple):
+    """From where, in what light, and through which rows of pixels is looked."""
+
+    pose: RigidTransform
+    light: Light
+    rows: slice
+    fineness: int
+    """rays and tiles per side of a pixel are these many times fewer"""
+
+    def per_side(self, full: int) -> int:
+        """Return how many go along a side of a pixel where ``full`` would of a camera that stands still."""
+        return max(full // self.fineness, 1)
+
+
 class UnifiedRenderer:
-    """Renders a world through its unified camera, exact for every ξ: each ray starts at the camera's centre.
+    """Renders a world through its camera's true lens, exact for every one: each ray starts at its centre.
 
     A pixel shows the mean linear intensity over its square; pixels that the camera cannot unproject
     (outside the image circle or the model's domain), the dead zone and the mask are dark. The camera does
@@ -55,122 +81,157 @@ class UnifiedRenderer:
         """Prepare the rays of all pixels, and two threads."""
         self.world = world
         """as given"""
-        self._camera = world.scene.camera
+        self._lens = TrueLens(world.scene)
         self._casters = [RayCaster(world, sees_camera=False) for _ in range(_THREADS)]
         self._is_dot = np.zeros(world.model.ngeom + 1, dtype=bool)  # the last entry answers for MISS = -1
         self._is_dot[world.dot_geoms] = True
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="ray")
-        u, v = np.meshgrid(np.arange(self._camera.width), np.arange(self._camera.height))
+        camera = world.scene.camera
+        u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         pixels = np.stack([u, v], axis=-1).astype(np.float64)
-        bearings, self._lit = self._sightlines(pixels)
-        self._bearings = bearings.reshape(-1, 3)
-        between = self._lit.copy()
-        between[::2, ::2] = False
-        self._between, self._nodes = between, np.flatnonzero(self._lit & ~between)
+        self._bearings, self._lit = self._lens.sightlines(pixels)
+        self._between = self._lit.copy()
+        self._between[::2, ::2] = False
         self._rim = differs_from_neighbour(self._lit)
         if world.scene.panels:
             self._pictures = PanelPictures(world.scene.panels)
-            self._footprints = Footprints(
-                bearings, self._slope(pixels, [0.5, 0.0]), self._slope(pixels, [0.0, 0.5])
-            )
+            right, down = (self._lens.slope(pixels, step) for step in ([0.5, 0.0], [0.0, 0.5]))
+            self._footprints = Footprints(self._bearings, right, down)
 
-    def render(self, q: FloatArray) -> FloatArray:
-        """Return the linear intensity (height, width) in [0, 1] on the sensor, without blur and noise.
+    def render(self, q: FloatArray, light: Light | None = None) -> FloatArray:
+        """Return the linear intensity (height, width) on a sensor that stands still, in the lens's focus.
 
         Args:
             q: (n,) joints at the exposure [rad].
+            light: in which the world is seen; None: the scene's first.
         """
-        for caster in self._casters:
-            pose = self.world.world_T_camera(caster.pose_arm(q))
-        image, is_dot, panels = self._first_look(pose)
-        fine = differs_from_neighbour(is_dot)
-        outline = self._outline(pose, panels) if self.world.scene.panels else np.zeros_like(fine)
-        printed = (panels >= 0) & ~outline
-        edge = (differs_from_neighbour(image, _CONTRAST) | self._rim) & ~printed
-        self._refine(image, pose, fine, _DOT_EDGE)
-        self._refine(image, pose, outline & ~fine, _PANEL_EDGE)
-        self._refine(image, pose, edge & ~outline & ~fine, _OTHER_EDGE)
-        if printed.any():
-            pixels = self._footprints.at(printed)
-            image[printed] *= self._printed(pose, panels[printed], pixels, _TILES)
+        return self._sharp(q, light or self.world.scene.lights[0], slice(0, len(self._lit)), 1)
+
+    def expose(self, joints_at: JointsAt, light: Light | None = None) -> FloatArray:
+        """Return the linear intensity (height, width) on the sensor of a camera that may move meanwhile.
+
+        Each row shows the mean over its own exposure (`Sensor`). The picture is mixed of sharp ones
+        `MOVING_STEP` apart, between which it is taken to change evenly; of one alone where less than
+        `STANDS_STILL` changes. By how much it moves is what nine of ten pixels of a grid stay below.
+
+        Args:
+            joints_at: at any time from `Sensor.half_span` before the time stamp until that after it.
+            light: in which the world is seen; None: the scene's first.
+        """
+        sensor, light = self.world.scene.sensor, light or self.world.scene.lights[0]
+        span = sensor.half_span
+        moved = self._motion(joints_at(-span), joints_at(span)) if span > 0.0 else 0.0
+        if moved < STANDS_STILL:
+            return self.render(joints_at(0.0), light)
+        height = len(self._lit)
+        image = np.zeros(self._lit.shape)
+        times, weights = exposure_times(sensor, height, int(np.ceil(moved / MOVING_STEP)))
+        for time, weight in zip(times, weights, strict=True):
+            if not weight.any():  # between two rows
+                continue
+            seeing = np.flatnonzero(weight)
+            rows = slice(int(seeing[0]), int(seeing[-1]) + 1)
+            image[rows] += weight[rows, None] * self._sharp(joints_at(time), light, rows, 2)
         return image
 
-    def _first_look(self, pose: RigidTransform) -> _Sight:
-        """What the pixels' centres meet, as images (height, width).
+    def photograph(
+        self, joints: FloatArray | JointsAt, noise: np.random.Generator, light: Light | None = None
+    ) -> ByteArray:
+        """Return the grey values (height, width) that the camera delivers.
+
+        Args:
+            joints: (n,) of an arm that stands still [rad], or as `expose` takes them.
+            noise: source of the sensor's noise.
+            light: in which the world is seen; None: the scene's first.
+        """
+        image = self.expose(joints, light) if callable(joints) else self.render(joints, light)
+        return grey_values(image, self.world.scene.sensor, noise)
+
+    def _motion(self, before: FloatArray, after: FloatArray) -> float:
+        """Return by how much most of what stands still moves in the image between two postures [px]."""
+        camera = self.world.scene.camera
+        u, v = (np.linspace(0.0, side - 1.0, _LOOKS) for side in (camera.width, camera.height))
+        pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        caster = self._casters[0]
+        first, last = (self.world.world_T_camera(caster.pose_arm(q)) for q in (before, after))
+        bearings, lit = camera.unproject(pixels)
+        directions = last.rotation.apply(bearings[lit])
+        geoms, distances, _ = caster.cast(np.array(last.translation), np.ascontiguousarray(directions))
+        still = (geoms == MISS) | (self.world.model.geom_group[geoms] != ARM_GROUP)
+        distances = np.where(distances >= 0.0, distances, 1e3)[still, None]
+        moved, seen = camera.project(first.inv().apply(last.translation + distances * directions[still]))
+        lengths = np.linalg.norm((moved - pixels[lit][still])[seen], axis=1)
+        return float(np.quantile(lengths, _MOST)) if len(lengths) else 0.0
+
+    def _sharp(self, q: FloatArray, light: Light, rows: slice, fineness: int) -> FloatArray:
+        """Return the linear intensity (rows, width) of some rows, as `render` has them."""
+        for caster in self._casters:
+            pose = self.world.world_T_camera(caster.pose_arm(q))
+        first = max(rows.start // 2 * 2 - 2, 0)  # neighbours, and whole squares of four nodes
+        look = _Look(pose, light, slice(first, min(rows.stop + 3, len(self._lit))), fineness)
+        image, is_dot, panels = self._first_look(look)
+        fine = differs_from_neighbour(is_dot)
+        outline = self._outline(look, panels) if self.world.scene.panels else np.zeros_like(fine)
+        printed = (panels >= 0) & ~outline
+        edge = (differs_from_neighbour(image, _CONTRAST) | self._rim[look.rows]) & ~printed
+        wanted = np.zeros_like(fine)
+        wanted[rows.start - first : rows.stop - first] = True
+        self._refine(image, look, wanted & fine, _DOT_EDGE)
+        self._refine(image, look, wanted & outline & ~fine, _PANEL_EDGE)
+        self._refine(image, look, wanted & edge & ~outline & ~fine, _OTHER_EDGE)
+        printed &= wanted
+        if printed.any():
+            pixels = self._footprints_of(look).at(printed)
+            image[printed] *= self._printed(pose, panels[printed], pixels, look.per_side(_TILES))
+        return image[rows.start - first : rows.stop - first]
+
+    def _first_look(self, look: _Look) -> _Sight:
+        """What the pixels' centres meet, as images (rows, width).
 
         Every second pixel of every second row is cast first: where four neighbours of these meet the same,
         a flat face evenly lit or nothing, so do the pixels between.
         """
-        shape = self._lit.shape
-        sight = _Sight(np.full(shape, DARK), np.zeros(shape, dtype=bool), np.full(shape, -1))
-        self._look_at(sight, pose, self._nodes)
-        known = fill_between_alike(sight, self._lit)
-        self._look_at(sight, pose, np.flatnonzero(self._between & ~known))
+        lit, between = self._lit[look.rows], self._between[look.rows]
+        sight = _Sight(np.full(lit.shape, DARK), np.zeros(lit.shape, dtype=bool), np.full(lit.shape, -1))
+        self._look_at(sight, look, lit & ~between)
+        known = fill_between_alike(sight, lit)
+        self._look_at(sight, look, between & ~known)
         return sight
 
-    def _look_at(self, sight: _Sight, pose: RigidTransform, chosen: IntArray) -> None:
-        """Fill in what the centres of the chosen pixels, counted row by row, meet."""
-        for image, met in zip(sight, self._in_parallel(pose, self._bearings[chosen]), strict=True):
-            image.reshape(-1)[chosen] = met
+    def _look_at(self, sight: _Sight, look: _Look, chosen: BoolArray) -> None:
+        """Fill in what the centres of the chosen pixels (rows, width) meet."""
+        for image, met in zip(sight, self._in_parallel(look, self._bearings[look.rows][chosen]), strict=True):
+            image[chosen] = met
 
-    def photograph(self, q: FloatArray, noise: np.random.Generator) -> ByteArray:
-        """Return the sensor's grey values (height, width): blurred, with noise, rounded.
+    def _footprints_of(self, look: _Look) -> Footprints:
+        return Footprints(*(part[look.rows] for part in self._footprints))
 
-        Args:
-            q: (n,) joints at the exposure [rad].
-            noise: source of the sensor's noise.
-        """
-        sensor = self.world.scene.sensor
-        image = (255.0 * self.render(q)).astype(np.float32)
-        if sensor.blur > 0.0:
-            image = gaussian_filter(image, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
-        if sensor.noise > 0.0:
-            image += np.float32(sensor.noise) * noise.standard_normal(image.shape, dtype=np.float32)
-        grey_values: ByteArray = np.clip(np.rint(image, out=image), 0.0, 255.0, out=image).astype(np.uint8)
-        return grey_values
-
-    def _sightlines(self, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Bearings (…, 3) of pixels (…, 2), and which of them see the world."""
-        bearings, valid = self._camera.unproject(pixels)
-        zone = self._camera.dead_zone
-        if zone is not None:
-            offsets = pixels - np.asarray(zone.center)
-            valid = valid & ((offsets**2).sum(axis=-1) > zone.radius**2)
-        if self._camera.mask:
-            valid = valid & (distance_beyond(self._camera.mask, pixels) > 0.0)
-        return bearings, valid
-
-    def _slope(self, pixels: FloatArray, step: list[float]) -> FloatArray:
-        """Change of the bearings (…, 3) over twice a step [px]; 0 where one side cannot be unprojected."""
-        ahead, ahead_valid = self._camera.unproject(pixels + step)
-        behind, behind_valid = self._camera.unproject(pixels - step)
-        return np.where((ahead_valid & behind_valid)[..., None], ahead - behind, 0.0)
-
-    def _outline(self, pose: RigidTransform, panels: IntArray) -> BoolArray:
-        """Which pixels see a panel (height, width) in a part of their square only."""
+    def _outline(self, look: _Look, panels: IntArray) -> BoolArray:
+        """Which pixels see a panel (rows, width) in a part of their square only."""
         outline = differs_from_neighbour(panels)
         rows, columns = np.nonzero(outline)
-        bearings, lit = self._sightlines(np.stack([columns, rows], axis=-1)[:, None, :] + _CORNERS)
+        pixels = np.stack([columns, rows + look.rows.start], axis=-1)
+        bearings, lit = self._lens.sightlines(pixels[:, None, :] + _CORNERS)
         seen = np.full(lit.shape, -1)
-        seen[lit] = self._in_parallel(pose, bearings[lit]).panels
+        seen[lit] = self._in_parallel(look, bearings[lit]).panels
         outline[outline] = (seen != panels[outline][:, None]).any(axis=1)
         return outline
 
-    def _refine(self, image: FloatArray, pose: RigidTransform, chosen: BoolArray, per_side: int) -> None:
+    def _refine(self, image: FloatArray, look: _Look, chosen: BoolArray, full: int) -> None:
         """Give the chosen pixels of the image the mean over a grid of rays, in place."""
+        per_side = look.per_side(full)
         rows, columns = np.nonzero(chosen)
-        bearings, lit = self._sightlines(
-            np.stack([columns, rows], axis=-1)[:, None, :] + sheared_grid(per_side)
-        )
+        pixels = np.stack([columns, rows + look.rows.start], axis=-1)
+        bearings, lit = self._lens.sightlines(pixels[:, None, :] + sheared_grid(per_side))
         greys = np.full(lit.shape, DARK)
-        sight = self._in_parallel(pose, bearings[lit])
+        sight = self._in_parallel(look, bearings[lit])
         greys[lit] = sight.greys
         if (sight.panels >= 0).any():
             printed = np.flatnonzero(sight.panels >= 0)
             at = np.flatnonzero(lit.ravel())[printed]
-            parent = self._footprints.at(chosen).at(at // per_side**2)
+            parent = self._footprints_of(look).at(chosen).at(at // per_side**2)
             rays = Footprints(bearings[lit][printed], parent.right / per_side, parent.down / per_side)
-            greys.ravel()[at] *= self._printed(pose, sight.panels[printed], rays, 1)
+            greys.ravel()[at] *= self._printed(look.pose, sight.panels[printed], rays, 1)
         image[chosen] = greys.mean(axis=1)
 
     def _printed(self, pose: RigidTransform, panels: IntArray, pixels: Footprints, tiles: int) -> FloatArray:
@@ -181,17 +242,17 @@ class UnifiedRenderer:
         )
         return np.concatenate(list(looks))
 
-    def _in_parallel(self, pose: RigidTransform, bearings: FloatArray) -> _Sight:
-        """What is seen along the bearings (n, 3) from the camera at ``pose``."""
-        world_R_camera = pose.rotation.as_matrix()
-        origin = np.array(pose.translation)
+    def _in_parallel(self, look: _Look, bearings: FloatArray) -> _Sight:
+        """What is seen along the bearings (n, 3)."""
+        world_R_camera, light = look.pose.rotation.as_matrix(), look.light
+        origin = np.array(look.pose.translation)
 
-        def look(caster: RayCaster, part: FloatArray) -> _Sight:
+        def seen_by(caster: RayCaster, part: FloatArray) -> _Sight:
             geoms, _, normals = caster.cast(origin, np.einsum("ij,kj->ik", part, world_R_camera))
             panels = self.world.panels_at(geoms, normals)
-            greys = np.where(panels >= 0, 1.0, self.world.luminance[geoms]) * daylight(normals)
-            greys[geoms == MISS] = BACKGROUND
+            greys = np.where(panels >= 0, 1.0, self.world.luminance[geoms]) * light.share(normals)
+            greys[geoms == MISS] = light.brightness * BACKGROUND
             return _Sight(greys, self._is_dot[geoms], panels)
 
-        parts = list(self._pool.map(look, self._casters, np.array_split(bearings, _THREADS)))
+        parts = list(self._pool.map(seen_by, self._casters, np.array_split(bearings, _THREADS)))
         return _Sight(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))

@@ -14,7 +14,8 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
 from omniservo.robots.collision.arm_bodies import MOUNTED
 from omniservo.robots.collision.plain import PLAIN
-from omniservo.scenes.scene import BOARD_COLOUR, Ball, Colour, Dots, Panel, Scene, SceneBox
+from omniservo.scenes.panel import Panel
+from omniservo.scenes.scene import BOARD_COLOUR, Ball, Colour, Dots, Scene, SceneBox
 
 TICK = 0.001
 """Physics step [s]."""

@@ -8,8 +8,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from omniservo.camera_files import load_camera, named_camera
+from omniservo.camera_files import load_camera, load_model, named_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
@@ -61,6 +62,9 @@ def _from_file(
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
     fields["camera"] = replacement or _camera(fields.get("camera"), files)
+    truth = fields.get("simulation")
+    if isinstance(truth, dict) and truth.get("true_camera") is not None:
+        fields["simulation"] = {**truth, "true_camera": _true_camera(truth["true_camera"], files)}
     fields["planning"] = with_obstacle_files(fields.get("planning", {}), files, context["length"])
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
@@ -74,22 +78,35 @@ def _from_file(
 
 
 def _camera(value: Any, files: TaskFiles) -> UnifiedCamera:
-    source = files.source
     if isinstance(value, dict):
-        return UnifiedCamera.from_dict(value, source=f"{source}: camera")
+        return UnifiedCamera.from_dict(value, source=f"{files.source}: camera")
+    found = _preset_or_file("camera", value, files)
+    return found if isinstance(found, UnifiedCamera) else load_camera(found)
+
+
+def _true_camera(value: Any, files: TaskFiles) -> CentralModel:
+    field = "simulation.true_camera"
+    if isinstance(value, dict):
+        return camera_from_dict(value, source=f"{files.source}: {field}")
+    found = _preset_or_file(field, value, files)
+    return found if isinstance(found, UnifiedCamera) else load_model(found)
+
+
+def _preset_or_file(field: str, value: Any, files: TaskFiles) -> UnifiedCamera | Path:
+    source = files.source
     if not isinstance(value, str):
         raise InputError(
-            f"{source}: camera: {value!r} given; legal: a preset's name, a calibration file, a camera"
+            f"{source}: {field}: {value!r} given; legal: a preset's name, a calibration file, a camera"
         )
     if value in PRESETS:
         return preset(value)
-    path = files.path("camera", value)
+    path = files.path(field, value)
     if not is_file(path):
         raise InputError(
-            f"{source}: camera: {spelled(value)} is neither a file nor a preset: {', '.join(PRESETS)}"
+            f"{source}: {field}: {spelled(value)} is neither a file nor a preset: {', '.join(PRESETS)}"
             f"{did_you_mean(value, PRESETS)}"
         )
-    return load_camera(path)
+    return path
 
 
 def _found_arm(

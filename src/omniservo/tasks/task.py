@@ -21,6 +21,8 @@ from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.placed import FramedBlock
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
 from omniservo.tasks.section import Section
+from omniservo.tasks.sensor import SensorSection
+from omniservo.tasks.simulation import SimulationSection
 from omniservo.tasks.target import TargetSection
 from omniservo.tasks.turned import Turned
 
@@ -38,19 +40,6 @@ class Pose(Turned):
     def transform(self) -> RigidTransform:
         """The pose as SciPy's RigidTransform."""
         return RigidTransform.from_components(np.asarray(self.translation), self.rotation)
-
-
-class SensorSection(Section):
-    """How the camera delivers images."""
-
-    rate: Annotated[FiniteFloat, Field(gt=0, le=1000)] = 30.0
-    """frames per second [Hz]"""
-    latency: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.02
-    """from exposure to delivery [s]"""
-    noise: Annotated[FiniteFloat, Field(ge=0, le=50)] = 2.0
-    """standard deviation of the grey values, of 255"""
-    blur: Annotated[FiniteFloat, Field(ge=0, le=5)] = 0.4
-    """standard deviation of the lens's point spread [px]"""
 
 
 class ArmMount(Section):
@@ -259,8 +248,20 @@ class Task(Section):
     scale: Scale
     planning: Planning = Planning()
     servo: Servo = Servo()
+    simulation: SimulationSection = SimulationSection()
+    """what the simulator alone knows: how its pictures differ from what the program takes them for"""
     moves: tuple[Move, ...] = ()
     """what is put elsewhere while the arm moves; the path is planned again then"""
+
+    @model_validator(mode="after")
+    def _true_camera_of_that_size(self) -> Task:
+        lens = self.simulation.true_camera
+        if lens is not None and (lens.width, lens.height) != (self.camera.width, self.camera.height):
+            raise ValueError(
+                f"simulation.true_camera: an image of {lens.width} × {lens.height} px given; legal: that of "
+                f"the camera, {self.camera.width} × {self.camera.height} px"
+            )
+        return self
 
     @model_validator(mode="after")
     def _scale_of_the_target(self) -> Task:
