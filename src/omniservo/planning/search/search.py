@@ -146,9 +146,8 @@ def search(
                 constraints, family, end_least, x, min(beat, facts[ENERGY])
             )
             if status == PROVEN:
-                turn, move = better_turn, better_move
                 write(x, optima[known])
-                known += 1
+                turn, move, known = better_turn, better_move, known + 1
         if proven == 1 or energy < facts[ENERGY]:
             rotation, translation = turn, move
             facts[NUMBER], facts[FOUND], facts[ENERGY], facts[WORST] = number, found, energy, smallest(least)
