@@ -31,9 +31,11 @@ class Commanding:
         self.points = self._start.inv().apply(scene.dots.centers)
         self.report, self.done = None, False
         self.error_px = 1.0
+        self.flow = 0.0
 
     def predict(self, time):
-        return np.zeros((9, 2)), np.ones(9, dtype=bool)
+        """Where all points move to the right."""
+        return np.tile([self.flow * time, 0.0], (9, 1)), np.ones(9, dtype=bool)
 
     def step(self, time, pixels, valid):
         self._count += 1
@@ -79,6 +81,20 @@ def test_a_twist_that_no_joints_follow_for_want_of_image_points_is_not_sent(run)
 
     stop, steps = run(lambda k: np.zeros(6), prepare=lose)
     assert (stop.reason, len(steps)) == ("feature_loss", 0)
+
+
+def test_points_lost_while_they_move_far_in_an_exposure_stop_by_the_name_of_motion_blur(run):
+    def lose(flow):
+        def prepare(controller, features):
+            features.seen, controller.flow = np.arange(9) < 3, flow
+
+        return prepare
+
+    fast, _ = run(lambda k: np.zeros(6), prepare=lose(400.0), exposure=0.03)
+    assert fast.reason == "motion_blur"
+    assert str(fast).startswith("motion blur: 12 px during the exposure of 30 ms; 3 of 9 points are seen")
+    slow, _ = run(lambda k: np.zeros(6), prepare=lose(60.0), exposure=0.03)
+    assert slow.reason == "feature_loss"
 
 
 def test_the_time_limit_stops(run):
