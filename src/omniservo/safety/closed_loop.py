@@ -162,7 +162,7 @@ def servo(
         while not controller.done:
             image = loop.next_image()
             if image.time - loop.start > time_limit:
-                raise TimeLimit(f"not at the goal after {time_limit:g} s")
+                raise TimeLimit(_not_there(time_limit, controller.report))
             on_step(loop.step(image))
     except BaseException as error:
         stop = as_stop(error)
@@ -265,6 +265,11 @@ class _Loop:
                 raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
             supervisor.wait(_TICK)
             waited += _TICK
+
+
+def _not_there(time_limit: float, report: ControllerReport | None) -> str:
+    off = "" if report is None else f": the points are {report.goal_error_px:.2f} px (rms) off the goal image"
+    return f"not at the goal after {time_limit:g} s{off}"
 
 
 def _refuse_wrong_points(pixels: FloatArray, valid: BoolArray, count: int) -> None:
