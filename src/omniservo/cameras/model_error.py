@@ -86,6 +86,9 @@ class ModelError:
         """Return the error with a distance ``rms_px`` [px] added in quadrature, half to each coordinate."""
         return ModelError(math.hypot(self.sigma_px, rms_px / math.sqrt(2.0)), self.length_px)
 
+    def __str__(self) -> str:
+        return f"{self.sigma_px:.2g} px (1σ), alike over {self.length_px:.0f} px"
+
     def to_dict(self) -> dict[str, float]:
         """Return σ and ℓ as they stand in a file."""
         return {"sigma_px": self.sigma_px, "length_px": self.length_px}
