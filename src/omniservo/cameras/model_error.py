@@ -61,15 +61,17 @@ class ModelError:
         if n == 0 or self.sigma_px == 0.0:
             return np.empty((0, n))
         left = np.full(n, self.sigma_px**2)
-        least, rows = NEGLIGIBLE * self.sigma_px**2, np.empty((n, n))
+        least, rows = NEGLIGIBLE * self.sigma_px**2, np.empty((min(n, 64), n))
         for k in range(n):
             pivot = int(np.argmax(left))
             if left[pivot] <= least:
                 return rows[:k].copy()
+            if k == len(rows):
+                rows = np.concatenate((rows, np.empty_like(rows)))
             row = self.covariance(pixels[pivot : pivot + 1], pixels)[0] - rows[:k, pivot] @ rows[:k]
             rows[k] = row / math.sqrt(left[pivot])
             left -= np.square(rows[k])
-        return rows
+        return rows[:n].copy()
 
     def moves(self, pixels: FloatArray) -> FloatArray:
         """Return independent errors (2k, n, m) [px] of points' pixels (n, m), u and v in turn along m.

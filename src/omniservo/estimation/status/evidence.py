@@ -81,11 +81,12 @@ def judge(
 ) -> tuple[Status, str]:
     """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose.
 
-    ``camera_error_px`` is the σ of the camera's model error: neighbours within it may be alike.
+    ``camera_error_px`` is the σ of the camera's model error: no residuals tell of less noise, since motion
+    and structure take most of it up, and neighbours within it may be alike.
     """
     members = matches.where(fit.members)
     freedom = members.size - MOTION_PARAMETERS
-    variance = noise_variance(fit.cost, freedom, members.noise_px)
+    variance = max(noise_variance(fit.cost, freedom, members.noise_px), camera_error_px**2)
     simple = simpler_model(members, variance, fit.cost)
     if simple is None and robust and matches.size >= EIGHT_POINTS:
         simple = _bulk_model(fit, matches, math.sqrt(variance))
