@@ -20,6 +20,7 @@ from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
+from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.robust.vouched_fit import vouched_fit
@@ -54,6 +55,8 @@ RAISE = 2.0
 
 UNDETERMINED = "the matches do not determine the motion"
 NO_MINIMUM = "the refinement on the virtual plane found no minimum"
+
+CONTRADICTED = "the residuals contradict the stated errors of pixels and camera"
 
 FEW_TO_RAISE = 3 * MOTION_PARAMETERS
 ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
@@ -122,7 +125,7 @@ def estimate_two_view(
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
-    return _estimate_general(matches, plane, robust, request, started)
+    return _estimate_few(matches, plane, robust, request, started)
 
 
 def _check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
@@ -265,6 +268,26 @@ def _estimate_general(
     return _with_pose(matches, plane, fit, request, started)
 
 
+def _estimate_few(
+    matches: Matches,
+    plane: tuple[Matches, FloatArray] | None,
+    robust: bool,
+    request: TwoViewRequest,
+    started: float,
+) -> TwoViewEstimate:
+    """Estimate; few matches of a real camera with the pixels' own noise in gates first.
+
+    What the camera's error allows a match, motion and structure mostly take up. In gates it is room for a
+    wrong match, which of few decides the motion. It is given where they agree in no other way.
+    """
+    if matches.size <= FEW_POINTS and request.may_raise(robust) and not len(request.squares):
+        narrow = matches.noisier(float(np.median(np.asarray(request.noise))) / matches.noise_px)
+        found = _estimate_general(narrow, plane, robust, request._replace(is_last=True), started)
+        if (found.status == "ok" and not found.message) or found.status == "ambiguous":
+            return found
+    return _estimate_general(matches, plane, robust, request, started)
+
+
 def _with_pose(
     matches: Matches,
     plane: tuple[Matches, FloatArray] | None,
@@ -292,10 +315,10 @@ def _with_pose(
     residuals = np.empty_like(matches.pixels)
     write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
     square, weighted = residual_sums(residuals, matches.weights, fit.members)
-    known, shares, words = _noise(matches, fit, request, weighted)
+    known, shares, raised, words = _noise(matches, fit, request, weighted)
     if words and members.size < FEW_TO_RAISE:
         return TwoViewEstimate.without_pose(n, "not_converged", f"{words}; {ONE_WRONG}", started)
-    rivals = fit.minima[1:] if plane is None else None
+    rivals, lens = fit.minima[1:] if plane is None else None, request.lens._replace(factor=raised)
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
 
@@ -305,7 +328,7 @@ def _with_pose(
         if shares is not None:
             alone = linear_response(*arrays, seen * shares, *solution, length.between)
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
-        return two_view_uncertainty(members, rivals, response, alone, solution, *sigmas, length, request.lens)
+        return two_view_uncertainty(members, rivals, response, alone, solution, *sigmas, length, lens)
 
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
@@ -329,10 +352,11 @@ def _with_pose(
 
 def _noise(
     matches: Matches, fit: TwoViewFit, request: TwoViewRequest, weighted: float
-) -> tuple[Noise, FloatArray | None, str]:
+) -> tuple[Noise, FloatArray | None, float, str]:
     """Return what the members' Σ w²r² [px²], and rejected matches that belong to it, tell of the noise.
 
-    Beside it what part of their σ (m, 8) is the pixels' own, None: all; and a sentence where it was raised.
+    Beside it what part of their σ (m, 8) is the pixels' own, None: all; by which factor stated errors are
+    raised; and a sentence that says so.
     """
     members, best = matches.where(fit.members), fit.minima[0]
     freedom = members.size - MOTION_PARAMETERS
@@ -340,17 +364,15 @@ def _noise(
     tail, more = tail_of(matches, fit, sigma)
     known = Noise.of(weighted + tail, freedom + more, matches.noise_px or None)
     if request.lens.error is None:
-        return known, None, ""
+        return known, None, 1.0, ""
     stated = None if request.noise is None else request.noise[fit.members]
     moves = request.lens.moves(members)
     found = pixel_noise(members, (best.rotation, best.translation), moves, stated, weighted)
     shares, raised = np.repeat(found.shares, 4, axis=1), found.raised * request.raised
     if raised == 1.0:
-        return known, shares, ""
-    words = (
-        f"the residuals contradict the stated noise of the pixels, which is taken {raised:.2g} times as large"
-    )
-    return known._replace(freedom=min(known.freedom, float(freedom))), shares, words
+        return known, shares, 1.0, ""
+    words = f"{CONTRADICTED}, which are taken {raised:.2g} times as large"
+    return Noise(matches.noise_px**2, float(freedom)), shares, raised, words
 
 
 @dataclass

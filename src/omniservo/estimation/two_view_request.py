@@ -30,6 +30,8 @@ class TwoViewRequest(NamedTuple):
 
     raised: float = 1.0
     """by which factor matches' whole noise was raised, since they would not agree"""
+    is_last: bool = False
+    """The matches' noise is not to be changed again."""
 
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""
@@ -37,11 +39,13 @@ class TwoViewRequest(NamedTuple):
 
     def may_raise(self, robust: bool) -> bool:
         """Tell whether the stated noise may be raised: once, and where the camera is a real one."""
-        return robust and self.noise is not None and self.lens.error is not None and self.raised == 1.0
+        return robust and self.noise is not None and self.lens.error is not None and not self.is_last
 
     def noisier(self, factor: float) -> TwoViewRequest:
         """Return the request with the pixels' stated noise so many times as large."""
-        return self._replace(noise=None if self.noise is None else factor * self.noise, raised=factor)
+        return self._replace(
+            noise=None if self.noise is None else factor * self.noise, raised=factor, is_last=True
+        )
 
     def windows_of(self, members: BoolArray) -> FloatArray | None:
         """Return the members' windows (m,) [px]; None: they err alone."""

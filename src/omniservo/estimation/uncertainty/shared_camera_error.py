@@ -31,7 +31,8 @@ class PixelNoise(NamedTuple):
     shares: FloatArray
     """(n, 2) its σ in either image over that of the whole, by which matches are weighted"""
     raised: float
-    """by which factor the stated noise was raised, since residuals contradict it; 1: it was not"""
+    """by which factor stated noise and camera error are too small, since residuals contradict them: these do
+    not tell which of both; 1: they do not"""
 
 
 def epipolar_normals(
@@ -86,6 +87,5 @@ def pixel_noise(
     spread = 2.0 * (float(alone @ alone) + 2.0 * float(alone @ np.square(lens).sum(1)) + np.sum(inner**2))
     if weighted <= expected + LARGEST_EXCESS * math.sqrt(spread):
         return PixelNoise(shares, 1.0)
-    more = (weighted - expected) / (members.noise_px**2 * float(left.sum()))
-    raised = np.sqrt(shares**2 + more)
-    return PixelNoise(raised, float(np.median(raised / shares)))
+    raised = math.sqrt(weighted / expected)
+    return PixelNoise(raised * shares, raised)

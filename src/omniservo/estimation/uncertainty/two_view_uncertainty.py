@@ -68,6 +68,8 @@ class Lens(NamedTuple):
     camera: UnifiedCamera
     directions: FloatArray
     """(q, p) independent, one σ each"""
+    factor: float = 1.0
+    """by which the model's error is taken larger than stated, since residuals ask for it"""
 
     @classmethod
     def of(cls, camera: UnifiedCamera, covariance: npt.ArrayLike | None) -> Lens:
@@ -95,7 +97,9 @@ class Lens(NamedTuple):
 
     def moves(self, members: Matches) -> FloatArray:
         """Return the model's independent errors (f, n, 4) [px] at the pixels of both images."""
-        return np.empty((0, members.size, 4)) if self.error is None else self.error.moves(members.pixels)
+        if self.error is None:
+            return np.empty((0, members.size, 4))
+        return self.factor * self.error.moves(members.pixels)
 
     def all_pixels(self, members: Matches, solution: Solution) -> tuple[FloatArray, FloatArray]:
         """Return what parameters and model error do to pixels (q, n, 4) [px], and the parameters (q, p)."""
