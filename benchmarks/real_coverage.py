@@ -28,11 +28,13 @@ from typing import Any
 
 import cv2
 import numpy as np
+from benchmarks.calibration_accuracy import Corners, real_sets
 from scipy.spatial.transform import RigidTransform
 from scipy.stats import chi2
 
 from omniservo import UnifiedCamera, calibrate_camera, estimate_pose, estimate_two_view
 from omniservo.calibration import Calibration
+from omniservo.camera_files.usual_error import usual_error
 from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.files.image_files import read_grey_image
@@ -206,12 +208,26 @@ def natural(camera: UnifiedCamera, data: RealSet, one: str, other: str) -> Match
     return found.where(np.flatnonzero(off))
 
 
-def estimates(
-    data: RealSet, found: Calibration, whose: str
-) -> Iterator[tuple[str, int, TwoViewEstimate, tuple[RigidTransform, FloatArray]]]:
-    """Give (pair, matches, estimate, truth) of all pairs of a set with its own calibration."""
+def calibrated_camera(found: Calibration, source: str) -> tuple[UnifiedCamera, dict[str, Any]]:
+    """Return the set's camera and what `estimate_two_view` is told beside it.
+
+    ``source`` "calibration": as `calibrate_camera` gives it, with its covariance. "file": the same numbers as
+    another program would have left them in a file, with the usual model error and no covariance.
+    """
     camera = found.camera
     assert camera is not None
+    if source == "calibration":
+        return camera, {"calibration_covariance": found.covariance}
+    fields = {**camera.to_dict(), "model_error": None}
+    error = usual_error(UnifiedCamera.from_dict(fields), {})
+    return UnifiedCamera.from_dict({**fields, "model_error": error.to_dict()}), {}
+
+
+def estimates(
+    data: RealSet, found: Calibration, whose: str, source: str
+) -> Iterator[tuple[str, int, TwoViewEstimate, tuple[RigidTransform, FloatArray]]]:
+    """Give (pair, matches, estimate, truth) of all pairs of a set with its own calibration."""
+    camera, known = calibrated_camera(found, source)
     if whose == "given":
         camera = UnifiedCamera.from_dict({**camera.to_dict(), "max_angle": None})
     for one, other in itertools.combinations(data.images, 2):
@@ -230,46 +246,59 @@ def estimates(
                 continue
             initial, goal = matched.initial, matched.goal
             options = {"noise": matched.noise, "windows": matched.window}
-        estimate = estimate_two_view(
-            camera, initial, goal, calibration_covariance=found.covariance, **options
-        )
+        estimate = estimate_two_view(camera, initial, goal, **known, **options)
         yield name, len(initial), estimate, data.truth(one, other)
 
 
 def rows(verbose: bool = False) -> Iterator[str]:
     """Give the table, row by row."""
     yield (
-        "| set | matches | pairs | answered | refused as | rotation median / worst [°] "
+        "| camera | set | matches | pairs | answered | refused as | rotation median / worst [°] "
         "| direction median / worst [°] | ≤ 1° and ≤ 3° | in σ | 50% holds | 95% holds |"
     )
-    yield "|" + "---|" * 11
-    whole: list[Score] = []
-    count = 0
-    for name in SETS:
-        data = RealSet.read(name)
-        found = data.calibrated()
-        for whose in ("given", "natural"):
+    yield "|" + "---|" * 12
+    sets = [(data, data.calibrated()) for data in map(RealSet.read, SETS)]
+    for source in ("calibration", "file"):
+        whole: list[Score] = []
+        count = 0
+        for (data, found), whose in itertools.product(sets, ("given", "natural")):
             scores, refused, pairs = [], Counter[str](), 0
-            for pair, n, estimate, truth in estimates(data, found, whose):
+            for pair, n, estimate, truth in estimates(data, found, whose, source):
                 pairs += 1
-                if estimate.status != "ok":
+                if estimate.status == "ok":
+                    scores.append(score(estimate, truth))
+                else:
                     refused[estimate.status] += 1
-                    if verbose:
-                        print(f"  {pair} n={n} {estimate.status}: {estimate.message}", flush=True)
-                    continue
-                scores.append(s := score(estimate, truth))
                 if verbose:
-                    print(
-                        f"  {pair} n={n} {int(estimate.inliers.sum())} noise={estimate.noise_px:.3f} "
-                        f"R {s.rotation_deg:.3f} ({s.stated_deg[0]:.3f}) t {s.direction_deg:.2f} "
-                        f"({s.stated_deg[1]:.2f}) sq={s.square:.1f} {estimate.message}", flush=True
-                    )  # fmt: skip
-            yield _row(name, whose, pairs, refused, scores)
+                    said = scores[-1] if estimate.status == "ok" else estimate.status
+                    print(f"  {pair} {n} matches: {said} {estimate.message}", flush=True)
+            yield _row((source, data.name, whose), pairs, refused, scores)
             whole, count = whole + scores, count + pairs
-    yield _row("all", "", count, Counter(), whole)
+        yield _row((source, "all", ""), count, Counter(), whole)
 
 
-def _row(name: str, whose: str, pairs: int, refused: Counter[str], scores: list[Score]) -> str:
+def error_rows() -> Iterator[str]:
+    """Give what calibrations find of their model error, set by set."""
+    yield "| set | views | distortion | rms [px] | σ [px] | σ / side [10⁻⁴] | σ / rms | ℓ / side |"
+    yield "|" + "---|" * 8
+    for corners in (*real_sets(), _corners("fisheye2")):
+        found = calibrate_camera(corners.pixels, corners.points, corners.size)
+        if found.camera is None or found.camera.model_error is None:
+            continue
+        error, side = found.camera.model_error, max(corners.size)
+        numbers = f"{1e4 * error.sigma_px / side:.1f} | {error.sigma_px / found.rms_px:.1f}"
+        yield (
+            f"| {corners.name} | {len(found.views_used)} | {found.distortion} | {found.rms_px:.3f} "
+            f"| {error.sigma_px:.3f} | {numbers} | {error.length_px / side:.2f} |"
+        )
+
+
+def _corners(name: str) -> Corners:
+    data = RealSet.read(name)
+    return Corners(name, list(data.corners.values()), [data.board] * len(data.corners), data.size)
+
+
+def _row(what: tuple[str, str, str], pairs: int, refused: Counter[str], scores: list[Score]) -> str:
     turns, swings = ([getattr(s, k) for s in scores] or [math.nan] for k in ("rotation_deg", "direction_deg"))
     squares = np.array([s.square for s in scores] or [math.nan])
     good = sum(s.rotation_deg <= 1.0 and s.direction_deg <= 3.0 for s in scores)
@@ -277,7 +306,7 @@ def _row(name: str, whose: str, pairs: int, refused: Counter[str], scores: list[
     held = [f"{100.0 * np.mean(squares <= chi2.ppf(level, 5)):.0f}%" for level in (0.5, 0.95)]
     sigmas = math.sqrt(float(np.median(squares)) / float(chi2.ppf(0.5, 5)))
     return (
-        f"| {name} | {whose} | {pairs} | {len(scores)} | {why} | {np.median(turns):.2f} / {max(turns):.2f} "
+        f"| {' | '.join(what)} | {pairs} | {len(scores)} | {why} | {np.median(turns):.2f} / {max(turns):.2f} "
         f"| {np.median(swings):.2f} / {max(swings):.2f} | {good} | {sigmas:.1f} | {held[0]} | {held[1]} |"
     )
 
@@ -289,8 +318,10 @@ def main() -> None:
     if not all((DATA / name).is_dir() for name in SETS):
         print("real data not present: ../shared/data")
         return
-    for row in rows("--pairs" in sys.argv):
-        print(row, flush=True)
+    for table in (rows("--pairs" in sys.argv), error_rows()):
+        for row in table:
+            print(row, flush=True)
+        print()
 
 
 if __name__ == "__main__":

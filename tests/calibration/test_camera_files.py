@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from omniservo.camera_files import load_camera, save_camera
+from omniservo.camera_files import load_camera, load_model, save_camera
 from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError
 
@@ -59,11 +59,11 @@ def written(tmp_path, text, name="camera.yaml"):
 
 
 def test_mei_file_is_read(tmp_path):
-    camera = load_camera(written(tmp_path, MEI))
+    camera = load_model(written(tmp_path, MEI))
     assert camera == UnifiedCamera(
         1338.1845333957547, 1340, 378.79, 217, 1.25, 752, 480, distortion=(-0.065, 0.8, -6e-4, 1.5e-3)
     )
-    assert load_camera(written(tmp_path, MEI), name="left") == camera
+    assert load_model(written(tmp_path, MEI), name="left") == camera
 
 
 def test_mei_camera_inside_a_larger_configuration_is_read(tmp_path):
@@ -82,11 +82,11 @@ acc_n: 2.0e-3   # noise
 
 def test_kalibr_camera_is_chosen_by_name(tmp_path):
     path = written(tmp_path, KALIBR)
-    first, second = load_camera(path, name="cam0"), load_camera(path, name="cam1")
+    first, second = load_model(path, name="cam0"), load_model(path, name="cam1")
     assert (first.xi, first.fx, first.cy) == (1.79, 533.3, 256.4)
     assert first.distortion == (-0.06, 0.17, 0.0007, 0.0006)
     assert not second.is_distorted
-    assert load_camera(written(tmp_path, KALIBR[: KALIBR.index("cam1")], "one.yaml")) == first
+    assert load_model(written(tmp_path, KALIBR[: KALIBR.index("cam1")], "one.yaml")) == first
 
 
 def test_several_cameras_and_no_name_lists_the_names(tmp_path):
@@ -110,7 +110,7 @@ def test_saved_camera_loads_equal(tmp_path, format_name, name, suffix):
     camera = PRESETS.get(name, distorted)
     path = tmp_path / f"out{suffix}"
     save_camera(camera, path, format_name)
-    assert load_camera(path) == camera
+    assert load_model(path) == camera
 
 
 def test_a_camera_written_out_without_its_format_keeps_its_distortion(tmp_path):
@@ -119,7 +119,7 @@ def test_a_camera_written_out_without_its_format_keeps_its_distortion(tmp_path):
     )
     path = tmp_path / "camera.yaml"
     path.write_text(yaml.safe_dump(json.loads(json.dumps(camera.to_dict()))))
-    assert load_camera(path) == camera
+    assert load_model(path) == camera
     path.write_text(path.read_text() + "k5: 0.1\n")
     with pytest.raises(InputError, match="k5"):
         load_camera(path)
@@ -128,7 +128,7 @@ def test_a_camera_written_out_without_its_format_keeps_its_distortion(tmp_path):
 def test_own_format_holds_skew_and_the_others_refuse_it(tmp_path):
     camera = UnifiedCamera(300, 301, 320, 240, 1.2, 640, 480, skew=0.5)
     save_camera(camera, tmp_path / "own.yaml", "own")
-    assert load_camera(tmp_path / "own.yaml") == camera
+    assert load_model(tmp_path / "own.yaml") == camera
     for format_name in ("mei", "kalibr"):
         with pytest.raises(InputError, match="skew"):
             save_camera(camera, tmp_path / "other.yaml", format_name)
@@ -158,7 +158,7 @@ def test_existing_file_is_kept_unless_forced(tmp_path):
     with pytest.raises(InputError, match="exists"):
         save_camera(preset("perspective"), path, "own")
     save_camera(preset("perspective"), path, "own", force=True)
-    assert load_camera(path) == preset("perspective")
+    assert load_model(path) == preset("perspective")
     with pytest.raises(
         InputError, match="format: 'xml' given; legal: own, mei, camodocal, kalibr, opencv, ros"
     ):

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.path import Path as Outline
 from scipy.spatial import ConvexHull
 
-from omniservo.camera_files import load_camera, save_camera
+from omniservo.camera_files import load_model, save_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import distance_beyond, outward_edges
 from omniservo.errors import InputError
@@ -71,7 +71,7 @@ def test_cameras_with_different_masks_differ_and_files_keep_them(tmp_path):
     assert UnifiedCamera.from_dict({**plain.to_dict(), "mask": None}) == plain
     for name, form in (("c.json", "own"), ("c.yaml", "own"), ("m.yaml", "mei"), ("k.yaml", "kalibr")):
         save_camera(masked, tmp_path / name, form)
-        assert load_camera(tmp_path / name) == masked
+        assert load_model(tmp_path / name) == masked
 
 
 STAR = [[100 + 50 * math.sin(0.8 * math.pi * k), 100 + 50 * math.cos(0.8 * math.pi * k)] for k in range(5)]

@@ -31,6 +31,12 @@ def motion(planned, **servo):
     )
 
 
+def exposed(planned, exposure=0.0, readout=0.0, **servo):
+    task, scene, plan = planned
+    sensor = task.sensor.model_copy(update={"exposure": exposure, "readout": readout})
+    return motion((task.model_copy(update={"sensor": sensor}), scene, plan), **servo)
+
+
 def image_speeds(planned, found):
     """Of every point at every millisecond, by differences of its pixels [px/s]."""
     task, _, plan = planned
@@ -71,6 +77,41 @@ def test_a_duration_that_the_arm_cannot_keep_is_refused_with_the_least_it_can(pl
     with pytest.raises(NoSolutionError, match=r"duration: 2 s given; .* and servo.image_speed need [\d.]+ s"):
         motion(planned, duration=2.0, image_speed=20.0)
     assert motion(planned, duration=2.0).seconds == pytest.approx(2.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("law", ["rest-to-rest", "time-optimal"])
+def test_points_move_no_farther_in_an_exposure_than_their_kind_bears(planned, law):
+    found = exposed(planned, time_law=law, exposure=0.2)
+    most = {"paper-example-1": 2.0, "panda-table": 5.0}[planned[0].name]
+    fastest = image_speeds(planned, found).max()
+    assert 0.97 * most < 0.2 * fastest <= 1.0001 * most
+    (notice,) = found.notices
+    free = motion(planned, time_law=law)
+    assert notice.startswith("motion blur (an exposure of 200 ms, in which ")
+    assert f"makes the motion last {found.seconds:.3g} s instead of {free.seconds:.3g} s" in notice
+    assert free.notices == ()
+
+
+def test_points_move_ten_pixels_at_most_while_a_rolling_shutter_is_read(planned):
+    found = exposed(planned, time_law="time-optimal", readout=0.4)
+    assert 9.7 < 0.4 * image_speeds(planned, found).max() <= 10.001
+    assert "a rolling shutter (a readout of 400 ms" in found.notices[0]
+
+
+def test_a_short_exposure_slows_nothing_down_and_is_not_spoken_of(planned):
+    found = exposed(planned, exposure=1e-4, readout=1e-3)
+    assert found.seconds == pytest.approx(motion(planned).seconds)
+    assert found.notices == ()
+
+
+def test_a_duration_or_law_under_which_points_blur_too_far_is_refused_by_that_name(planned):
+    with pytest.raises(
+        NoSolutionError, match=r"duration: 1 s given; .* and motion blur \(an exposure of 200"
+    ):
+        exposed(planned, duration=1.0, exposure=0.2)
+    with pytest.raises(NoSolutionError, match="exponential is not stretched; points move .* motion blur"):
+        exposed(planned, time_law="exponential", exposure=0.2)
+    assert exposed(planned, time_law="exponential", exposure=1e-4).law == ExponentialLaw(1.0)
 
 
 def test_the_papers_exponential_law_is_taken_as_it_is(planned):

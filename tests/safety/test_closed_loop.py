@@ -31,9 +31,11 @@ class Commanding:
         self.points = self._start.inv().apply(scene.dots.centers)
         self.report, self.done = None, False
         self.error_px = 1.0
+        self.flow = 0.0
 
     def predict(self, time):
-        return np.zeros((9, 2)), np.ones(9, dtype=bool)
+        """Where all points move to the right."""
+        return np.tile([self.flow * time, 0.0], (9, 1)), np.ones(9, dtype=bool)
 
     def step(self, time, pixels, valid):
         self._count += 1
@@ -81,9 +83,41 @@ def test_a_twist_that_no_joints_follow_for_want_of_image_points_is_not_sent(run)
     assert (stop.reason, len(steps)) == ("feature_loss", 0)
 
 
+def test_points_lost_while_they_move_far_in_an_exposure_stop_by_the_name_of_motion_blur(run):
+    def lose(flow):
+        def prepare(controller, features):
+            features.seen, controller.flow = np.arange(9) < 3, flow
+
+        return prepare
+
+    fast, _ = run(lambda k: np.zeros(6), prepare=lose(400.0), exposure=0.03)
+    assert fast.reason == "motion_blur"
+    assert str(fast).startswith("motion blur: 12 px during the exposure of 30 ms; 3 of 9 points are seen")
+    slow, _ = run(lambda k: np.zeros(6), prepare=lose(60.0), exposure=0.03)
+    assert slow.reason == "feature_loss"
+
+
+def test_points_are_looked_for_at_their_rows_instants_and_led_back_to_the_time_stamp(run, scene):
+    asked = []
+
+    def prepare(controller, features):
+        controller.flow, plain = 300.0, features.update
+        features.update = lambda image, predicted: asked.append(predicted) or plain(image, predicted)
+
+    _, steps = run(lambda k: np.zeros(6), prepare=prepare, time_limit=0.1, readout=0.03)
+    height = scene.camera.height
+    np.testing.assert_allclose(asked[0], np.tile([300.0 * (0.5 / height - 0.5) * 0.03, 0.0], (9, 1)))
+    place = scene.world_T_camera(scene.start_joints)
+    seen, _ = scene.camera.project(place.inv().apply(scene.dots.centers))
+    late = ((seen[:, 1] + 0.5) / height - 0.5) * 0.03
+    np.testing.assert_allclose(steps[0].pixels[:, 0], seen[:, 0] - 300.0 * late, atol=1e-6)
+    assert np.ptp(late) > 0.004
+
+
 def test_the_time_limit_stops(run):
     stop, _ = run(lambda k: np.zeros(6), time_limit=0.1)
     assert stop.reason == "time_limit"
+    assert str(stop) == "not at the goal after 0.1 s: the points are 1.00 px (rms) off the goal image"
 
 
 def test_what_a_controller_refuses_stops_the_arm_by_its_name(run):

@@ -16,7 +16,7 @@ from omniservo.files import read_text
 from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
-LENS_FIELDS = ("max_angle", "dead_zone", "mask", "deviation_px")
+LENS_FIELDS = ("max_angle", "dead_zone", "mask", "deviation_px", "model_error")
 
 _Model = TypeVar("_Model")
 

@@ -22,6 +22,7 @@ from omniservo.camera_files.formats import (
     svo,
     visp,
 )
+from omniservo.camera_files.usual_error import ErrorLike, with_error
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.camera_fields import largest_angle
 from omniservo.cameras.conversion import to_unified
@@ -118,6 +119,18 @@ def load_model(
         InputError: unreadable, of no known format, or not a legal camera: the message names file, line,
             field, given value and what is legal; or several cameras and no name: it lists the names.
     """
+    return read_model(path, name=name, size=size, model=model, max_angle=max_angle)[0]
+
+
+def read_model(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    size: tuple[int, int] | None = None,
+    model: str | None = None,
+    max_angle: float | None = None,
+) -> tuple[CentralModel, CalibrationFile]:
+    """Return `load_model` and the file that it was read from."""
     if model is not None and model not in _OPEN_MODELS:
         raise InputError(f"model: {spelled(model)} given; legal: {', '.join(_OPEN_MODELS)}")
     file = CalibrationFile.read(path, size, model)
@@ -140,7 +153,7 @@ def load_model(
         raise InputError(
             f"{path}: no camera named {spelled(name)}; legal: {', '.join(names)[:1000] or 'no name'}"
         )
-    return seen_up_to(reader.read(file, names[0] if name is None else name), max_angle)
+    return seen_up_to(reader.read(file, names[0] if name is None else name), max_angle), file
 
 
 def seen_up_to(camera: CentralModel, max_angle: float | None) -> CentralModel:
@@ -161,8 +174,12 @@ def load_camera(
     model: str | None = None,
     max_angle: float | None = None,
     largest_px: float = 1.0,
+    camera_error: ErrorLike = None,
 ) -> UnifiedCamera:
     """Return the camera of a calibration file as a unified camera, converted where it is another model.
+
+    It has a model error: ``camera_error`` (σ [px], or a `ModelError`), else what the file says, else what is
+    usual (`omniservo.camera_files.usual_error`).
 
     What the conversion leaves, at most ``largest_px`` [px], is added to ``deviation_px``, which planning adds
     to its visibility margin; `omniservo.cameras.conversion.to_unified` gives it as a map. Arguments are those
@@ -171,8 +188,8 @@ def load_camera(
     Raises:
         InputError: as `load_model`, or the conversion leaves more than ``largest_px``.
     """
-    model_in_file = load_model(path, name=name, size=size, model=model, max_angle=max_angle)
-    return as_unified(model_in_file, path, largest_px)
+    found, file = read_model(path, name=name, size=size, model=model, max_angle=max_angle)
+    return as_unified(with_error(found, camera_error, file), path, largest_px)
 
 
 def as_unified(camera: CentralModel, source: str | Path, largest_px: float) -> UnifiedCamera:
@@ -203,7 +220,7 @@ def save_camera(
         path: where. ``own``, ``kalibr``, ``ros`` and ``opencv`` are JSON where it ends in .json, else YAML,
             and ``opencv`` is XML where it ends in .xml; every other format has one way to be written.
         format: one of `FORMATS`; ``mei`` is ``camodocal`` with the unified model only. max_angle,
-            dead_zone, mask and deviation_px stand where other programs ignore them.
+            dead_zone, mask, deviation_px and model_error stand where other programs ignore them.
         force: replace an existing file.
 
     Raises:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniservo.camera_files.camera_files import as_unified, load_model, seen_up_to
+from omniservo.camera_files.camera_files import as_unified, read_model, seen_up_to
+from omniservo.camera_files.usual_error import ErrorLike, with_error
 from omniservo.cameras import PRESETS, UnifiedCamera
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, did_you_mean, spelled
@@ -18,20 +19,24 @@ def named_model(
     size: tuple[int, int] | None = None,
     model: str | None = None,
     max_angle: float | None = None,
+    camera_error: ErrorLike = None,
 ) -> CentralModel:
     """Return the preset of this name, or else a calibration file's camera as `load_model` gives it.
+
+    A file's camera has a model error, as `load_camera` has it; a preset only what ``camera_error`` says.
 
     Raises:
         InputError: neither, or as `load_model`.
     """
     if str(camera) in PRESETS and name is None and size is None and model is None:
-        return seen_up_to(PRESETS[str(camera)], max_angle)
+        return with_error(seen_up_to(PRESETS[str(camera)], max_angle), camera_error, None)
     if not is_file(camera):
         raise InputError(
             f"camera {spelled(str(camera))}: neither a file nor a preset: {', '.join(PRESETS)}"
             f"{did_you_mean(camera, PRESETS)}"
         )
-    return load_model(camera, name=name, size=size, model=model, max_angle=max_angle)
+    found, file = read_model(camera, name=name, size=size, model=model, max_angle=max_angle)
+    return with_error(found, camera_error, file)
 
 
 def named_camera(
@@ -40,6 +45,8 @@ def named_camera(
     *,
     max_angle: float | None = None,
     largest_px: float = 1.0,
+    camera_error: ErrorLike = None,
 ) -> UnifiedCamera:
     """Return `named_model` as a unified camera, at most ``largest_px`` [px] away; see `load_camera`."""
-    return as_unified(named_model(camera, name=name, max_angle=max_angle), camera, largest_px)
+    found = named_model(camera, name=name, max_angle=max_angle, camera_error=camera_error)
+    return as_unified(found, camera, largest_px)

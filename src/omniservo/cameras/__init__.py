@@ -2,6 +2,7 @@
 
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.image_limits import ImageLimits
+from omniservo.cameras.model_error import ModelError
 from omniservo.cameras.polygon_shortfall import polygon_shortfall
 from omniservo.cameras.presets import PRESETS, preset
 from omniservo.cameras.rectify import (
@@ -19,6 +20,7 @@ __all__ = [
     "PRESETS",
     "DeadZone",
     "ImageLimits",
+    "ModelError",
     "RectifiedView",
     "UnifiedCamera",
     "cylindrical_view",

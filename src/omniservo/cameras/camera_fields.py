@@ -112,6 +112,13 @@ def image_to_dict(camera: ImageFields, max_angle: float | None) -> dict[str, Any
     }
 
 
+def errors_to_dict(camera: Any) -> dict[str, Any]:
+    """Return how far a camera may be off as it stands in a file; nothing where nothing is stated."""
+    deviation = {"deviation_px": camera.deviation_px} if camera.deviation_px else {}
+    stated = camera.model_error
+    return {**deviation, **({} if stated is None else {"model_error": stated.to_dict()})}
+
+
 def checked_fields(
     fields: Any, source: str, model: str, required: Sequence[str], optional: Sequence[str]
 ) -> dict[str, Any]:

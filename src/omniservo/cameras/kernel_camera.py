@@ -12,6 +12,7 @@ from omniservo.cameras.camera_fields import inside_image, rows_of
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_mask import ImageMask
+from omniservo.cameras.model_error import ModelError
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.short_repr import short_repr
 
@@ -33,6 +34,7 @@ class KernelCamera:
         dead_zone: DeadZone | None
         mask: ImageMask
         deviation_px: float
+        model_error: ModelError | None
         usable_angle: float
         parameters: FloatArray
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from omniservo.cameras import unified_kernels
 from omniservo.cameras.camera_fields import (
     checked_fields,
+    errors_to_dict,
     focal_length,
     image_size,
     image_to_dict,
@@ -27,6 +28,7 @@ from omniservo.cameras.image_limits import ImageLimits, image_limits
 from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.cameras.model_domain import cosine_of_radius, model_domain
+from omniservo.cameras.model_error import ModelError, model_error_from
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
@@ -39,7 +41,7 @@ _RADIUS_SLACK = 1e-13
 """on r²: the rounded pixel of a valid point can be unprojected"""
 
 _REQUIRED = ("fx", "fy", "cx", "cy", "xi", "width", "height")
-_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px")
+_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px", "model_error")
 
 
 @with_field_docs
@@ -71,6 +73,8 @@ class UnifiedCamera(KernelCamera):
             64 corners (u, v) [px], in either order round.
         deviation_px: how far a true pixel may lie from `project`'s [px]: what a conversion from another model
             or a calibration leaves. Plans keep it in addition to their visibility margin.
+        model_error: by how much the model is off, alike over regions of the image; estimates count it. A
+            `ModelError`, its fields, or None: nothing is stated, and the model is taken as exact.
 
     Raises:
         InputError: a number is not finite or not legal; the message names field, value and what is legal.
@@ -91,6 +95,7 @@ class UnifiedCamera(KernelCamera):
     dead_zone: DeadZone | None
     mask: ImageMask
     deviation_px: float
+    model_error: ModelError | None
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -112,6 +117,7 @@ class UnifiedCamera(KernelCamera):
         dead_zone: DeadZoneLike = None,
         mask: Sequence[Sequence[Sequence[float]]] = (),
         deviation_px: float = 0.0,
+        model_error: ModelError | Mapping[str, float] | None = None,
     ) -> None:
         self._set(
             fx=focal_length("fx", fx),
@@ -127,6 +133,7 @@ class UnifiedCamera(KernelCamera):
             dead_zone=dead_zone_from(dead_zone),
             mask=mask_from(mask),
             deviation_px=finite_number("deviation_px", deviation_px, minimum=0.0, maximum=LARGEST_PX),
+            model_error=model_error_from(model_error),
         )
         self._bound_domain()
 
@@ -203,7 +210,7 @@ class UnifiedCamera(KernelCamera):
             **{name: getattr(self, name) for name in names},
             "distortion": list(self.distortion),
             **image_to_dict(self, self.max_angle),
-            **({"deviation_px": self.deviation_px} if self.deviation_px else {}),
+            **errors_to_dict(self),
         }
 
     @classmethod
@@ -212,7 +219,7 @@ class UnifiedCamera(KernelCamera):
 
         Args:
             fields: model ("unified"), fx, fy, cx, cy, xi, width, height; optional skew, distortion,
-                max_angle, dead_zone, mask, deviation_px.
+                max_angle, dead_zone, mask, deviation_px, model_error.
             source: stands first in messages.
 
         Raises:

@@ -11,6 +11,7 @@ import typer
 from omniservo.cli.calibrate import calibrate
 from omniservo.cli.camera_options import (
     LARGEST_PX,
+    CameraErrorOption,
     LargestOption,
     MaxAngleOption,
     ModelOption,
@@ -47,6 +48,7 @@ def show(
     size: SizeOption = None,
     model: ModelOption = None,
     max_angle: MaxAngleOption = None,
+    camera_error: CameraErrorOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Draw its field and its pixels a degree into this folder.")
     ] = None,
@@ -58,7 +60,7 @@ def show(
     from omniservo.reporting.camera_field import past_right_angle
 
     output = Output(as_json, quiet)
-    shown = open_model(camera, camera_name, size, model, max_angle)
+    shown = open_model(camera, camera_name, size, model, max_angle, camera_error)
     fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
         if value is not None:
@@ -133,6 +135,7 @@ def convert(
     size: SizeOption = None,
     model: ModelOption = None,
     max_angle: MaxAngleOption = None,
+    camera_error: CameraErrorOption = None,
     largest_px: LargestOption = None,
     mask: Annotated[
         Path | None,
@@ -150,7 +153,7 @@ def convert(
 
     output = Output(as_json, quiet)
     writable(out, force=force)
-    given = open_model(camera, camera_name, size, model, max_angle)
+    given = open_model(camera, camera_name, size, model, max_angle, camera_error)
     added: dict[str, Any] = {}
     if mask is not None:
         if to != "own":
@@ -163,6 +166,8 @@ def convert(
     output.written(out, f" ({written})")
     if residual is not None:
         output.line(f"residual: {_spelled(residual)}")
+    if found.model_error is not None:
+        output.line(f"model error: {found.model_error}, written with it; estimates count it")
     if found.deviation_px:
         output.line(f"deviation_px: {found.deviation_px:.3g}, written with it; plans keep it as a margin")
     numbers = {**_numbers(residual), "deviation_px": found.deviation_px}

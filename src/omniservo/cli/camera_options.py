@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 LARGEST_PX = 1.0
 _HALF_TURN = 180.0
+_LARGEST_ERROR_PX = 100.0
 
 SizeOption = Annotated[
     str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
@@ -39,30 +40,64 @@ LargestOption = Annotated[
 ]
 
 
+CameraErrorOption = Annotated[
+    float | None,
+    typer.Option(
+        "--camera-error",
+        help="How far the camera's model is off, in px (1 sigma, alike over regions); else as its file says.",
+    ),
+]
+
+
 def open_model(
-    camera: str, name: str | None, size: str | None, model: str | None, max_angle: float | None = None
+    camera: str,
+    name: str | None,
+    size: str | None,
+    model: str | None,
+    max_angle: float | None = None,
+    camera_error: float | None = None,
 ) -> CentralModel:
     """Return a preset, or the camera of a file as it stands there."""
     from omniservo.camera_files import named_model
 
     stated = None if size is None else size_from_text("--size", size)
-    return named_model(camera, name=name, size=stated, model=model, max_angle=_radians(max_angle))
+    return named_model(
+        camera, name=name, size=stated, model=model, max_angle=_radians(max_angle),
+        camera_error=_checked_error(camera_error),
+    )  # fmt: skip
 
 
 def open_camera(
-    camera: str | None, name: str | None, max_angle: float | None, largest_px: float | None
+    camera: str | None,
+    name: str | None,
+    max_angle: float | None,
+    largest_px: float | None,
+    camera_error: float | None = None,
 ) -> UnifiedCamera | None:
     """Return the unified camera that ``--camera`` stands for, or None where it is not given."""
     from omniservo.camera_files import named_camera
 
     if camera is None:
-        options = {"--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px}
+        options = {
+            "--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px,
+            "--camera-error": camera_error,
+        }  # fmt: skip
         given = [option for option, value in options.items() if value is not None]
         if given:
             raise InputError(f"{given[0]}: given without --camera")
         return None
     allowed = LARGEST_PX if largest_px is None else largest_px
-    return named_camera(camera, name, max_angle=_radians(max_angle), largest_px=allowed)
+    return named_camera(
+        camera, name, max_angle=_radians(max_angle), largest_px=allowed,
+        camera_error=_checked_error(camera_error),
+    )  # fmt: skip
+
+
+def _checked_error(camera_error: float | None) -> float | None:
+    """Return ``--camera-error`` [px]."""
+    if camera_error is not None and not 0.0 <= camera_error <= _LARGEST_ERROR_PX:
+        raise InputError(f"--camera-error: {camera_error:g} given; legal: 0 to {_LARGEST_ERROR_PX:g} (px)")
+    return camera_error
 
 
 def _radians(max_angle: float | None) -> float | None:

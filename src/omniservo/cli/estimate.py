@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -56,6 +56,7 @@ def estimate(
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
+    camera_error: CameraErrorOption = None,
     initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
     goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
     features: FeaturesOption = "dots",
@@ -89,7 +90,7 @@ def estimate(
         from omniservo.tasks import load_task
 
         progress("estimating")
-        replacement = open_camera(camera, camera_name, max_angle, largest_px)
+        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
         if task is not None and not images and not of_images:
             known = packages_of(package)
             loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)

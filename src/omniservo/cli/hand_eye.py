@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from omniservo.cli.camera_options import CameraErrorOption
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import InputError, NoSolutionError
 
@@ -27,6 +28,7 @@ def calibrate_hand_eye(
     poses: Annotated[str, typer.Option("--poses", help=_POSES)],
     camera: Annotated[str, typer.Option("--camera", help="The camera's calibration, or a preset.")],
     camera_name: CameraNameOption = None,
+    camera_error: CameraErrorOption = None,
     board: Annotated[str | None, typer.Option("--board", help=_BOARD)] = None,
     target: Annotated[
         Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
@@ -54,9 +56,8 @@ def calibrate_hand_eye(
     base_T_flange = load_robot_poses(poses).of_images(images)
     output = Output(as_json, quiet)
     with output.working("looking for the board") as say:
-        found = calibrate_hand_eye_images(
-            named_camera(camera, camera_name), base_T_flange, images, looked_for, progress=say
-        )
+        model = named_camera(camera, camera_name, camera_error=camera_error)
+        found = calibrate_hand_eye_images(model, base_T_flange, images, looked_for, progress=say)
     if report is not None:
         write_hand_eye_report(found, report, force=force)
         output.written(report)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -44,6 +44,7 @@ def run(
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
+    camera_error: CameraErrorOption = None,
     package: PackageOption = None,
     allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
@@ -69,7 +70,10 @@ def run(
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
-        replacement, known = open_camera(camera, camera_name, max_angle, largest_px), packages_of(package)
+        replacement, known = (
+            open_camera(camera, camera_name, max_angle, largest_px, camera_error),
+            packages_of(package),
+        )
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
         try:

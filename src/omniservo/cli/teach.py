@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.files import writable
@@ -21,6 +21,7 @@ def teach(
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
+    camera_error: CameraErrorOption = None,
     package: PackageOption = None,
     allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
@@ -38,7 +39,7 @@ def teach(
         from omniservo.tasks import load_task
 
         progress("teaching")
-        replacement = open_camera(camera, camera_name, max_angle, largest_px)
+        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
         loaded = load_task(
             task, camera=replacement, packages=packages_of(package), allow_outside=allow_outside
         )

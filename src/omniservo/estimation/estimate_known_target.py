@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.estimate_pose import known_pixels, pose_residuals, pose_spread
+from omniservo.estimation.estimate_pose import PoseSpread, known_pixels, pose_residuals, pose_spread
 from omniservo.estimation.pose_estimate import pose_of
 from omniservo.estimation.robust.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.status.pose_evidence import (
@@ -26,6 +26,7 @@ from omniservo.estimation.status.pose_evidence import (
 )
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.pose_response import shared_moves
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 PICTURES = ("initial", "goal")
@@ -108,7 +109,7 @@ def estimate_known_target(
     refused = _refused(views)
     if refused is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
-    return _with_pose(target, views, seen, relative, started)
+    return _with_pose(camera, target, views, seen, relative, started)
 
 
 def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _View:
@@ -172,7 +173,12 @@ def _odds(view: _View, views: list[_View]) -> FloatArray:
 
 
 def _with_pose(
-    target: FloatArray, views: list[_View], seen: BoolArray, scale_sigma: float, started: float
+    camera: UnifiedCamera,
+    target: FloatArray,
+    views: list[_View],
+    seen: BoolArray,
+    scale_sigma: float,
+    started: float,
 ) -> TwoViewEstimate:
     n, freedom = len(target), sum(view.freedom for view in views)
     cost, stated = sum(view.cost for view in views), views[0].known.noise_px
@@ -181,7 +187,7 @@ def _with_pose(
         variance = variance_of(view.cost, view.freedom, stated)
         if stated is None:  # Student's t of both views together; its factor comes with the law below
             variance = cost / freedom if freedom > 2 else variance_of(cost, freedom, None)
-        spread = pose_spread(view.known, view.fit, variance, _odds(view, views))
+        spread = pose_spread(view.known, view.fit, variance, _odds(view, views), camera)
         if spread is None:
             words = "the points do not determine the pose"
             return TwoViewEstimate.without_pose(n, "not_converged", words, started)
@@ -193,12 +199,14 @@ def _with_pose(
     for place, view in enumerate(views):
         inliers[view.rows] &= view.fit.members
         residuals[view.rows, 2 * place : 2 * place + 2] = pose_residuals(view.known, view.fit.minima[0])
+    response = _responses(initial, motion, points[inliers])
+    moves = _camera_moves(camera, spreads)
     law = JointUncertainty(
-        noise=_responses(initial, motion, points[inliers], spreads),
+        noise=_halves(spreads) @ response.T,
         own=np.zeros((int(inliers.sum()), 3, 3)),
         freedom=float(freedom) if stated is None and freedom > 2 else math.inf,
-        calibration=np.empty((0, 6 + 3 * int(inliers.sum()))),
-        camera=np.empty((0, 0)),
+        calibration=moves @ response.T,
+        camera=np.empty((len(moves), 0)),
     )
     covariance, spread_of_points = law.covariances()
     gauge = np.concatenate((motion.translation, np.zeros(3)))
@@ -226,10 +234,30 @@ def _with_pose(
     )
 
 
-def _responses(
-    initial: RigidTransform, motion: RigidTransform, points: FloatArray, spreads: list[FloatArray]
-) -> FloatArray:
-    """Return (12, 6 + 3m): what each independent error of the two poses does to (t, δ, h₁ … hₘ).
+def _camera_moves(camera: UnifiedCamera, spreads: list[PoseSpread]) -> FloatArray:
+    """Return what independent errors of the camera, one for both pictures, do to the two poses (f, 12)."""
+    responses = [spread.response for spread in spreads]
+    if camera.model_error is None or responses[0] is None or responses[1] is None:
+        return np.empty((0, 12))
+    first, second = responses[0], responses[1]
+    both = np.zeros((len(first) + len(second), 12, 2))
+    both[: len(first), :6], both[len(first) :, 6:] = first, second
+    pixels = np.concatenate([spread.pixels for spread in spreads])
+    return shared_moves(camera.model_error, pixels, both)
+
+
+def _halves(spreads: list[PoseSpread]) -> FloatArray:
+    """Return (12, 12): independent errors, as rows, of the two poses by their points' own noise."""
+    halves = np.zeros((12, 12))
+    for place, spread in enumerate(spreads):
+        values, vectors = np.linalg.eigh(spread.own)
+        at = slice(6 * place, 6 * place + 6)
+        halves[at, at] = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    return halves
+
+
+def _responses(initial: RigidTransform, motion: RigidTransform, points: FloatArray) -> FloatArray:
+    """Return (6 + 3m, 12): what errors of the two poses do to (t, δ, h₁ … hₘ).
 
     With poses {R₁, t₁}, {R₂, t₂} in the target's frame, t = R₁ᵀ(t₂ − t₁), R = R₁ᵀR₂ and h = R₁ᵀ(X − t₁):
     dt = R₁ᵀ(dt₂ − dt₁) + [t]× δ₁,  δ = δ₂ − Rᵀδ₁,  dh = −R₁ᵀdt₁ + [h]× δ₁.
@@ -241,12 +269,7 @@ def _responses(
     response[3:6, 3:6], response[3:6, 9:12] = -turn.T, np.eye(3)
     response[6:, :3] = np.tile(-back, (len(points), 1))
     response[6:, 3:6] = _cross(points).reshape(-1, 3)
-    halves = np.zeros((12, 12))
-    for place, spread in enumerate(spreads):
-        values, vectors = np.linalg.eigh(spread)
-        at = slice(6 * place, 6 * place + 6)
-        halves[at, at] = vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray((response @ halves).T)
+    return response
 
 
 def _cross(vectors: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,17 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus
+from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus, pose_of
 from omniservo.estimation.refinement.pose_refinement import inverse_information
 from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.status.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
+from omniservo.estimation.uncertainty.pose_response import (
+    own_spread,
+    own_variances,
+    pose_response,
+    shared_moves,
+)
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 
 
@@ -39,7 +46,8 @@ def estimate_pose(
         points: (n, 3) [m] in a frame of their own.
         pixels: (n, 2) [px], row j shows point j.
         robust: reject points that do not agree with the others (never of three).
-        noise: σ of a pixel coordinate [px], one number or (n,), one for each point. None: every pixel is as
+        noise: σ of a pixel coordinate [px], one number or (n,), one for each point, the camera's
+            ``model_error`` aside, which counts beside it and alike in neighbours. None: every pixel is as
             good as any other, and σ comes from the residuals.
 
     Raises:
@@ -57,10 +65,11 @@ def estimate_pose(
     odds = tuple(float(x) for x in verdict.odds)
     if verdict.status != "ok":
         return _without_pose(n, verdict.status, verdict.message, poses, odds, started)
-    covariance = pose_spread(known, fit, verdict.variance, verdict.odds)
-    if covariance is None:
+    spread = pose_spread(known, fit, verdict.variance, verdict.odds, camera)
+    if spread is None:
         words = "the points do not determine the pose"
         return _without_pose(n, "not_converged", words, poses, odds, started)
+    covariance = spread.own + spread.of_camera(camera)
     residuals = pose_residuals(known, fit.minima[0])
     square = float((residuals[fit.members] ** 2).sum())
     return PoseEstimate(
@@ -97,6 +106,8 @@ def known_pixels(
             f" (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
         )
     sigmas = _checked_noise(noise, len(model))
+    if sigmas is not None and camera.model_error is not None:
+        sigmas = np.hypot(sigmas, camera.model_error.sigma_px)
     if sigmas is None or not len(sigmas):
         return KnownPixels(camera.parameters, model, seen, bearings, np.ones(len(model)), None)
     usual = float(np.median(sigmas))
@@ -117,13 +128,34 @@ def _checked_noise(noise: Any, n: int) -> FloatArray | None:
     return sigmas
 
 
-def pose_spread(known: KnownPixels, fit: PoseFit, variance: float, odds: FloatArray) -> FloatArray | None:
-    """Return the covariance (6, 6) of the best minimum, other near minima included; None where singular.
+@dataclass(frozen=True, eq=False)
+class PoseSpread:
+    """How uncertain a pose is."""
+
+    own: FloatArray
+    """(6, 6) by the points' own noise, and other near minima"""
+    pixels: FloatArray
+    """(n, 2) [px] of the points"""
+    response: FloatArray | None
+    """G (n, 6, 2), see `pose_response`; None: the camera is exact"""
+
+    def of_camera(self, camera: UnifiedCamera) -> FloatArray:
+        """Return the covariance (6, 6) by the camera's model error."""
+        if self.response is None or camera.model_error is None:
+            return np.zeros((6, 6))
+        moves = shared_moves(camera.model_error, self.pixels, self.response)
+        return moves.T @ moves
+
+
+def pose_spread(
+    known: KnownPixels, fit: PoseFit, variance: float, odds: FloatArray, camera: UnifiedCamera
+) -> PoseSpread | None:
+    """Return how uncertain the best minimum is; None where it is not determined.
 
     ``variance`` is that of a pixel coordinate of weight 1 [px²], ``odds`` are those of the first minima.
     """
     covariance = np.empty((6, 6))
-    best = fit.minima[0]
+    best, error = fit.minima[0], camera.model_error
     weights = np.where(fit.members, known.weights, 0.0)
     cost = inverse_information(
         known.parameters, known.points, known.pixels, weights, best[:4], best[4:7], covariance
@@ -131,12 +163,20 @@ def pose_spread(known: KnownPixels, fit: PoseFit, variance: float, odds: FloatAr
     if not cost < math.inf:
         return None
     covariance *= variance
+    response = None
+    if error is not None and error.sigma_px > 0.0:
+        response = pose_response(camera, (known.points, known.weights), fit.members, pose_of(best))
+        if response is None:
+            return None
+        total = math.sqrt(variance) / known.weights
+        own = own_variances(total, error, variance, known.noise_px)
+        covariance = own_spread(response, own)
     for rival, likely in zip(fit.minima[1:], odds[1:], strict=False):
         if rotation_between(best, rival) <= FAR_ROTATION:
             turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
             gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
             covariance += likely / odds.sum() * np.outer(gap, gap)
-    return covariance
+    return PoseSpread(covariance, known.pixels, response)
 
 
 def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:

@@ -20,16 +20,18 @@ from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
+from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.robust.vouched_fit import vouched_fit
-from omniservo.estimation.status.evidence import judge
+from omniservo.estimation.status.evidence import is_only_noisier, judge
 from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_request import TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
 from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
@@ -47,6 +49,18 @@ ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
 MOST_STEPS = 100
 
 NO_SQUARES: IntArray = np.empty((0, 4), dtype=np.int64)
+
+RAISE = 2.0
+"""Before a real camera's matches that do not agree are refused, their noise is raised by this factor."""
+
+UNDETERMINED = "the matches do not determine the motion"
+NO_MINIMUM = "the refinement on the virtual plane found no minimum"
+
+CONTRADICTED = "the residuals contradict the stated errors of pixels and camera"
+
+FEW_TO_RAISE = 3 * MOTION_PARAMETERS
+ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
+"""Of fewer matches noise is not raised: the residuals do not tell a wrong match from noise."""
 
 ASSUMED_NOISE_PX = 0.5
 """of fewer than eight matches where none is stated: they leave too few residuals to tell."""
@@ -104,14 +118,14 @@ def estimate_two_view(
     fixed = _checked_scale(scale, scale_sigma, len(pixels))
     _check_choice("method", method, METHODS)
     _check_choice("rotation", rotation, tuple(ROTATIONS))
-    matches = Matches.of_pixels(camera, pixels, _checked_noise(noise, len(pixels)))
+    lens, sigmas = Lens.of(camera, calibration_covariance), _checked_noise(noise, len(pixels))
+    matches = Matches.of_pixels(camera, pixels, None if sigmas is None else lens.whole_noise(sigmas))
     known = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
-    lens = Lens.of(camera, calibration_covariance)
-    request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known)
+    request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known, sigmas)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
-    return _estimate_general(matches, plane, robust, request, started)
+    return _estimate_few(matches, plane, robust, request, started)
 
 
 def _check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
@@ -236,7 +250,10 @@ def _estimate_general(
     if fit is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
-    status, words = judge(fit, matches, robust)
+    error_px = request.lens.sigma_px
+    status, words = judge(fit, matches, robust, error_px)
+    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, matches, error_px):
+        return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
     vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust and not by_squares else fit
@@ -245,10 +262,30 @@ def _estimate_general(
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     if vouched is not fit:
         fit = vouched
-        status, words = judge(fit, matches, robust)
+        status, words = judge(fit, matches, robust, error_px)
     if status != "ok":
         return TwoViewEstimate.without_pose(matches.size, status, words, started)
     return _with_pose(matches, plane, fit, request, started)
+
+
+def _estimate_few(
+    matches: Matches,
+    plane: tuple[Matches, FloatArray] | None,
+    robust: bool,
+    request: TwoViewRequest,
+    started: float,
+) -> TwoViewEstimate:
+    """Estimate; few matches of a real camera with the pixels' own noise in gates first.
+
+    What the camera's error allows a match, motion and structure mostly take up. In gates it is room for a
+    wrong match, which of few decides the motion. It is given where they agree in no other way.
+    """
+    if matches.size <= FEW_POINTS and request.may_raise(robust) and not len(request.squares):
+        narrow = matches.noisier(float(np.median(np.asarray(request.noise))) / matches.noise_px)
+        found = _estimate_general(narrow, plane, robust, request._replace(is_last=True), started)
+        if (found.status == "ok" and not found.message) or found.status == "ambiguous":
+            return found
+    return _estimate_general(matches, plane, robust, request, started)
 
 
 def _with_pose(
@@ -269,34 +306,35 @@ def _with_pose(
     if plane is not None:
         chosen = plane[0].where(fit.members)
         if not _refined(chosen, request.kind, rotation, translation, structure):
-            words = "the refinement on the virtual plane found no minimum"
-            return TwoViewEstimate.without_pose(n, "not_converged", words, started)
+            return TwoViewEstimate.without_pose(n, "not_converged", NO_MINIMUM, started)
     solution, length = Solution(rotation, translation, structure), request.length(fit.members)
     arrays = (chosen.parameters, chosen.pixels, chosen.weights)
     if not determines_motion(*arrays, *solution):
-        words = "the matches do not determine the motion"
-        return TwoViewEstimate.without_pose(n, "not_converged", words, started)
+        return TwoViewEstimate.without_pose(n, "not_converged", UNDETERMINED, started)
     points = _all_points(matches, fit, *solution)
     residuals = np.empty_like(matches.pixels)
     write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
     square, weighted = residual_sums(residuals, matches.weights, fit.members)
-    freedom = members.size - MOTION_PARAMETERS
-    known = _noise_with_tails(matches, fit, weighted, freedom)
-    rivals = fit.minima[1:] if plane is None else None
+    known, shares, raised, words = _noise(matches, fit, request, weighted)
+    if words and members.size < FEW_TO_RAISE:
+        return TwoViewEstimate.without_pose(n, "not_converged", f"{words}; {ONE_WRONG}", started)
+    rivals, lens = fit.minima[1:] if plane is None else None, request.lens._replace(factor=raised)
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
 
     def law() -> JointUncertainty:
-        noise = np.tile(np.eye(2).ravel(), (members.size, 2)) if plane is None else plane[1][fit.members]
-        response = linear_response(*arrays, noise, *solution, length.between)
-        sigmas = known, known.shared_by(response.motion, members, request.windows_of(fit.members))
-        return two_view_uncertainty(members, rivals, response, solution, *sigmas, length, request.lens)
+        seen = np.tile(np.eye(2).ravel(), (members.size, 2)) if plane is None else plane[1][fit.members]
+        response = alone = linear_response(*arrays, seen, *solution, length.between)
+        if shares is not None:
+            alone = linear_response(*arrays, seen * shares, *solution, length.between)
+        sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
+        return two_view_uncertainty(members, rivals, response, alone, solution, *sigmas, length, lens)
 
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
-        message="",
+        message=words,
         initial_T_goal=_pose(rotation, translation),
         points=owned(points),
         is_metric=request.metres is not None,
@@ -304,7 +342,7 @@ def _with_pose(
         points_covariance=later(uncertain.of_points),
         inliers=fit.members,
         rms_px=math.sqrt(square / (2 * members.size)),
-        noise_px=math.sqrt(weighted / max(freedom, 1)),
+        noise_px=math.sqrt(weighted / max(members.size - MOTION_PARAMETERS, 1)),
         residuals_px=owned(residuals),
         seconds=time.perf_counter() - started,
         scale_sigma=request.scale_sigma,
@@ -312,11 +350,29 @@ def _with_pose(
     )
 
 
-def _noise_with_tails(matches: Matches, fit: TwoViewFit, weighted: float, freedom: int) -> Noise:
-    """Return what the members' Σ w²r² [px²] tells of the noise, and rejected matches that belong to it."""
+def _noise(
+    matches: Matches, fit: TwoViewFit, request: TwoViewRequest, weighted: float
+) -> tuple[Noise, FloatArray | None, float, str]:
+    """Return what the members' Σ w²r² [px²], and rejected matches that belong to it, tell of the noise.
+
+    Beside it what part of their σ (m, 8) is the pixels' own, None: all; by which factor stated errors are
+    raised; and a sentence that says so.
+    """
+    members, best = matches.where(fit.members), fit.minima[0]
+    freedom = members.size - MOTION_PARAMETERS
     sigma = math.sqrt(max(weighted / max(freedom, 1), matches.noise_px**2))
     tail, more = tail_of(matches, fit, sigma)
-    return Noise.of(weighted + tail, freedom + more, matches.noise_px or None)
+    known = Noise.of(weighted + tail, freedom + more, matches.noise_px or None)
+    if request.lens.error is None:
+        return known, None, 1.0, ""
+    stated = None if request.noise is None else request.noise[fit.members]
+    moves = request.lens.moves(members)
+    found = pixel_noise(members, (best.rotation, best.translation), moves, stated, weighted)
+    shares, raised = np.repeat(found.shares, 4, axis=1), found.raised * request.raised
+    if raised == 1.0:
+        return known, shares, 1.0, ""
+    words = f"{CONTRADICTED}, which are taken {raised:.2g} times as large"
+    return Noise(matches.noise_px**2, float(freedom)), shares, raised, words
 
 
 @dataclass

@@ -152,7 +152,7 @@ def _adjust(views: PlacedViews, robust: bool) -> str:
         views.points[:] = np.where(usable.any(axis=0)[:, None], points, math.nan)
         views.agree[:] = usable
         noise = math.sqrt(cost / max(2 * usable.sum() - _unknowns(views, usable), 1))
-        if noise > largest_noise(views.noise):
+        if noise > largest_noise(_whole_noise(views)):
             return f"the best structure leaves {noise:.2g} px of noise: the pixels do not agree"
         distance = np.linalg.norm(residuals_of(views), axis=2)
         near = views.seen & (distance <= GATE * _gate_noise(views, distance[usable]))
@@ -162,10 +162,16 @@ def _adjust(views: PlacedViews, robust: bool) -> str:
     return ""
 
 
+def _whole_noise(views: PlacedViews) -> float | None:
+    """Return the σ [px] of pixels that is stated, the camera's model error added in quadrature."""
+    error = views.camera.model_error
+    return views.noise if views.noise is None or error is None else math.hypot(views.noise, error.sigma_px)
+
+
 def _gate_noise(views: PlacedViews, distances: FloatArray) -> float:
     """Return σ for the gate: what is stated, or from the median distance and a prior."""
-    if views.noise is not None:
-        return views.noise
+    if (stated := _whole_noise(views)) is not None:
+        return stated
     freedom = max(2 * len(distances) - _unknowns(views, views.agree), 1)
     square = float(np.median(distances)) ** 2 / (2.0 * math.log(2.0)) * 2 * len(distances)
     return math.sqrt((PRIOR_WEIGHT * PRIOR_NOISE_PX**2 + square) / (PRIOR_WEIGHT + freedom))
@@ -232,12 +238,10 @@ def _concluded(
     covariance[0] = 0.0
     for rank, view in enumerate(order[1:], start=1):
         g = np.concatenate((views.poses[view, 4:], np.zeros(3)))
-        covariance[view] = variance * law.pose_covariance(rank) + scale_sigma**2 * np.outer(g, g)
+        covariance[view] = law.pose_covariance(rank, variance) + scale_sigma**2 * np.outer(g, g)
     points_covariance = np.full((n, 3, 3), math.nan)
     h = views.points[rows]
-    points_covariance[rows] = (
-        variance * law.point_covariances() + scale_sigma**2 * h[:, :, None] * h[:, None, :]
-    )
+    points_covariance[rows] = law.point_covariances(variance) + scale_sigma**2 * h[:, :, None] * h[:, None, :]
     unknown = views.noise is None and freedom > 2
     return MultiViewEstimate(
         status="ok",

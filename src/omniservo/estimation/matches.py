@@ -53,6 +53,10 @@ class Matches(NamedTuple):
         jacobians /= np.repeat(weights, 6, axis=1)
         return cls(camera.parameters, pixels, weights, bearings, jacobians, usual)
 
+    def noisier(self, factor: float) -> Matches:
+        """Return the matches with all noise, which is known, so many times as large."""
+        return self._replace(noise_px=factor * self.noise_px)
+
     @property
     def size(self) -> int:
         """How many matches."""

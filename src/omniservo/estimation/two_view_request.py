@@ -1,5 +1,7 @@
 """What a caller wants of two views beside the motion."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, ScaleLength
@@ -23,9 +25,27 @@ class TwoViewRequest(NamedTuple):
     windows: FloatArray | None
     """(n,) standard deviation of the window that each match was measured in [px]; None: all err alone"""
 
+    noise: FloatArray | None
+    """(n, 2) stated σ of the pixels alone, in either image [px]; None: the residuals tell it"""
+
+    raised: float = 1.0
+    """by which factor matches' whole noise was raised, since they would not agree"""
+    is_last: bool = False
+    """The matches' noise is not to be changed again."""
+
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""
         return next((i for i in self.between or () if not members[i]), None)
+
+    def may_raise(self, robust: bool) -> bool:
+        """Tell whether the stated noise may be raised: once, and where the camera is a real one."""
+        return robust and self.noise is not None and self.lens.error is not None and not self.is_last
+
+    def noisier(self, factor: float) -> TwoViewRequest:
+        """Return the request with the pixels' stated noise so many times as large."""
+        return self._replace(
+            noise=None if self.noise is None else factor * self.noise, raised=factor, is_last=True
+        )
 
     def windows_of(self, members: BoolArray) -> FloatArray | None:
         """Return the members' windows (m,) [px]; None: they err alone."""

@@ -20,6 +20,7 @@ class DotKind:
 
     name = "dots"
     least = LEAST_FEATURES
+    most_blur = 2.0
 
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the dots (n, 2) [px], top to bottom, then left to right."""

@@ -82,6 +82,11 @@ class FeatureKind(Protocol):
         """How many features a picture must show."""
         ...
 
+    @property
+    def most_blur(self) -> float:
+        """How far a feature may move during an exposure and still be found [px]."""
+        ...
+
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the pixels (n, 2) [px] of every feature in a picture."""
         ...

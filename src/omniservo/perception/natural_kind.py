@@ -18,6 +18,7 @@ class NaturalKind:
 
     name = "natural features"
     least = LEAST_FEATURES
+    most_blur = 4.0
 
     def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
         """Return the features (n, 2) [px], strongest first."""

@@ -23,6 +23,7 @@ class TagKind:
     """
 
     name = "tag corners"
+    most_blur = 5.0
 
     def __init__(self, dictionary: str, least: int = LEAST_FEATURES) -> None:
         self.dictionary = dictionary

@@ -84,6 +84,7 @@ def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Draw
     _rings(axes, camera, u, v)
     _limits(axes, camera)
     _polygon(axes, unified)
+    _model_error(axes, camera)
     axes.set_aspect("equal")
     edge = 0.02 * camera.width
     axes.set_xlim(-edge, camera.width + edge)
@@ -97,6 +98,16 @@ def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Draw
         "the image. Hatched: seen past 90°, which the virtual plane Z = 1 loses."
     )
     return Drawing("camera-field", "What the camera sees", caption, figure)
+
+
+def _model_error(axes: Axes, camera: CentralModel) -> None:
+    """Draw the length over which the model's error is alike, as a disc in the middle of the image."""
+    error = camera.model_error
+    if error is None or error.sigma_px == 0.0:
+        return
+    middle = 0.5 * camera.width, 0.5 * camera.height
+    said = f"model off by {error.sigma_px:.2g} px (1σ), alike over this length"
+    axes.add_patch(Circle(middle, error.length_px, fill=False, ec=QUIET, lw=1.2, ls=":", label=said))
 
 
 def _rings(axes: Axes, camera: CentralModel, u: FloatArray, v: FloatArray) -> None:

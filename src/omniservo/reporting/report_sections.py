@@ -27,7 +27,6 @@ _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-p
 def verdict(result: RunResult, *, named: bool) -> Markup:
     """Return the verdict's box; ``named``: with the method's name."""
     found = verdict_of(result)
-    notices = () if result.plan is None else result.plan.problem.notices
     name = [tag("span", METHODS.get(result.method, result.method), class_="method")] if named else []
     return judged(
         found.good,
@@ -36,7 +35,7 @@ def verdict(result: RunResult, *, named: bool) -> Markup:
         tag("p", found.sentence),
         tag("p", plan_sentence(result), class_="quiet"),
         *([tag("p", why, class_="quiet")] if (why := planner_sentence(result)) else []),
-        *(tag("p", f"Notice: {notice}.") for notice in notices),
+        *(tag("p", f"Notice: {notice}.") for notice in result.notices),
     )
 
 

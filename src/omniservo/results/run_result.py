@@ -93,6 +93,12 @@ class RunResult:
     """as in metrics.json"""
 
     @property
+    def notices(self) -> tuple[str, ...]:
+        """What a person must know of the problem, and of how fast the plan is followed."""
+        problem = () if self.plan is None else self.plan.problem.notices
+        return problem if self.motion is None else (*problem, *self.motion.notices)
+
+    @property
     def is_filmed(self) -> bool:
         """Whether it can be shown moving; a run that was stopped before its first step stands still."""
         return bool(self.film.times) or not self.log.rows

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath, Plan
 from omniservo.robots import Arm, JointPath
+from omniservo.runs.borne_speed import borne_speed
 from omniservo.runs.own_branch import every_branch, own_branch
 from omniservo.scenes.scene import Scene
 from omniservo.servoing import (
@@ -21,6 +23,7 @@ from omniservo.servoing import (
     TimeOptimalLaw,
     image_speed,
 )
+from omniservo.servoing.time_law import EXPONENTIAL_END
 from omniservo.tasks import Task
 from omniservo.tracking.planned_motion import PlannedMotion
 
@@ -29,6 +32,9 @@ LEAST_DURATION = 4.0
 
 JOINT_SHARE = 0.5
 """share of the arm's joint speed and acceleration that the path may use; the rest is left to feedback"""
+
+_LOOKS = 257
+"""places of the exponential law"""
 
 _PathSpeed: TypeAlias = Callable[[FloatArray], FloatArray]
 
@@ -46,13 +52,15 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
     joints = own_branch(task, scene, plan.path, plan.aim)
     points = plan.problem.points
     limits = limits_of(task, scene.arm, plan.path, joints, points)
+    law = _law(task, limits, limits_of(task, scene.arm, plan.path, joints, points, share=1.0))
     return PlannedMotion(
         arm=scene.arm,
         joints=joints,
-        law=_law(task, limits, limits_of(task, scene.arm, plan.path, joints, points, share=1.0)),
+        law=law,
         limits=limits,
         time_optimal_seconds=TimeOptimalLaw(limits).duration,
         others=every_branch(task, scene, plan.path),
+        notices=_slowed(task, law, limits),
     )
 
 
@@ -65,10 +73,10 @@ def limits_of(
     *,
     share: float = JOINT_SHARE,
 ) -> PathLimits:
-    """Return a share of the arm's limits, and the task's image speed, along the joints that follow a path.
+    """Return a share of the arm's limits, and `borne_speed`, along the joints that follow a path.
 
     Args:
-        task: states the image speed, if one is.
+        task: states the image speed, if one is, exposure and readout.
         arm: states the others.
         path: of the camera, in the frame of the points.
         joints: that follow it.
@@ -80,9 +88,9 @@ def limits_of(
 
 
 def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _PathSpeed | None:
-    """Return what the task's image speed lets ẇ be, a function of w; None where it states none."""
-    top = task.servo.image_speed
-    if top is None:
+    """Return what `borne_speed` lets ẇ be, a function of w; None where nothing bounds it."""
+    top = borne_speed(task).speed
+    if not np.isfinite(top):
         return None
 
     def path_speed(w: FloatArray) -> FloatArray:
@@ -96,15 +104,42 @@ def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _Pat
 def _law(task: Task, limits: PathLimits, arms_own: PathLimits) -> TimeLaw:
     servo = task.servo
     if servo.time_law == "exponential":
-        return ExponentialLaw(servo.rate)
+        law = ExponentialLaw(servo.rate)
+        times = np.linspace(0.0, -np.log(EXPONENTIAL_END) / servo.rate, _LOOKS)
+        w, speed, _ = law.motion(times)
+        if (excess := float((speed / limits.top_path_speed(w)).max())) > 1.0:
+            raise NoSolutionError(
+                f"servo.time_law: exponential is not stretched; points move {excess:.3g} times as fast as "
+                f"{borne_speed(task).cause} lets them; legal: rest-to-rest, time-optimal, a lower servo.rate"
+            )
+        return law
     if servo.time_law == "time-optimal":
         return TimeOptimalLaw(limits)
     if servo.duration is None:
         return RestToRestLaw.for_limits(limits, least_duration=LEAST_DURATION)
     least = RestToRestLaw.for_limits(arms_own, least_duration=1e-3).duration
     if servo.duration < least:
-        bound = "the arm's limits" if servo.image_speed is None else "the arm's limits and servo.image_speed"
+        cause = borne_speed(task).cause
+        bound = "the arm's limits" if cause == "the arm's limits" else f"the arm's limits and {cause}"
         raise NoSolutionError(
             f"servo.duration: {servo.duration:g} s given; {bound} need {least:.3g} s at least"
         )
     return RestToRestLaw(servo.duration)
+
+
+def _slowed(task: Task, law: TimeLaw, limits: PathLimits) -> tuple[str, ...]:
+    """Return what is to be said of a motion that the camera's exposure or readout made longer."""
+    if limits.path_speed is None or borne_speed(task).cause == "servo.image_speed":
+        return ()
+    free = replace(limits, path_speed=None)
+    if isinstance(law, RestToRestLaw) and task.servo.duration is None:
+        without = RestToRestLaw.for_limits(free, least_duration=LEAST_DURATION).duration
+    elif isinstance(law, TimeOptimalLaw):
+        without = TimeOptimalLaw(free).duration
+    else:
+        return ()
+    if law.duration <= (1.0 + 1e-3) * without:
+        return ()
+    return (
+        f"{borne_speed(task).cause} makes the motion last {law.duration:.3g} s instead of {without:.3g} s",
+    )

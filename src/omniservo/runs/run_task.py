@@ -276,7 +276,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         "method": result.method,
         "seed": seed,
         **score(result.task, result.plan, result.way, result.log, result.truth),
-        "notices": [] if result.plan is None else list(result.plan.problem.notices),
+        "notices": list(result.notices),
         "arm_notices": [] if result.whole_arm is None else list(result.whole_arm.notices),
         "plan_status": None if result.plan is None else result.plan.status,
         "estimate_rms_px": result.estimate.rms_px,

@@ -23,6 +23,8 @@ def safety_of_task(task: Task) -> SafetyOptions:
     return SafetyOptions(
         image_age=max(default.image_age, sensor.latency + FRAMES_MISSED / sensor.rate),
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
+        exposure=sensor.exposure,
+        readout=sensor.readout,
         workspace=None
         if box is None
         else np.array([np.subtract(box.min, WORKSPACE_ROOM), np.add(box.max, WORKSPACE_ROOM)]),

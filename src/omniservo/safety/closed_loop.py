@@ -20,6 +20,7 @@ from omniservo.perception import FeatureTracker
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.image_watch import ImageWatch
+from omniservo.safety.moving_image import MovingImage
 from omniservo.safety.supervisor import Passed, Supervisor, Wish, as_stop
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
@@ -161,7 +162,7 @@ def servo(
         while not controller.done:
             image = loop.next_image()
             if image.time - loop.start > time_limit:
-                raise TimeLimit(f"not at the goal after {time_limit:g} s")
+                raise TimeLimit(_not_there(time_limit, controller.report))
             on_step(loop.step(image))
     except BaseException as error:
         stop = as_stop(error)
@@ -199,6 +200,7 @@ class _Loop:
         self._visibility, self._posture = visibility, posture
         options = supervisor.options
         self._watch = FeatureWatch(options)
+        self._moving = MovingImage(options, visibility.camera.height)
         self._image_watch = ImageWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._last = -np.inf
         self.start = np.nan
@@ -208,13 +210,34 @@ class _Loop:
 
     def step(self, image: CameraImage) -> Step:
         """Command what one image asks for."""
-        supervisor, controller = self._supervisor, self._controller
-        time = image.time - self.start
-        predicted, expected = controller.predict(time)
-        pixels, valid = self._features.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
-        _refuse_wrong_points(pixels, valid, len(predicted))
+        supervisor, time = self._supervisor, image.time - self.start
+        pixels, valid = self._found(image, time)
         state = supervisor.read()
         before = perf_counter()
+        try:
+            filtered = self._twist(image, time, pixels, valid)
+        except ServoStop as stop:
+            raise self._moving.named(stop) from None
+        # Six joints leave nothing free.
+        free = supervisor.arm.dof > 6
+        wish = _towards(self._posture, self.start) if self._posture is not None and free else None
+        self.commanded = True
+        passed = supervisor.carry(filtered.twist, wish)
+        seconds = perf_counter() - before
+        return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+
+    def _found(self, image: CameraImage, time: float) -> tuple[FloatArray, BoolArray]:
+        """Return the points found (n, 2) [px], as they were at the time stamp, and which (n,)."""
+        predicted, expected = self._controller.predict(time)
+        self._moving.predict(self._controller.predict, time)
+        there = np.where(expected[:, None], predicted + self._moving.displaced(predicted), np.nan)
+        pixels, valid = self._features.update(image.pixels, there)
+        _refuse_wrong_points(pixels, valid, len(predicted))
+        return pixels - self._moving.displaced(pixels), valid
+
+    def _twist(self, image: CameraImage, time: float, pixels: FloatArray, valid: BoolArray) -> FilteredTwist:
+        """Return the controller's twist, changed as little as keeps the points in view."""
+        supervisor, controller = self._supervisor, self._controller
         twist = controller.step(time, pixels, valid)
         report = controller.report
         if report is None or not np.isfinite(twist).all():
@@ -223,14 +246,7 @@ class _Loop:
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
         self._image_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
-        filtered = self._visibility.step(points, pixels, valid, twist)
-        # Six joints leave nothing free.
-        free = supervisor.arm.dof > 6
-        wish = _towards(self._posture, self.start) if self._posture is not None and free else None
-        self.commanded = True
-        passed = supervisor.carry(filtered.twist, wish)
-        seconds = perf_counter() - before
-        return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+        return self._visibility.step(points, pixels, valid, twist)
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last; refuse one that is too old, or that does not come."""
@@ -249,6 +265,11 @@ class _Loop:
                 raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
             supervisor.wait(_TICK)
             waited += _TICK
+
+
+def _not_there(time_limit: float, report: ControllerReport | None) -> str:
+    off = "" if report is None else f": the points are {report.goal_error_px:.2f} px (rms) off the goal image"
+    return f"not at the goal after {time_limit:g} s{off}"
 
 
 def _refuse_wrong_points(pixels: FloatArray, valid: BoolArray, count: int) -> None:

@@ -58,6 +58,10 @@ class SafetyOptions:
     time stamps explain [px]; see `ImageWatch`"""
     time_offset: float = 0.25
     """Time stamps of images may be off those of the joints by this much, either way [s]"""
+    exposure: float = 0.0
+    """So long each row of an image sees [s]; names what motion blur stops."""
+    readout: float = 0.0
+    """of a rolling shutter [s], 0: global: points are led back from their rows' instants to the time stamp"""
     structure_error: float = 0.4
     """The points' distances may be off by this share."""
     max_linear_speed: float = 1.0
@@ -83,7 +87,14 @@ class SafetyOptions:
     def __post_init__(self) -> None:
         for name in _POSITIVE:
             finite_number(name, getattr(self, name), above=0.0)
-        for name in ("joint_reserve", "growing_px", "visibility_margin", "structure_error"):
+        for name in (
+            "joint_reserve",
+            "growing_px",
+            "visibility_margin",
+            "structure_error",
+            "exposure",
+            "readout",
+        ):
             finite_number(name, getattr(self, name), minimum=0.0)
         finite_number("most_gain", self.most_gain, minimum=self.least_gain)
         finite_number("least_features", self.least_features, minimum=3)

@@ -15,6 +15,7 @@ from omniservo.planning import CameraPath, Plan
 from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
+from omniservo.tracking.gate import GATE
 from omniservo.tracking.goal_blend import GoalBlend
 from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.leg import Leg
@@ -92,7 +93,7 @@ class PathTracker:
         self._refuse_points_behind(plan.path)
         self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
         self._goal_blend = GoalBlend(self._goal.offsets)
-        self._settings = _settings(self.options)
+        self._settings = _settings(self.options, camera)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = self._refinement(initial_pixels, goal_pixels)
@@ -323,15 +324,16 @@ class PathTracker:
                 )
 
 
-def _settings(options: TrackerOptions) -> FloatArray:
-    """Return the options that the kernel reads."""
+def _settings(options: TrackerOptions, camera: UnifiedCamera) -> FloatArray:
+    """Return the options that the kernel reads; what the camera's own error explains is no wrong point."""
+    error_px = 0.0 if camera.model_error is None else camera.model_error.sigma_px
     settings = np.empty(6)
     settings[kernel.GAIN] = options.gain
     settings[kernel.LEAST_FEATURES] = options.least_features
     settings[kernel.DIVERGENCE_PX] = options.divergence_px
     settings[kernel.MAX_LINEAR] = options.max_linear_speed
     settings[kernel.MAX_ANGULAR] = options.max_angular_speed
-    settings[kernel.GATE_PX] = options.gate_px
+    settings[kernel.GATE_PX] = max(options.gate_px, GATE * error_px)
     return settings
 
 

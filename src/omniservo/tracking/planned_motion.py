@@ -32,6 +32,8 @@ class PlannedMotion:
     """of the fastest law within ``limits``"""
     others: FollowedPath
     """every branch in which the arm could begin, its own among them"""
+    notices: tuple[str, ...] = ()
+    """what a person must know of how fast it is"""
 
     @property
     def seconds(self) -> float:

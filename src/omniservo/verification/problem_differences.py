@@ -20,6 +20,7 @@ _CAMERA = {
     "dead_zone": None,
     "mask": [],
     "deviation_px": 0,
+    "model_error": None,
 }
 _WORKSPACE: dict[str, Any] = {"min": None, "max": None, "half_spaces": []}
 _DEGREES = {"rotation": 2, "translation": 2}

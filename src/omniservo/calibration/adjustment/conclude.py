@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.adjustment.calibration import Calibration, Coverage, Errors, Side, Status, failed
 from omniservo.calibration.adjustment.equivalence import equivalents
+from omniservo.calibration.adjustment.field_likelihood import likely_error
 from omniservo.calibration.adjustment.held_out import HeldOut
 from omniservo.calibration.adjustment.lens import (
     NAMES,
@@ -84,6 +85,10 @@ def conclude(
     doubt = _doubt(views, points[keep], fit, size, turned)
     if doubt is not None:
         return failed(doubt[0], f"{doubt[0]}: {doubt[1]}", selection.dropped, math.nan, used)
+    left_out = residuals(views, state) if fit.held_out is None else fit.held_out.residuals
+    likely = likely_error(views, state, left_out, keep, size)
+    off = theta_covariance(normal, fit.free, 1.0) @ likely.pulls.T
+    covariance = covariance + off @ off.T
     limit, deviation, turned_px = _reach(selection, fit, size, covariance, largest)
     names = tuple(name for name, free in zip(NAMES, fit.free, strict=True) if free)
     J = physical_jacobian(state.theta)[np.ix_(fit.free, fit.free)]
@@ -94,7 +99,8 @@ def conclude(
     kind: Literal["none", "radtan"] = "radtan" if fit.free.all() else "none"
     return Calibration(
         status="ok", message=_message(selection, rms, kind),
-        camera=camera_of(state.theta, size, max_angle=limit, deviation_px=min(deviation, turned_px), **lens),
+        camera=camera_of(state.theta, size, max_angle=limit, deviation_px=min(deviation, turned_px),
+                         model_error=likely.error, **lens),
         deviation_px=deviation, deviation_turned_px=turned_px, rms_px=rms,
         noise_px=math.sqrt(variance), views_used=used,
         views_dropped=selection.dropped, corners_dropped=selection.dropped_corners, distortion=kind,

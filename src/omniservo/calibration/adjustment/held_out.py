@@ -33,6 +33,8 @@ class HeldOut:
     """(V,) by view [px]"""
     cameras: tuple[FloatArray, ...]
     """θ without each fold in turn"""
+    residuals: FloatArray
+    """(N, 2) projection − corner [px], each view's under the camera of the others, its pose adjusted"""
 
 
 def held_out(views: Views, state: State, free: BoolArray, keep: BoolArray) -> HeldOut | None:
@@ -47,6 +49,7 @@ def held_out(views: Views, state: State, free: BoolArray, keep: BoolArray) -> He
     folds = min(_FOLDS, views.count)
     fold = np.arange(views.count) % folds
     squares, angles = np.zeros(views.count), np.zeros(views.count)
+    left = np.zeros_like(views.pixels)
     cameras = []
     for j in range(folds):
         inside, outside = np.flatnonzero(fold != j), np.flatnonzero(fold == j)
@@ -56,7 +59,7 @@ def held_out(views: Views, state: State, free: BoolArray, keep: BoolArray) -> He
         posed, _ = refine_poses(
             rest, state.some(outside).with_theta(made.theta), scale_px=None, keep=kept, iterations=10
         )
-        errors = residuals(rest, posed)
+        errors = left[views.rows_of(outside)] = residuals(rest, posed)
         rays = ray_errors(made.theta, posed.points(rest), errors)
         for place, view in enumerate(outside):
             rows = rest.rows(place)
@@ -70,6 +73,7 @@ def held_out(views: Views, state: State, free: BoolArray, keep: BoolArray) -> He
         float(np.degrees(np.sqrt(np.average(angles, weights=counts)))),
         np.sqrt(squares),
         tuple(cameras),
+        left,
     )
 
 

@@ -12,10 +12,14 @@ from omniservo.cameras.conversion.equivalence import as_unified, from_unified
 from omniservo.cameras.conversion.families import FAMILIES
 from omniservo.cameras.conversion.fit import field_of, fitted
 from omniservo.cameras.conversion.residual import Residual, exact, measured
+from omniservo.cameras.model_error import usual_model_error
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.cameras.unified_camera import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import finite_number
+
+NOTICED_PX = 1e-3
+"""A conversion that leaves less is the camera itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +84,18 @@ def convert(
 
 
 def standing_for(model: CentralModel, camera: CentralModel, residual: Residual) -> CentralModel:
-    """Return ``camera`` with what it leaves of ``model`` added to the model's own deviation, rounded up."""
+    """Return ``camera`` with what it leaves of ``model`` added to the model's own deviation, rounded up.
+
+    To the model's error the rms residual is added in quadrature.
+    """
     total = model.deviation_px + residual.largest_px
     if 0.0 not in (model.deviation_px, residual.largest_px):
         total = math.nextafter(total, math.inf)
-    return camera_from_dict({**camera.to_dict(), "deviation_px": total})
+    stated = model.model_error
+    if residual.rms_px > NOTICED_PX:
+        stated = (stated or usual_model_error(0.0, model.width, model.height)).with_residual(residual.rms_px)
+    said = None if stated is None else stated.to_dict()
+    return camera_from_dict({**camera.to_dict(), "deviation_px": total, "model_error": said})
 
 
 def _candidates(model: CentralModel, kind: type[CentralModel]) -> list[CentralModel]:

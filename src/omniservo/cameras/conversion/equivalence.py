@@ -22,8 +22,8 @@ _LARGEST_ALPHA = 1.0 - 1e-6
 
 
 def lens_of(model: CentralModel) -> dict[str, Any]:
-    """Return the fields that every camera has: size, max_angle, dead zone, mask, deviation."""
-    names = ("width", "height", "max_angle", "dead_zone", "mask", "deviation_px")
+    """Return the fields that every camera has: size, max_angle, dead zone, mask, deviation, model error."""
+    names = ("width", "height", "max_angle", "dead_zone", "mask", "deviation_px", "model_error")
     return {name: getattr(model, name) for name in names}
 
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.image_mask import ImageMask
+from omniservo.cameras.model_error import ModelError
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 
@@ -42,6 +43,10 @@ class CentralModel(Protocol):
     @property
     def deviation_px(self) -> float:
         """How far a true pixel may lie from `project`'s [px]: what conversions or a calibration leave."""
+
+    @property
+    def model_error(self) -> ModelError | None:
+        """By how much the model is off, alike over regions of the image; None: nothing is stated."""
 
     @property
     def usable_angle(self) -> float:

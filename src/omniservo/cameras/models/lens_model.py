@@ -12,6 +12,7 @@ import numpy as np
 
 from omniservo.cameras.camera_fields import (
     checked_fields,
+    errors_to_dict,
     focal_length,
     image_size,
     image_to_dict,
@@ -21,6 +22,7 @@ from omniservo.cameras.camera_fields import (
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone, dead_zone_from
 from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
+from omniservo.cameras.model_error import ModelError, model_error_from
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number, frozen
 
@@ -60,12 +62,14 @@ class LensModel(KernelCamera, ABC):
         dead_zone: where the image shows the camera itself; anything that `DeadZoneLike` allows.
         mask: convex polygons [px] in which it shows the camera itself, or nothing.
         deviation_px: how far a true pixel may lie from `project`'s [px]; conversions add what they leave.
+        model_error: as `UnifiedCamera`'s.
     """
 
     max_angle: float | None = None
     dead_zone: DeadZone | None = None
     mask: ImageMask = ()
     deviation_px: float = 0.0
+    model_error: ModelError | None = None
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -83,6 +87,7 @@ class LensModel(KernelCamera, ABC):
             dead_zone=dead_zone_from(self.dead_zone),
             mask=mask_from(self.mask),
             deviation_px=finite_number("deviation_px", self.deviation_px, minimum=0.0, maximum=LARGEST_PX),
+            model_error=model_error_from(self.model_error),
         )
         domain = self._domain(math.pi if self.max_angle is None else self.max_angle)
         matrix, (cx, cy) = self._affine()
@@ -112,13 +117,12 @@ class LensModel(KernelCamera, ABC):
     def to_dict(self) -> dict[str, Any]:
         """Return the model as it stands in a file; `camera_from_dict` gives an equal one."""
         lens = image_to_dict(self, self.max_angle)
-        optional = ("mask", "deviation_px")
+        optional = ("mask", "deviation_px", "model_error")
         own = {
             f.name: getattr(self, f.name) for f in fields(self) if f.init and f.name not in (*lens, *optional)
         }
         plain = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
-        deviation = {"deviation_px": self.deviation_px} if self.deviation_px else {}
-        return {"model": self.model, **plain, **lens, **deviation}
+        return {"model": self.model, **plain, **lens, **errors_to_dict(self)}
 
     @classmethod
     def from_dict(cls: type[Model], given: Mapping[str, Any], source: str = "camera") -> Model:

@@ -76,11 +76,17 @@ OTHER_DIRECTION = math.radians(5.0)
 """likewise of fits to different members; smaller, because no uncertainty reaches from one to the other"""
 
 
-def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]:
-    """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose."""
+def judge(
+    fit: TwoViewFit, matches: Matches, robust: bool, camera_error_px: float = 0.0
+) -> tuple[Status, str]:
+    """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose.
+
+    ``camera_error_px`` is the σ of the camera's model error: no residuals tell of less noise, since motion
+    and structure take most of it up, and neighbours within it may be alike.
+    """
     members = matches.where(fit.members)
     freedom = members.size - MOTION_PARAMETERS
-    variance = noise_variance(fit.cost, freedom, members.noise_px)
+    variance = max(noise_variance(fit.cost, freedom, members.noise_px), camera_error_px**2)
     simple = simpler_model(members, variance, fit.cost)
     if simple is None and robust and matches.size >= EIGHT_POINTS:
         simple = _bulk_model(fit, matches, math.sqrt(variance))
@@ -95,10 +101,19 @@ def judge(fit: TwoViewFit, matches: Matches, robust: bool) -> tuple[Status, str]
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
     sigma = math.sqrt(variance)
-    against = foreign_evidence(fit, matches, sigma) or badly_found(matches, fit, sigma)
+    against = foreign_evidence(fit, matches, sigma + camera_error_px) or badly_found(matches, fit, sigma)
     if against is not None:
         return "not_converged", against
     return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
+
+
+def is_only_noisier(fit: TwoViewFit, matches: Matches, camera_error_px: float) -> bool:
+    """Tell whether a fit is refused for nothing but noise that is stated too small."""
+    if not fit.minima or not fit.minima[0].converged:
+        return False
+    sigma = math.sqrt(noise_variance(fit.cost, int(fit.members.sum()) - MOTION_PARAMETERS, matches.noise_px))
+    foreign = foreign_evidence(fit, matches, sigma + camera_error_px)
+    return foreign is None and badly_found(matches, fit, sigma) is not None
 
 
 def largest_noise(stated: float | None) -> float:

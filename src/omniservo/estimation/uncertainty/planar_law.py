@@ -42,9 +42,9 @@ def planar_law(
     own = to_ray @ inverse @ np.swapaxes(to_ray, 1, 2)
     calibration = np.empty((0, 6 + 3 * n))
     points = motion.points(rays)
-    if len(lens.directions):
-        solution = Solution(motion.rotation, motion.translation, points)
-        moved = -lens.pixels(solution) * np.repeat(members.weights, 2, axis=1)
+    moves, directions = lens.all_pixels(members, Solution(motion.rotation, motion.translation, points))
+    if len(moves):
+        moved = -moves * np.repeat(members.weights, 2, axis=1)
         gradient = np.einsum("nji,qni->qj", pulls, moved)
         calibration = _joined(motion, gradient @ spread, blocks, to_motion - to_ray @ follow)
         turns = np.einsum("nij,qnj->qni", inverse @ np.swapaxes(blocks.to_ray, 1, 2), moved)
@@ -59,7 +59,7 @@ def planar_law(
         noise.variance * metres**2 * own,
         noise.freedom,
         unit * calibration,
-        lens.directions,
+        directions,
     )
 
 

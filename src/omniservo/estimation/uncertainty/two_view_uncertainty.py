@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import chdtri
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
 from omniservo.estimation.refinement.motion_search import Minimum
@@ -63,11 +63,13 @@ class ScaleLength(NamedTuple):
 
 
 class Lens(NamedTuple):
-    """How far the camera's parameters may be off."""
+    """How far the camera may be off: its parameters, and its model's error, alike over regions."""
 
     camera: UnifiedCamera
     directions: FloatArray
     """(q, p) independent, one σ each"""
+    factor: float = 1.0
+    """by which the model's error is taken larger than stated, since residuals ask for it"""
 
     @classmethod
     def of(cls, camera: UnifiedCamera, covariance: npt.ArrayLike | None) -> Lens:
@@ -77,6 +79,35 @@ class Lens(NamedTuple):
             InputError: an illegal covariance.
         """
         return cls(camera, np.empty((0, 0)) if covariance is None else calibration_directions(covariance))
+
+    @property
+    def error(self) -> ModelError | None:
+        """The model's error; None where it is none."""
+        stated = self.camera.model_error
+        return stated if stated is not None and stated.sigma_px > 0.0 else None
+
+    @property
+    def sigma_px(self) -> float:
+        """σ of the model's error [px]."""
+        return 0.0 if self.error is None else self.error.sigma_px
+
+    def whole_noise(self, noise: FloatArray) -> FloatArray:
+        """Return σ [px] of pixels with this ``noise``, the model's error added in quadrature."""
+        return np.hypot(noise, self.sigma_px) if self.error is not None else noise
+
+    def moves(self, members: Matches) -> FloatArray:
+        """Return the model's independent errors (f, n, 4) [px] at the pixels of both images."""
+        if self.error is None:
+            return np.empty((0, members.size, 4))
+        return self.factor * self.error.moves(members.pixels)
+
+    def all_pixels(self, members: Matches, solution: Solution) -> tuple[FloatArray, FloatArray]:
+        """Return what parameters and model error do to pixels (q, n, 4) [px], and the parameters (q, p)."""
+        directions, moves = self.directions, self.moves(members)
+        if len(directions):
+            moves = np.concatenate((self.pixels(solution), moves))
+        still = np.zeros((len(moves) - len(directions), directions.shape[1]))
+        return moves, np.concatenate((directions, still))
 
     def pixels(self, solution: Solution) -> FloatArray:
         """Return by how much the pixels of both images differ (q, n, 4) [px] for each direction."""
@@ -99,6 +130,7 @@ def two_view_uncertainty(
     members: Matches,
     rivals: list[Minimum] | None,
     response: LinearResponse,
+    alone: LinearResponse,
     solution: Solution,
     noise: Noise,
     together: Noise,
@@ -114,14 +146,15 @@ def two_view_uncertainty(
         members: the matches of the fit.
         rivals: other minima of their cost; None: the optimum is that of another cost, whose valleys are not
             looked at.
-        response: at the optimum.
+        response: at the optimum, to displacements in σ of the whole noise of each match.
+        alone: likewise, in σ of the noise that it has for itself.
         solution: the optimum.
         noise: of the pixels of one match.
         together: what counts as theirs where all matches act on the motion.
         length: what fixes the scale.
         lens: how well the camera is known.
     """
-    rows, own = response.law()
+    rows, own = alone.law()
     metres = length.of_translation(solution.points)
     unit = np.full(rows.shape[1], metres)
     unit[3:6] = 1.0
@@ -131,14 +164,13 @@ def two_view_uncertainty(
         stretched = _stretched(members, rivals, response, solution, together, length)
         noisy = np.concatenate((noisy, stretched))
         sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
-    calibration = np.empty((0, rows.shape[1]))
-    if len(lens.directions):
-        weights = np.repeat(members.weights, 2, axis=1)
-        calibration = np.array([response.answer(-weights * moves) for moves in lens.pixels(solution)])
+    weights = np.repeat(members.weights, 2, axis=1)
+    moves, directions = lens.all_pixels(members, solution)
+    calibration = np.array([response.answer(-weights * m) for m in moves]).reshape(-1, rows.shape[1])
     own = noise.variance * metres**2 * own
     spread = together.variance * response.unscaled
     size = size_variance(members, solution.rotation, solution.translation, spread, length.between)
-    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, lens.directions, sigma, size)
+    return JointUncertainty(noisy, own, noise.freedom, unit * calibration, directions, sigma, size)
 
 
 def total_covariances(

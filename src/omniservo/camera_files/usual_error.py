@@ -1,0 +1,63 @@
+"""The model error of a camera that was read from a file: as the file or the caller says, or the usual one.
+
+Calibrations leave an error that is alike over regions of the image. What `omniservo camera calibrate` finds
+of it on boards seen by six lenses (docs/uncertainty.md) is, over the image's longer side, between 1.5 and
+4.5 · 10⁻⁴ where the model has coefficients of distortion or of a polynomial, and between 3 and 14 · 10⁻⁴
+where it has none; 0.5 to 1.8 times the rms distance of corners that the calibration left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from omniservo.camera_files.calibration_file import CalibrationFile
+from omniservo.cameras.model_error import ModelError, usual_model_error
+from omniservo.cameras.models import CentralModel, camera_from_dict
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import finite_number
+
+BENT_PART = 3e-4
+PLAIN_PART = 6e-4
+"""σ over the image's longer side: of models with and without coefficients"""
+
+OF_RMS = 1.3
+"""σ over the rms distance of corners, where the file says that"""
+
+LEAST_PART = 1e-4
+"""of the longer side: no less is believed of a small rms"""
+
+_PLAIN = ("unified", "pinhole")
+_RMS = ("avg_reprojection_error", "rms", "rms_px")
+
+ErrorLike = float | ModelError | None
+"""σ of a model error [px], the error itself, or None: as the file says, else the usual one"""
+
+
+def with_error(camera: CentralModel, error: ErrorLike, file: CalibrationFile | None) -> CentralModel:
+    """Return the camera with its model error; that of a preset (``file`` None) is none where not given.
+
+    Raises:
+        InputError: an error that is not legal.
+    """
+    if error is None:
+        if file is None or camera.model_error is not None:
+            return camera
+        error = usual_error(camera, file.fields)
+    elif not isinstance(error, ModelError):
+        sigma = finite_number("camera_error", error, minimum=0.0)
+        error = usual_model_error(sigma, camera.width, camera.height)
+    return camera_from_dict({**camera.to_dict(), "model_error": error.to_dict()})
+
+
+def usual_error(camera: CentralModel, fields: Mapping[str, Any]) -> ModelError:
+    """Return what is usually left of a camera whose file says nothing of it."""
+    described, side = camera.to_dict(), max(camera.width, camera.height)
+    plain = described["model"] in _PLAIN and not any(described.get("distortion", ()))
+    sigma = (PLAIN_PART if plain else BENT_PART) * side
+    for name in _RMS:
+        try:
+            sigma = max(OF_RMS * finite_number(name, fields.get(name), above=0.0), LEAST_PART * side)
+        except InputError:
+            continue
+    return usual_model_error(sigma, camera.width, camera.height)
