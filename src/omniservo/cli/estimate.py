@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
     from omniservo.estimation import TwoViewEstimate
+    from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+    from omniservo.geometry.arrays import FloatArray
 
 FeaturesOption = Annotated[
     Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
@@ -144,4 +147,28 @@ def _lines(result: TwoViewEstimate, initial_T_goal: RigidTransform) -> Iterator[
     turn = initial_T_goal.rotation.as_rotvec(degrees=True)
     yield f"translation {np.array2string(initial_T_goal.translation, precision=5)} {unit}"
     yield f"rotation vector {np.array2string(turn, precision=4)} deg"
+    if result.uncertainty is not None:
+        yield _parts(result.uncertainty, initial_T_goal)
+    if result.message:
+        yield f"notice: {result.message}"
     yield f"{int(result.inliers.sum())} of {len(result.inliers)} points, rms {result.rms_px:.3f} px"
+
+
+def _parts(law: JointUncertainty, initial_T_goal: RigidTransform) -> str:
+    """Say how uncertain rotation and direction are, and how much of it pixels and camera bring."""
+    import numpy as np
+
+    across = np.linalg.svd(initial_T_goal.translation[None])[2][1:].T
+    length = float(np.linalg.norm(initial_T_goal.translation))
+
+    def degrees(rows: FloatArray) -> tuple[float, float]:
+        turn, swing = np.square(rows[:, 3:6]).sum() / 3.0, np.square(rows[:, :3] @ across).sum() / 2.0
+        return math.degrees(math.sqrt(turn)), math.degrees(math.sqrt(swing) / length)
+
+    pixels, camera = math.sqrt(law.inflation) * law.noise, law.calibration
+    whole = degrees(np.concatenate((pixels, camera)))
+    of_pixels, of_camera = degrees(pixels), degrees(camera)
+    rotation, direction = (
+        f"{whole[k]:.2g} deg (pixels {of_pixels[k]:.2g}, camera {of_camera[k]:.2g})" for k in range(2)
+    )
+    return f"1 sigma an axis: rotation {rotation}, direction {direction}"

@@ -68,6 +68,11 @@ def _numbers(found: Calibration, camera: UnifiedCamera) -> list[tuple[str, str, 
             "95%, anywhere in the camera's field; plans keep it as a margin",
         ),
         (
+            "Model off by",
+            NOTHING if camera.model_error is None else f"{significant(camera.model_error.sigma_px)} px",
+            "1 σ, alike over regions of the image; estimates count it",
+        ),
+        (
             "Usable to",
             f"{math.degrees(camera.usable_angle):.1f}°",
             f"from the axis; outermost corner at {math.degrees(found.coverage.largest_angle):.1f}°",

@@ -57,7 +57,8 @@ class Calibration:
     """What was found, in words; for any status but "ok" the reason."""
     camera: UnifiedCamera | None
     """Its ``max_angle`` ends at most 3° past the outermost corner: the rest of the lens was not seen. Its
-    ``deviation_px`` is the smaller of the two below: what a plan is given was seen by the same camera."""
+    ``deviation_px`` is the smaller of the two below: what a plan is given was seen by the same camera. Its
+    ``model_error`` is what views left out show."""
     deviation_px: float
     """How far true pixels may lie from the camera's, anywhere up to ``max_angle``, with 95% confidence [px].
     The larger of the covariance's bound and twice the spread of the folds' cameras, plus the pattern
@@ -80,7 +81,8 @@ class Calibration:
     parameter_names: tuple[str, ...]
     """of the covariance: fx, fy, cx, cy, xi, and k1, k2, p1, p2 where distortion is used"""
     covariance: FloatArray
-    """(p, p) of those parameters, first order, for independent normal noise in corners"""
+    """(p, p) of those parameters, first order: independent normal noise of corners, and what
+    ``camera.model_error`` does to them"""
     identifiable: dict[str, bool]
     """whether each parameter is known to 1% with 99% confidence (centre, distortion: of the image's scale)"""
     equivalent: tuple[Equivalent, ...]
@@ -143,6 +145,7 @@ class Calibration:
                     "noise of corners included"
                 )
             lines.append(_field(self))
+            lines.append(f"views left out show a model error of {self.camera.model_error}")
         lines += [f"view {i} not used: {reason}" for i, reason in self.views_dropped.items()]
         for view, corners in self.corners_dropped.items():
             lines += [f"view {view}, corner {row} not used: {reason}" for row, reason in corners.items()]
