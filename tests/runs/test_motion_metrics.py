@@ -6,6 +6,7 @@ import pytest
 from omniservo.runs import run_task
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
+from omniservo.tasks.sensor import SensorSection
 
 
 @pytest.fixture(scope="module")
@@ -13,7 +14,7 @@ def hurried():
     """The Panda as fast as half of its limits let it."""
     task = load_task("panda-table")
     servo = task.servo.model_copy(update={"time_law": "time-optimal", "image_speed": 300.0})
-    sensor = task.sensor.model_copy(update={"rate": 15.0})  # pictures take most of the time
+    sensor = SensorSection(rate=15.0)  # pictures take most of the time
     return run_task(task.model_copy(update={"servo": servo, "sensor": sensor}), SimulatedCell, filmed=False)
 
 

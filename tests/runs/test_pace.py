@@ -73,7 +73,7 @@ def test_joints_of_a_motion_begin_where_the_arm_stands_and_its_branch_is_among_a
 
 def test_a_duration_that_the_arm_cannot_keep_is_refused_with_the_least_it_can(planned):
     with pytest.raises(NoSolutionError, match=r"servo.duration: 0.1 s given; the arm's limits need 0\.\d+ s"):
-        motion(planned, duration=0.1)
+        exposed(planned, duration=0.1)
     with pytest.raises(NoSolutionError, match=r"duration: 2 s given; .* and servo.image_speed need [\d.]+ s"):
         motion(planned, duration=2.0, image_speed=20.0)
     assert motion(planned, duration=2.0).seconds == pytest.approx(2.0, rel=1e-5)
@@ -86,7 +86,7 @@ def test_points_move_no_farther_in_an_exposure_than_their_kind_bears(planned, la
     fastest = image_speeds(planned, found).max()
     assert 0.97 * most < 0.2 * fastest <= 1.0001 * most
     (notice,) = found.notices
-    free = motion(planned, time_law=law)
+    free = exposed(planned, time_law=law)
     assert notice.startswith("motion blur (an exposure of 200 ms, in which ")
     assert f"makes the motion last {found.seconds:.3g} s instead of {free.seconds:.3g} s" in notice
     assert free.notices == ()
@@ -100,7 +100,7 @@ def test_points_move_ten_pixels_at_most_while_a_rolling_shutter_is_read(planned)
 
 def test_a_short_exposure_slows_nothing_down_and_is_not_spoken_of(planned):
     found = exposed(planned, exposure=1e-4, readout=1e-3)
-    assert found.seconds == pytest.approx(motion(planned).seconds)
+    assert found.seconds == pytest.approx(exposed(planned).seconds)
     assert found.notices == ()
 
 

@@ -13,7 +13,13 @@ TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
 
 @pytest.fixture(scope="module")
 def certified():
-    return run_task(load_task("paper-example-1"), SimulatedCell, method="certified", filmed=False)
+    return run_task(slower("paper-example-1", 12.0), SimulatedCell, method="certified", filmed=False)
+
+
+def slower(name, rate):
+    """A shipped task with fewer images a second, which take most of the time."""
+    task = load_task(name)
+    return task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": rate})})
 
 
 def test_the_certified_run_reaches_the_goal_without_touching_anything(certified):
@@ -52,10 +58,7 @@ def test_the_log_agrees_with_the_metrics(certified):
 
 
 def test_classical_servoing_touches_the_box():
-    task = load_task("paper-example-1")
-    slower = task.sensor.model_copy(update={"rate": 12.0})  # pictures take most of the time
-    task = task.model_copy(update={"sensor": slower})
-    metrics = run_task(task, SimulatedCell, method="ibvs", filmed=False).metrics
+    metrics = run_task(slower("paper-example-1", 12.0), SimulatedCell, method="ibvs", filmed=False).metrics
     assert metrics["status"] == "contact"
     assert any("obstacle 0" in pair for pair in metrics["contacts"])
     assert metrics["planning_seconds"] is None
@@ -69,9 +72,8 @@ def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared
 
 
 def test_seven_joints_reach_the_goal_and_are_drawn():
-    task = load_task("panda-table")
-    slower = task.sensor.model_copy(update={"rate": 4.0})  # pictures take most of the time
-    result = run_task(task.model_copy(update={"sensor": slower}), SimulatedCell, filmed=False)
+    task = slower("panda-table", 4.0)
+    result = run_task(task, SimulatedCell, filmed=False)
     metrics = result.metrics
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])
     assert metrics["final_translation_error_m"] <= 0.3e-3
