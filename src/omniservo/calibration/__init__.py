@@ -3,14 +3,17 @@
 from omniservo.calibration.adjustment import Calibration, calibrate_camera
 from omniservo.calibration.boards import board_from_text, find_board
 from omniservo.calibration.calibrate_images import ImageCalibration, calibrate_images
+from omniservo.calibration.camera_check import CameraCheck, check_camera
 from omniservo.renamed import renamed
 
 __all__ = [
     "Calibration",
+    "CameraCheck",
     "ImageCalibration",
     "board_from_text",
     "calibrate_camera",
     "calibrate_images",
+    "check_camera",
     "find_board",
 ]
 

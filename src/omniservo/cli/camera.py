@@ -18,6 +18,7 @@ from omniservo.cli.camera_options import (
     SizeOption,
     open_model,
 )
+from omniservo.cli.check import check
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
@@ -27,9 +28,10 @@ if TYPE_CHECKING:
     from omniservo.cameras.conversion import Conversion, Residual
     from omniservo.cameras.models import CentralModel
 
-app = typer.Typer(help="Calibrate, show, convert and rectify cameras.", no_args_is_help=True)
+app = typer.Typer(help="Calibrate, show, convert, rectify and check cameras.", no_args_is_help=True)
 app.command("calibrate")(calibrate)
 app.command("rectify")(rectify)
+app.command("check")(check)
 
 _ANY_PX = 1e9
 """a camera is shown however badly the unified model stands for it"""

@@ -1,0 +1,112 @@
+"""A camera that watches a scene: moved or not, whatever else has changed."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from benchmarks.camera_check import LENSES, WALLS, boards, bump, face, other_light, pair
+from benchmarks.pictured_scenes import OTHER_LENS, picture_of
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2
+from tests.cli.calling import call
+
+from omniservo.calibration import check_camera
+from omniservo.calibration.camera_check import _jacobian, _moved_pixels
+from omniservo.camera_files import save_camera
+from omniservo.errors import InputError
+
+STILL = RigidTransform.identity()
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_other_light_and_other_things_in_the_scene_are_no_motion_of_the_camera(name):
+    found = pair(*LENSES[name], 0.0, 7).found
+    assert found.moved is False
+    assert found.displacement_px < 0.1
+    assert found.probability > 0.01
+
+
+@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("size", [1.0, 10.0, 40.0])
+def test_a_bump_is_noticed_and_its_rotation_lies_in_the_ellipsoid_that_is_stated(name, size):
+    seen = pair(*LENSES[name], size, 8)
+    found = seen.found
+    assert found.moved is True
+    off = (Rotation.from_rotvec(found.rotation).inv() * seen.was_T_now.rotation).as_rotvec()
+    assert off @ np.linalg.solve(found.covariance[:3, :3], off) < chi2.ppf(0.999, 3)
+    turn = np.linalg.norm(seen.was_T_now.rotation.as_rotvec())
+    assert abs(found.angle - turn) < max(0.2 * turn, 4.0 * found.sigma)
+
+
+@pytest.fixture(scope="module")
+def room():
+    """Two images of a room from one place, and one from a little aside."""
+    rng = np.random.default_rng(3)
+    walls = [face(rng, np.array(centre), np.array(turn), half) for centre, turn, half in WALLS]
+    scene = walls + boards(rng, 2)
+    moved = bump(OTHER_LENS, 5.0, np.random.default_rng(4))
+    return [picture_of(scene, OTHER_LENS, pose, rng) for pose in (STILL, STILL, moved)]
+
+
+def test_what_moves_in_the_scene_is_not_the_camera(room):
+    was, still, moved = room
+    now = still.copy()
+    now[:, :100] = moved[:, :100]
+    found = check_camera(OTHER_LENS, was, now)
+    assert found.moved is False
+    assert found.displacement_px < 0.1
+
+
+def test_where_half_of_the_image_stands_still_and_half_moves_nothing_is_said(room):
+    was, still, moved = room
+    now = still.copy()
+    now[:, :160] = moved[:, :160]
+    found = check_camera(OTHER_LENS, was, now)
+    assert found.moved is None
+    assert "two motions" in found.reason
+    assert found.to_dict()["rotation_rad"] is None
+
+
+def test_images_that_show_nothing_in_common_say_nothing_of_the_camera(room):
+    rng = np.random.default_rng(9)
+    other = [face(rng, np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.4)]
+    assert check_camera(OTHER_LENS, room[0], picture_of(other, OTHER_LENS, STILL, rng)).moved is None
+    grey = np.full((240, 320), 90, dtype=np.uint8)
+    found = check_camera(OTHER_LENS, grey, room[0])
+    assert (found.moved, found.features) == (None, 0)
+    assert "0 features" in found.reason
+
+
+def test_the_derivative_is_that_of_points_at_distance_one_seen_from_where_the_camera_is():
+    bearings = np.array([[0.1, -0.2, 1.0], [-0.3, 0.1, 1.0], [0.0, 0.0, 1.0]])
+    bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
+    at = _moved_pixels(OTHER_LENS, bearings, np.zeros(6))
+    np.testing.assert_allclose(at, OTHER_LENS.project(bearings)[0])
+    jacobian = _jacobian(OTHER_LENS, bearings, np.zeros(6))
+    # a point on the axis: turning about y moves it along −x, moving along x too
+    f = OTHER_LENS.fx
+    np.testing.assert_allclose(jacobian[2, :, 1], [-f, 0.0], atol=1e-3)
+    np.testing.assert_allclose(jacobian[2, :, 3], [-f, 0.0], atol=1e-3)
+
+
+def test_the_command_exits_with_1_where_the_camera_moved_and_prints_what_scripts_read(room, tmp_path, capsys):
+    camera = tmp_path / "camera.yaml"
+    save_camera(OTHER_LENS, camera, "own")
+    files = []
+    for number, image in enumerate(room):
+        files.append(str(tmp_path / f"{number}.png"))
+        cv2.imwrite(files[-1], other_light(image, np.random.default_rng(number)) if number else image)
+    still = call(capsys, "camera", "check", files[0], files[1], "--camera", camera, "--json")
+    moved = call(capsys, "camera", "check", files[0], files[2], "--camera", camera, "--json")
+    assert (still[0], moved[0]) == (0, 1)
+    said = [json.loads(out) for _, out, _ in (still, moved)]
+    assert [s["moved"] for s in said] == [False, True]
+    assert {"rotation_rad", "direction", "sigma", "false_alarm_rate"} <= set(said[0])
+    assert np.linalg.norm(said[1]["direction"]) == pytest.approx(1.0)
+    assert "the camera moved" in moved[2]
+
+
+def test_an_image_of_another_size_is_refused(room):
+    with pytest.raises(InputError, match="240"):
+        check_camera(OTHER_LENS, room[0], room[0][:100])
