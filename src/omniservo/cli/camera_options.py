@@ -75,8 +75,6 @@ def open_camera(
     camera_error: float | None = None,
 ) -> UnifiedCamera | None:
     """Return the unified camera that ``--camera`` stands for, or None where it is not given."""
-    from omniservo.camera_files import named_camera
-
     if camera is None:
         options = {
             "--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px,
@@ -86,6 +84,19 @@ def open_camera(
         if given:
             raise InputError(f"{given[0]}: given without --camera")
         return None
+    return open_given_camera(camera, name, max_angle, largest_px, camera_error)
+
+
+def open_given_camera(
+    camera: str,
+    name: str | None,
+    max_angle: float | None,
+    largest_px: float | None,
+    camera_error: float | None = None,
+) -> UnifiedCamera:
+    """Return the unified camera that a file's or a preset's name stands for."""
+    from omniservo.camera_files import named_camera
+
     allowed = LARGEST_PX if largest_px is None else largest_px
     return named_camera(
         camera, name, max_angle=_radians(max_angle), largest_px=allowed,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_given_camera
 from omniservo.cli.output import CameraNameOption, JsonOption, Output, QuietOption, answer_is_no
 from omniservo.files import require_file
 
@@ -34,8 +34,7 @@ def check(
         from omniservo.calibration import check_camera
         from omniservo.files.image_files import read_grey_image
 
-        opened = open_camera(camera, camera_name, max_angle, largest_px)
-        assert opened is not None, "a camera was given"
+        opened = open_given_camera(camera, camera_name, max_angle, largest_px)
         images = [read_grey_image(path) for path in (reference, now)]
         progress("finding the reference again")
         found = check_camera(opened, *images)
