@@ -1,0 +1,141 @@
+"""Whether two motions explain the matches better than one.
+
+A group of points that moves by itself, a pattern that is matched one period off and a symmetric body that is
+matched to its turned self have a motion of their own. Where the one motion of an estimate leaves them out,
+they agree with each other; where it bends to them, it leaves more noise than each of two motions does. Per
+match, with the density of its epipolar distance d,
+
+    ln L = Σ over the motions of kᵢ (ln(kᵢ/n) − ln σᵢ) − (n − Σ kᵢ) ln w − (5/2) ln n for each motion
+
+w [px] over which the distance of a wrong match is spread evenly. Two motions are believed where that is
+larger by `DECISIVE`, and where chance does not gather the second one's members: of r matches left out, the
+expected number of groups of k that agree with one motion to g σ is C(r, k) C(k, 5) s (2gσ/w)ᵏ⁻⁵, s solutions
+of five points (a-contrario test; Moisan and Stival, IJCV 2004).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_distances
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
+from omniservo.estimation.robust.consensus import find_consensus
+from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS, mark_members
+from omniservo.estimation.robust.two_view_fit import (
+    EIGHT_POINTS,
+    SIGNIFICANCE,
+    TwoViewFit,
+    fit_members,
+    fit_two_views,
+)
+from omniservo.estimation.status.evidence import separation
+from omniservo.geometry.arrays import FloatArray
+
+DECISIVE = math.log(1e3)
+SOLUTIONS = 4
+"""that five points usually leave"""
+LEAST_SIGMA_PX = 0.1
+"""Where nothing is stated no motion is taken to leave less noise than this: few matches can, by chance."""
+COHERENT = 0.7
+"""Share of the goal pixels' variance that an affine map of the initial ones explains, of matches that may
+have a motion of their own; of wrong ones it explains hardly any, and searching these takes long"""
+SUSPICIOUS = 1.25
+"""σ over what is stated, or over `UNSTATED_PX`, from which a motion may be one that bends to two"""
+UNSTATED_PX = 0.45
+TIGHTER = (1.0, 0.5)
+"""of the σ that the one motion leaves: gates of two σ in which a motion is looked for that does not bend"""
+
+
+def second_motion(matches: Matches, fit: TwoViewFit, kind: int) -> tuple[TwoViewFit, TwoViewFit] | None:
+    """Return two fits to matches of their own that explain all better than ``fit``; None: one motion does."""
+    n, alone = matches.size, _sigma(matches, fit)
+    if n < 2 * EIGHT_POINTS:
+        return None
+    one = _likelihood(matches, [(int(fit.members.sum()), alone)])
+    for first in _firsts(matches, fit, kind, alone):
+        left = ~first.members
+        if not first.minima or left.sum() < EIGHT_POINTS or not _is_coherent(matches.pixels[left]):
+            continue
+        inside = fit_two_views(matches.where(left), kind, True)
+        if inside is None or not inside.minima:
+            continue
+        members = np.zeros(n, dtype=np.bool_)
+        members[np.flatnonzero(left)[inside.members]] = True
+        second = TwoViewFit(members, inside.minima)
+        groups = [(int(f.members.sum()), _sigma(matches, f)) for f in (first, second)]
+        if _by_chance(matches, int(left.sum()), *groups[1]) > SIGNIFICANCE:
+            continue
+        if _likelihood(matches, groups) > one + DECISIVE:
+            return first, second
+    return None
+
+
+def two_motions(one: TwoViewFit, other: TwoViewFit) -> str:
+    """Return one sentence on two motions."""
+    turn, swing = separation(one.minima[0], other.minima[0])
+    counts = f"{one.members.sum()} and {other.members.sum()} of {len(one.members)}"
+    return (
+        f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
+        f" explain {counts} matches: something moves by itself, or is matched to what only looks like it"
+    )
+
+
+def _firsts(matches: Matches, fit: TwoViewFit, kind: int, sigma: float) -> Iterator[TwoViewFit]:
+    """Yield the fit itself, and fits to what agrees more closely with a motion than all its members do."""
+    yield fit
+    if sigma < SUSPICIOUS * (matches.noise_px or UNSTATED_PX):
+        return
+    essential, distances = np.empty((3, 3)), np.empty(matches.size)
+    for part in TIGHTER:
+        threshold = 2.0 * max(part * sigma, LEAST_SIGMA_PX)
+        find_consensus(matches.bearings, matches.jacobians, threshold, 1, essential)
+        sampson_distances(matches.bearings, matches.jacobians, essential, distances)
+        members = np.abs(distances) < threshold
+        if members.sum() < EIGHT_POINTS:
+            continue
+        first = fit_members(matches, members, kind, essential, sampled=True)
+        if first.minima:
+            best = first.minima[0]
+            mark_members(matches, best.rotation, best.translation, GATE, members)
+            if members.sum() >= EIGHT_POINTS:
+                essential_matrix(best.rotation, best.translation, essential)
+                yield fit_members(matches, members, kind, essential, sampled=True)
+
+
+def _is_coherent(pixels: FloatArray) -> bool:
+    """Tell whether an affine map explains most matches (n, 4), the worst quarter aside."""
+    for _ in range(2):
+        about = pixels - pixels.mean(axis=0)
+        initial, goal = about[:, :2], about[:, 2:]
+        spread = initial.T @ initial + 1e-9 * np.eye(2)
+        off = np.square(goal - initial @ np.linalg.solve(spread, initial.T @ goal)).sum(axis=1)
+        share = 1.0 - off.sum() / max(float(np.square(goal).sum()), 1e-9)
+        pixels = pixels[off <= np.quantile(off, 0.75)]
+    return bool(share > COHERENT)
+
+
+def _sigma(matches: Matches, fit: TwoViewFit) -> float:
+    freedom = max(int(fit.members.sum()) - MOTION_PARAMETERS, 1)
+    left = math.sqrt(fit.minima[0].cost / freedom) if fit.minima else math.inf
+    return max(left, matches.noise_px, LEAST_NOISE_PX if matches.noise_px > 0.0 else LEAST_SIGMA_PX)
+
+
+def _width(matches: Matches) -> float:
+    """Return over how many pixels the epipolar distances of wrong matches are spread."""
+    return max(0.5 * math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
+
+
+def _likelihood(matches: Matches, groups: list[tuple[int, float]]) -> float:
+    n, left = matches.size, matches.size - sum(k for k, _ in groups)
+    wrong = left * (math.log(max(left, 1) / n) - math.log(_width(matches)))
+    right = sum(k * (math.log(k / n) - math.log(sigma)) for k, sigma in groups)
+    return right + wrong - 0.5 * MOTION_PARAMETERS * len(groups) * math.log(n)
+
+
+def _by_chance(matches: Matches, left: int, k: int, sigma: float) -> float:
+    band = min(1.0, 2.0 * GATE * sigma / _width(matches))
+    return math.comb(left, k) * math.comb(k, MOTION_PARAMETERS) * SOLUTIONS * band ** (k - MOTION_PARAMETERS)
