@@ -1,8 +1,8 @@
 """Scenes in which a wrong answer is tempting: how often is an estimate sure and wrong?
 
-Run: ``python -m benchmarks.tempting_scenes [SCENES]``. Two views, 20 to 60 points, 0.3 or 0.5 px of noise that
-is not stated, in turn through a fisheye, a perspective lens and a mirror. An answer is sure and wrong where the
-truth lies outside the 5 σ region of rotation and direction and one of them is off by more than 3°.
+Run: ``python -m benchmarks.tempting_scenes [SCENES]``. Two views, 20 to 60 points, 0.3 or 0.5 px of noise
+that is not stated, in turn through a fisheye, a perspective lens and a mirror. An answer is sure and wrong
+where the truth lies outside the 5 σ region of rotation and direction and one of them is off by more than 3°.
 """
 
 from __future__ import annotations
@@ -52,6 +52,11 @@ def motion(rng: np.random.Generator, low: float = 0.1, high: float = 0.25) -> Ri
     )
 
 
+def ahead(distance: float) -> FloatArray:
+    """Return a place on the axis of the initial camera [m]."""
+    return np.array([0.0, 0.0, distance])
+
+
 def cloud(rng: np.random.Generator, count: int) -> FloatArray:
     """Return points about half a metre ahead."""
     return rng.uniform([-0.25, -0.2, 0.4], [0.25, 0.2, 0.8], (count, 3))
@@ -63,7 +68,7 @@ def relief(rng: np.random.Generator) -> Scene:
     flat = np.column_stack(
         [rng.uniform(-half, half, (n, 2)), half * rng.uniform(0.01, 0.5) * rng.uniform(-1, 1, n)]
     )
-    points = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).apply(flat) + [0.0, 0.0, 0.5]
+    points = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).apply(flat) + ahead(0.5)
     return Scene(points, points, motion(rng), n)
 
 
@@ -76,7 +81,7 @@ def small_baseline(rng: np.random.Generator) -> Scene:
 def moving_group(rng: np.random.Generator) -> Scene:
     """One rigid group, 20 to 45% of the points, moves by itself."""
     points = cloud(rng, int(rng.integers(20, 61)))
-    group = int(round(rng.uniform(0.2, 0.45) * len(points)))
+    group = round(rng.uniform(0.2, 0.45) * len(points))
     middle = points[rng.integers(len(points))]
     near = np.argsort(np.linalg.norm(points - middle, axis=1))[:group]
     after = points.copy()
@@ -93,8 +98,9 @@ def lattice(rng: np.random.Generator, low: float, high: float) -> Scene:
     places = np.column_stack([x, y, 0.3 * period * rng.uniform(-1.0, 1.0, side**2)])
     pose = Rotation.from_rotvec(rng.uniform(-0.4, 0.4, 3))
     shifted = rng.random(side**2) < rng.uniform(low, high)
-    ahead = places + [period, 0.0, 0.0]
-    grid, off = (pose.apply(p) + [0.0, 0.0, 0.5] for p in (places, np.where(shifted[:, None], ahead, places)))
+    beside = places + np.array([period, 0.0, 0.0])
+    matched = np.where(shifted[:, None], beside, places)
+    grid, off = (pose.apply(p) + ahead(0.5) for p in (places, matched))
     background = cloud(rng, int(rng.integers(0 if low == 1.0 else 5, 15)))
     right = len(background) if low == 1.0 else side**2 + len(background)
     return Scene(np.concatenate((grid, background)), np.concatenate((off, background)), motion(rng), right)
@@ -108,8 +114,8 @@ def symmetric(rng: np.random.Generator) -> Scene:
     body, turned = (np.concatenate([turns[(k + s) % fold].apply(seed) for k in range(fold)]) for s in (0, 1))
     pose, count = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)), len(body)
     share = rng.uniform(0.17, 0.44)
-    background = cloud(rng, max(3, int(round(share / (1.0 - share) * count))))
-    one, other = (pose.apply(p) + [0.0, 0.0, 0.55] for p in (body, turned))
+    background = cloud(rng, max(3, round(share / (1.0 - share) * count)))
+    one, other = (pose.apply(p) + ahead(0.55) for p in (body, turned))
     before, after = np.concatenate((one, background)), np.concatenate((other, background))
     return Scene(before, after, motion(rng), len(background))
 

@@ -27,7 +27,7 @@ from omniservo.estimation.robust.vouched_fit import vouched_fit
 from omniservo.estimation.status.evidence import is_only_noisier, judge
 from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
-from omniservo.estimation.status.two_motions import second_motion, two_motions
+from omniservo.estimation.status.two_motions import judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_request import TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
@@ -264,10 +264,12 @@ def _estimate_general(
     if vouched is not fit:
         fit = vouched
         status, words = judge(fit, matches, robust, error_px)
+    motions = two_of(fit, status)
+    if status == "ok" and robust and not by_squares:
+        status, words, motions = judge_others(matches, fit, request.kind, error_px)
     if status != "ok":
-        return TwoViewEstimate.without_pose(matches.size, status, words, started)
-    if robust and not by_squares and (pair := second_motion(matches, fit, request.kind)) is not None:
-        return TwoViewEstimate.without_pose(matches.size, "ambiguous", two_motions(*pair), started)
+        both = tuple(_pose(m.rotation, m.translation) for m in motions)
+        return TwoViewEstimate.without_pose(matches.size, status, words, started, both)
     return _with_pose(matches, plane, fit, request, started)
 
 

@@ -37,9 +37,9 @@ STATUSES: tuple[str, ...] = get_args(Status)
 _FIELDS = {
     "format", "status", "message", "goal", "points", "is_metric", "covariance", "points_covariance",
     "inliers", "rms_px", "noise_px", "residuals_px", "seconds", "scale_sigma", "uncertainty",
-    "camera",
+    "camera", "alternatives",
 }  # fmt: skip
-_ADDED = {"scale_sigma", "uncertainty", "camera"}
+_ADDED = {"scale_sigma", "uncertainty", "camera", "alternatives"}
 """Fields that older files of this format do not have."""
 
 
@@ -57,8 +57,9 @@ class TwoViewEstimate:
     """"ok"; "too_few_points": fewer than five matches (four before a plane), or fewer than eight of many that
     agree; "no_motion", "pure_rotation", "planar_points": the identity, a rotation, a homography explains the
     pixels as well as motion and structure do, wrong matches aside; "ambiguous": a second motion, far from
-    the first, is nearly as likely; "not_converged": no minimum was found, or none that the matches agree
-    with, or they come from another camera or zoom, or not from one rigid scene, or are badly found."""
+    the first, is nearly as likely, or explains other matches by itself; "not_converged": no minimum was
+    found, or none that the matches agree with, or they come from another camera or zoom, or not from one
+    rigid scene, or are badly found."""
     message: str
     """One sentence with the evidence; empty for "ok"."""
     initial_T_goal: RigidTransform | None
@@ -94,6 +95,8 @@ class TwoViewEstimate:
     before there was one."""
     camera: UnifiedCamera | None = None
     """that took both images, where the estimate is kept for planning; None: not said"""
+    alternatives: tuple[RigidTransform, ...] = ()
+    """the two motions where the status is "ambiguous", the likelier or that of more matches first, ‖t‖ = 1"""
 
     def __repr__(self) -> str:
         words = [self.status, f"{int(self.inliers.sum())} of {self.inliers.size} points"]
@@ -102,7 +105,14 @@ class TwoViewEstimate:
         return f"TwoViewEstimate({', '.join(words)})"
 
     @classmethod
-    def without_pose(cls, n: int, status: Status, message: str, started: float) -> TwoViewEstimate:
+    def without_pose(
+        cls,
+        n: int,
+        status: Status,
+        message: str,
+        started: float,
+        alternatives: tuple[RigidTransform, ...] = (),
+    ) -> TwoViewEstimate:
         """Return the answer to n matches that hold no pose; ``started`` is a `time.perf_counter`."""
         return cls(
             status=status,
@@ -117,6 +127,7 @@ class TwoViewEstimate:
             noise_px=math.nan,
             residuals_px=np.full((n, 4), math.nan),
             seconds=time.perf_counter() - started,
+            alternatives=alternatives,
         )
 
     def sample(
@@ -168,18 +179,11 @@ class TwoViewEstimate:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers; NaN becomes None. See :meth:`from_dict`."""
-        pose = self.initial_T_goal
-        goal = None
-        if pose is not None:
-            goal = {
-                "translation": [float(x) for x in pose.translation],
-                "quaternion": [float(x) for x in pose.rotation.as_quat(canonical=True)],
-            }
         return {
             "format": FORMAT,
             "status": self.status,
             "message": self.message,
-            "goal": goal,
+            "goal": None if self.initial_T_goal is None else _pose_fields(self.initial_T_goal),
             "points": _to_lists(self.points),
             "is_metric": self.is_metric,
             "covariance": _to_lists(self.covariance),
@@ -189,6 +193,7 @@ class TwoViewEstimate:
             "noise_px": _to_lists(self.noise_px),
             "residuals_px": _to_lists(self.residuals_px),
             "seconds": self.seconds,
+            "alternatives": [_pose_fields(pose) for pose in self.alternatives],
             "scale_sigma": self.scale_sigma,
             "uncertainty": None if self.uncertainty is None else self.uncertainty.to_dict(),
             "camera": None if self.camera is None else self.camera.to_dict(),
@@ -236,6 +241,7 @@ class TwoViewEstimate:
             if law is None
             else JointUncertainty.from_dict(law, sum(fields["inliers"]), f"{source}: uncertainty"),
             camera=None if camera is None else UnifiedCamera.from_dict(camera, source=f"{source}: camera"),
+            alternatives=_read_poses(fields.get("alternatives", []), f"{source}: alternatives"),
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
@@ -254,6 +260,13 @@ class TwoViewEstimate:
             InputError: no such file, or not an estimate; see :meth:`from_dict`.
         """
         return cls.from_dict(read_document(path), str(path))
+
+
+def _pose_fields(pose: RigidTransform) -> dict[str, list[float]]:
+    return {
+        "translation": [float(x) for x in pose.translation],
+        "quaternion": [float(x) for x in pose.rotation.as_quat(canonical=True)],
+    }
 
 
 def _to_lists(value: Any) -> Any:
@@ -285,6 +298,13 @@ def _read_array(value: Any, shape: tuple[int, ...], source: str) -> FloatArray:
     if np.isinf(array).any():
         raise InputError(f"{source}: infinity given; every number must be finite")
     return owned(array.reshape(shape))
+
+
+def _read_poses(poses: Any, source: str) -> tuple[RigidTransform, ...]:
+    if not isinstance(poses, list):
+        raise InputError(f"{source}: {type(poses).__name__} given; a list of poses is needed")
+    read = (_read_pose(pose, f"{source}: {k}") for k, pose in enumerate(poses))
+    return tuple(pose for pose in read if pose is not None)
 
 
 def _read_pose(goal: Any, source: str) -> RigidTransform | None:

@@ -22,7 +22,7 @@ import numpy as np
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_distances
-from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX, Minimum
 from omniservo.estimation.robust.consensus import find_consensus
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS, mark_members
 from omniservo.estimation.robust.two_view_fit import (
@@ -33,6 +33,7 @@ from omniservo.estimation.robust.two_view_fit import (
     fit_two_views,
 )
 from omniservo.estimation.status.evidence import separation
+from omniservo.estimation.two_view_estimate import Status
 from omniservo.geometry.arrays import FloatArray
 
 DECISIVE = math.log(1e3)
@@ -43,6 +44,11 @@ LEAST_SIGMA_PX = 0.1
 COHERENT = 0.7
 """Share of the goal pixels' variance that an affine map of the initial ones explains, of matches that may
 have a motion of their own; of wrong ones it explains hardly any, and searching these takes long"""
+LEAST_SHARE = 0.15
+"""of the first motion's matches: among hundreds of real ones, fewer agree on what the camera did not do"""
+TAIL, BLUNT_TAIL, BLUNT = 5.0, 15.0, 1.5
+"""σ from the first motion: matches nearer than that are its own, badly found; the second number where what
+they themselves leave is more than ``BLUNT`` times the first motion's σ"""
 SUSPICIOUS = 1.25
 """σ over what is stated, or over `UNSTATED_PX`, from which a motion may be one that bends to two"""
 UNSTATED_PX = 0.45
@@ -50,8 +56,13 @@ TIGHTER = (1.0, 0.5)
 """of the σ that the one motion leaves: gates of two σ in which a motion is looked for that does not bend"""
 
 
-def second_motion(matches: Matches, fit: TwoViewFit, kind: int) -> tuple[TwoViewFit, TwoViewFit] | None:
-    """Return two fits to matches of their own that explain all better than ``fit``; None: one motion does."""
+def second_motion(
+    matches: Matches, fit: TwoViewFit, kind: int, error_px: float
+) -> tuple[TwoViewFit, TwoViewFit] | None:
+    """Return two fits, each to matches of its own, that explain all better than ``fit``; None: it is best.
+
+    ``error_px`` is the standard deviation of the camera's model error.
+    """
     n, alone = matches.size, _sigma(matches, fit)
     if n < 2 * EIGHT_POINTS:
         return None
@@ -67,21 +78,52 @@ def second_motion(matches: Matches, fit: TwoViewFit, kind: int) -> tuple[TwoView
         members[np.flatnonzero(left)[inside.members]] = True
         second = TwoViewFit(members, inside.minima)
         groups = [(int(f.members.sum()), _sigma(matches, f)) for f in (first, second)]
-        if _by_chance(matches, int(left.sum()), *groups[1]) > SIGNIFICANCE:
+        if groups[1][0] < LEAST_SHARE * groups[0][0]:
+            continue
+        by_chance = _by_chance(matches, int(left.sum()), *groups[1]) > SIGNIFICANCE
+        tail = BLUNT_TAIL if groups[1][1] > BLUNT * groups[0][1] else TAIL
+        if by_chance or _is_near(matches, first, second, tail * math.hypot(groups[0][1], error_px)):
             continue
         if _likelihood(matches, groups) > one + DECISIVE:
             return first, second
     return None
 
 
-def two_motions(one: TwoViewFit, other: TwoViewFit) -> str:
-    """Return one sentence on two motions."""
-    turn, swing = separation(one.minima[0], other.minima[0])
-    counts = f"{one.members.sum()} and {other.members.sum()} of {len(one.members)}"
-    return (
-        f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
-        f" explain {counts} matches: something moves by itself, or is matched to what only looks like it"
-    )
+def judge_others(
+    matches: Matches, fit: TwoViewFit, kind: int, error_px: float
+) -> tuple[Status, str, tuple[Minimum, ...]]:
+    """Return status, one sentence with its evidence, and two motions; ("ok", "", ()) where one motion stands.
+
+    Args:
+        matches: all of them.
+        fit: a pose, as far as its members tell.
+        kind: of the rotation's parameters.
+        error_px: standard deviation of the camera's model error [px].
+    """
+    pair, count = second_motion(matches, fit, kind, error_px), int(fit.members.sum())
+    if pair is not None:
+        one, other = pair
+        turn, swing = separation(one.minima[0], other.minima[0])
+        return (
+            "ambiguous",
+            f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
+            f" apart explain {one.members.sum()} and {other.members.sum()} of {matches.size} matches:"
+            " something moves by itself, or is matched to what only looks like it",
+            (one.minima[0], other.minima[0]),
+        )
+    chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
+    if count < matches.size and chance > SIGNIFICANCE:
+        words = f"{count} of {matches.size} matches agree with a motion: chance gathers as many"
+        return "too_few_points", words, ()
+    return "ok", "", ()
+
+
+def two_of(fit: TwoViewFit, status: Status) -> tuple[Minimum, ...]:
+    """Return the two motions of a fit that is ambiguous, the likelier first; none of any other."""
+    if status != "ambiguous":
+        return ()
+    instead = [] if fit.instead is None else fit.instead.minima
+    return fit.minima[0], (fit.minima[1:] + instead)[0]
 
 
 def _firsts(matches: Matches, fit: TwoViewFit, kind: int, sigma: float) -> Iterator[TwoViewFit]:
@@ -104,6 +146,14 @@ def _firsts(matches: Matches, fit: TwoViewFit, kind: int, sigma: float) -> Itera
             if members.sum() >= EIGHT_POINTS:
                 essential_matrix(best.rotation, best.translation, essential)
                 yield fit_members(matches, members, kind, essential, sampled=True)
+
+
+def _is_near(matches: Matches, first: TwoViewFit, second: TwoViewFit, near: float) -> bool:
+    """Tell whether most of the second's matches are within ``near`` px of the first motion."""
+    best, essential, distances = first.minima[0], np.empty((3, 3)), np.empty(matches.size)
+    essential_matrix(best.rotation, best.translation, essential)
+    sampson_distances(matches.bearings, matches.jacobians, essential, distances)
+    return bool(np.median(np.abs(distances[second.members])) < near)
 
 
 def _is_coherent(pixels: FloatArray) -> bool:
