@@ -105,8 +105,8 @@ def test_an_edit_of_a_callee_in_another_file_is_seen_by_its_callers(tmp_path, co
     assert (first[0] > 0, again[0]) == (True, 0)
     callee = copied / "cameras" / "models" / "plane_kernels.py"
     text = callee.read_text()
-    assert text.count("+ p[4] if ok") == 1
-    callee.write_text(text.replace("+ p[4] if ok", "+ 2.0 * p[4] if ok"))
+    assert text.count("+ p[CX] if ok") == 1
+    callee.write_text(text.replace("+ p[CX] if ok", "+ 2.0 * p[CX] if ok"))
     edited = end(start(1, tmp_path, copied.parent))
     assert edited[0] > 0
     np.testing.assert_allclose(edited[1] - first[1], [320.0, 0.0] * 7, atol=1e-9)

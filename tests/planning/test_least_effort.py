@@ -15,7 +15,7 @@ from omniservo.planning.search.effort_steps import update_hessian
 from omniservo.planning.search.path_family import offsets, path_family, set_uniform_samples, unknowns
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.search.settle import end_values
-from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples, slope_at
+from omniservo.planning.search.worst_rows import LOOKED_AT, Looks, look_at_samples, slope_at
 
 KINDS = ["fisheye", "pinhole", "catadioptric", "occlusion"]
 SAMPLES = 5
@@ -42,8 +42,9 @@ def test_the_slope_of_a_groups_worst_constraint_is_that_of_differences(random_pr
         steps = [(levels(x + h * e), levels(x - h * e)) for e in np.eye(len(x))]
         here, row, scratch = levels(x), np.empty(len(x)), np.empty(len(asleep))
         quiet = np.full(len(asleep), ASLEEP)
+        looks = Looks(search.constraints, family, room, np.zeros(len(asleep)), asleep)
         for s, group in np.argwhere(np.isfinite(here)):
-            slope_at(search.constraints, family, room, s, group, here[s, group], quiet, scratch, row)
+            slope_at(looks, s, group, here[s, group], quiet, scratch, row)
             ahead = np.array([a[s, group] for a, _ in steps]) - here[s, group]
             behind = here[s, group] - np.array([b[s, group] for _, b in steps])
             if np.allclose(ahead, behind, atol=1e-9):  # no other point or end of a segment takes over

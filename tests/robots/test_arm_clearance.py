@@ -12,6 +12,7 @@ from omniservo.errors import InputError
 from omniservo.robots import ArmBodies, JointPath, Solid, Tube, arm_clearance, load_arm, shipped_arms
 from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece
 from omniservo.robots.collision.gap_search import widen
+from omniservo.robots.collision.shapes import Bodies
 
 TABLE = Solid.box("table", RigidTransform.from_translation([0.55, 0.0, 0.0]), [0.3, 0.6, 0.1])
 CAMERA = Solid.box("camera", RigidTransform.from_translation([0.0, 0.0, 0.05]), [0.03, 0.02, 0.05])
@@ -74,12 +75,13 @@ def test_slabs_are_looked_at_only_where_balls_do_not_leave_enough():
     for pair in range(len(bodies.pairs)):
         bodies.measure(pair)
     shapes, scene, found = bodies.shapes, bodies.scene, {}
-    known = shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts
+    solids = shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts
+    placed = Bodies(*solids, scene.places, scene.axes)
     for enough in (-np.inf, 0.05, every):
         found[enough] = np.empty(len(bodies.pairs))
         within = np.full(len(bodies.pairs), enough)
-        now = scene.places, scene.axes, scene.normals, within, found[enough]
-        lower_gaps(bodies.pairs, np.arange(len(bodies.pairs)), *known, *now)
+        every_pair = np.arange(len(bodies.pairs))
+        lower_gaps(placed, bodies.pairs, every_pair, scene.normals, within, found[enough])
     balls = found[-np.inf]
     assert (found[every] > balls).any()
     assert ((balls >= 0.05) & (found[every] > balls)).any()
@@ -94,13 +96,14 @@ def test_bounds_of_a_distance_that_a_search_finds_hold_it_between_them_and_meet(
         stands = [random_solid(random, name) for name in ("c", "d")]
         bodies = ArmBodies(arm, mounted=carried, surroundings=stands)
         shapes, scene = bodies.shapes, bodies.scene
-        arrays = (shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes)
+        solids = shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts
+        placed = Bodies(*solids, scene.places, scene.axes)
         for pair, (i, j) in [each for _ in range(5) for each in enumerate(bodies.pairs)]:
             if pair == 0:
                 bodies.place(random.uniform(-1.5, 1.5, 6))
             gap, normal, ends = bodies.measure(pair), np.zeros(3), np.empty(6)
             for _ in range(2):
-                least, most = widen(i, j, *arrays, normal, ends, np.empty((4, 7)))
+                least, most = widen(placed, i, j, normal, ends, np.empty((4, 7)))
                 assert least <= gap + 1e-6
                 if gap < 0.0:
                     assert most == np.inf

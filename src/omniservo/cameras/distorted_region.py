@@ -23,7 +23,7 @@ from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.distorted_mask import distort
 from omniservo.cameras.distortion import least_stretch
 from omniservo.cameras.model_domain import radius_of_angle
-from omniservo.cameras.unified_kernels import undistort
+from omniservo.cameras.unified_kernels import SQUARE, undistort
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
@@ -104,7 +104,7 @@ def _disc(camera: UnifiedCamera, margin_px: float) -> float:
     circle, λ(r) ≤ J's eigenvalues at radius r. The margin is asked for with 0.2% to spare, more than
     the integral's steps.
     """
-    usable = math.sqrt(float(camera.parameters[11])) * (1.0 - 1e-9)
+    usable = math.sqrt(float(camera.parameters[SQUARE])) * (1.0 - 1e-9)
     if camera.max_angle is None:
         return usable
     lens = radius_of_angle(camera.xi, camera.max_angle)

@@ -99,7 +99,7 @@ class UnifiedCamera(KernelCamera):
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
-    """What the kernels read, (13,), read-only; `unified_kernels` says what stands where."""
+    """What the kernels read, (13,), read-only; `unified_kernels` names the places."""
 
     def __init__(
         self,

@@ -2,13 +2,7 @@
 
 m = (X, Y)/(Z + ξρ) with ρ = ‖(X, Y, Z)‖, then radial-tangential distortion, then K.
 
-Every function takes ``UnifiedCamera.parameters``, a float64 array (13,):
-
-| index | 0–4 | 5 | 6–9 | 10 | 11 | 12 |
-|---|---|---|---|---|---|---|
-| value | fx, fy, cx, cy, skew [px] | ξ | k1, k2, p1, p2 | c | r² | d² |
-
-c bounds the domain of projection: Z > cρ. r² bounds ‖m‖² of a usable pixel before distortion, d² after it.
+Every function takes ``UnifiedCamera.parameters``, a float64 array (13,), whose places are named below.
 Where ``ok`` is False the numbers are NaN.
 """
 
@@ -18,6 +12,13 @@ import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
+
+FX, FY, CX, CY, SKEW, XI, K1, K2, P1, P2, COSINE, SQUARE, DISTORTED_SQUARE = range(13)
+"""The places of ``UnifiedCamera.parameters``: K [px], ξ, distortion, and the domain: projection needs
+Z > COSINE ρ, a usable pixel has ‖m‖² ≤ SQUARE before distortion and ≤ DISTORTED_SQUARE after it"""
+
+X, Y, Z, XU, XV, YU, YV, ZU, ZV = range(9)
+"""The places of a bearing with its derivatives ∂/∂u and ∂/∂v [1/px]"""
 
 _NAN = math.nan
 _LEAST_SQUARE = 1e-280
@@ -32,7 +33,7 @@ _SHORT = 1e-11
 @inlined
 def distort(parameters: FloatArray, x: float, y: float) -> tuple[float, float]:
     """Return D(m) = (1 + k1 r² + k2 r⁴) m + 2(q·m) m + r² q with q = (p2, p1) and r = ‖m‖."""
-    k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
+    k1, k2, p1, p2 = parameters[K1], parameters[K2], parameters[P1], parameters[P2]
     r2 = x * x + y * y
     factor = 1.0 + r2 * (k1 + r2 * k2) + 2.0 * (p2 * x + p1 * y)
     return x * factor + p2 * r2, y * factor + p1 * r2
@@ -41,7 +42,7 @@ def distort(parameters: FloatArray, x: float, y: float) -> tuple[float, float]:
 @inlined
 def distort_jacobian(parameters: FloatArray, x: float, y: float) -> tuple[float, float, float]:
     """Return ∂D/∂m as (xx, xy, yy). It is symmetric: D is the gradient of a potential."""
-    k1, k2, p1, p2 = parameters[6], parameters[7], parameters[8], parameters[9]
+    k1, k2, p1, p2 = parameters[K1], parameters[K2], parameters[P1], parameters[P2]
     r2 = x * x + y * y
     factor = 1.0 + r2 * (k1 + r2 * k2)
     slope = 2.0 * (k1 + 2.0 * k2 * r2)
@@ -72,7 +73,7 @@ def _fixed_steps(parameters: FloatArray, px: float, py: float) -> tuple[float, f
     it ends at the last digit.
     """
     square = px * px + py * py
-    k1, k2, scale = parameters[6] * square, parameters[7] * square * square, 1.0
+    k1, k2, scale = parameters[K1] * square, parameters[K2] * square * square, 1.0
     for _ in range(_RADIAL):
         t = scale * scale
         scale -= (scale * (1.0 + t * (k1 + t * k2)) - 1.0) / (1.0 + t * (3.0 * k1 + t * 5.0 * k2))
@@ -87,7 +88,7 @@ def _fixed_steps(parameters: FloatArray, px: float, py: float) -> tuple[float, f
     sx, sy = _step(parameters, px, py, x, y, jacobian)
     x, y = x + sx, y + sy
     short = abs(sx) + abs(sy) <= _SHORT * (abs(x) + abs(y))
-    return x, y, short & (x * x + y * y <= parameters[11])
+    return x, y, short & (x * x + y * y <= parameters[SQUARE])
 
 
 @inlined
@@ -98,9 +99,9 @@ def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, floa
     no such m.
     """
     square = px * px + py * py
-    if parameters[6] == 0.0 and parameters[7] == 0.0 and parameters[8] == 0.0 and parameters[9] == 0.0:
-        return px, py, square <= parameters[11]
-    if not square <= parameters[12]:
+    if parameters[K1] == 0.0 and parameters[K2] == 0.0 and parameters[P1] == 0.0 and parameters[P2] == 0.0:
+        return px, py, square <= parameters[SQUARE]
+    if not square <= parameters[DISTORTED_SQUARE]:
         return _NAN, _NAN, False
     x, y, ok = _fixed_steps(parameters, px, py)
     if ok:
@@ -111,7 +112,7 @@ def undistort(parameters: FloatArray, px: float, py: float) -> tuple[float, floa
 @leaf
 def _undistort_slowly(parameters: FloatArray, px: float, py: float) -> tuple[float, float, bool]:
     """Return m as `undistort` does, by Newton's method with halved steps inside the disc."""
-    largest = parameters[11] * (1.0 + 1e-12)
+    largest = parameters[SQUARE] * (1.0 + 1e-12)
     shrink = min(1.0, math.sqrt(largest / max(px * px + py * py, 1e-300)))
     x, y = shrink * px, shrink * py
     dx, dy = distort(parameters, x, y)
@@ -137,8 +138,8 @@ def _undistort_slowly(parameters: FloatArray, px: float, py: float) -> tuple[flo
         if length <= _SHORTEST_STEP:
             break
         x, y, ex, ey = nx, ny, px - dx, py - dy
-    ok = abs(ex) + abs(ey) <= 1e-13 * (abs(px) + abs(py)) and x * x + y * y <= parameters[11] * (1.0 + 4e-16)
-    return x, y, ok
+    inside = x * x + y * y <= parameters[SQUARE] * (1.0 + 4e-16)
+    return x, y, abs(ex) + abs(ey) <= 1e-13 * (abs(px) + abs(py)) and inside
 
 
 @leaf
@@ -146,14 +147,14 @@ def project_point(parameters: FloatArray, x: float, y: float, z: float) -> tuple
     """Return the pixel (u, v) of a point in the camera frame [m], and whether it is in the domain."""
     square = x * x + y * y + z * z
     rho = math.sqrt(square)
-    denominator = z + parameters[5] * rho
-    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[10] * rho and denominator > 0.0):
+    denominator = z + parameters[XI] * rho
+    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[COSINE] * rho and denominator > 0.0):
         return _NAN, _NAN, False
     inverse = 1.0 / denominator
     dx, dy = distort(parameters, x * inverse, y * inverse)
     return (
-        parameters[0] * dx + parameters[4] * dy + parameters[2],
-        parameters[1] * dy + parameters[3],
+        parameters[FX] * dx + parameters[SKEW] * dy + parameters[CX],
+        parameters[FY] * dy + parameters[CY],
         True,
     )
 
@@ -165,9 +166,9 @@ def project_point_jacobian(
     """Return (u, v, ∂u/∂X, ∂u/∂Y, ∂u/∂Z, ∂v/∂X, ∂v/∂Y, ∂v/∂Z, ok), derivatives in [px/m]."""
     square = x * x + y * y + z * z
     rho = math.sqrt(square)
-    xi = parameters[5]
+    xi = parameters[XI]
     denominator = z + xi * rho
-    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[10] * rho and denominator > 0.0):
+    if not (_LEAST_SQUARE < square < _LARGEST_SQUARE and z > parameters[COSINE] * rho and denominator > 0.0):
         return _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, False
     inverse = 1.0 / denominator
     mx, my = x * inverse, y * inverse
@@ -175,13 +176,13 @@ def project_point_jacobian(
     gx, gy, gz = inverse * xi * x / rho, inverse * xi * y / rho, inverse * (1.0 + xi * z / rho)
     px, py = distort(parameters, mx, my)
     jxx, jxy, jyy = distort_jacobian(parameters, mx, my)
-    fx, fy, skew = parameters[0], parameters[1], parameters[4]
+    fx, fy, skew = parameters[FX], parameters[FY], parameters[SKEW]
     ux, uy = fx * jxx + skew * jxy, fx * jxy + skew * jyy
     vx, vy = fy * jxy, fy * jyy
     um, vm = ux * mx + uy * my, vx * mx + vy * my
     return (
-        fx * px + skew * py + parameters[2],
-        fy * py + parameters[3],
+        fx * px + skew * py + parameters[CX],
+        fy * py + parameters[CY],
         ux * inverse - um * gx,
         uy * inverse - um * gy,
         -um * gz,
@@ -199,17 +200,17 @@ def unproject_plane(parameters: FloatArray, mx: float, my: float) -> tuple[float
     s = (η m_x, η m_y, η − ξ) with η = (ξ + √(1 + (1−ξ²) r²))/(1 + r²). Rounding at the very rim cannot
     push the bearing out of the domain of projection.
     """
-    xi = parameters[5]
+    xi = parameters[XI]
     r2 = mx * mx + my * my
     eta = (xi + math.sqrt(max(0.0, 1.0 + (1.0 - xi) * (1.0 + xi) * r2))) / (1.0 + r2)
-    return eta * mx, eta * my, max(eta - xi, parameters[10] + 1e-15)
+    return eta * mx, eta * my, max(eta - xi, parameters[COSINE] + 1e-15)
 
 
 @inlined
 def _bearing_of_pixel(parameters: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
     """Return what `unproject_pixel` does; a part of the loop below, which is the faster for it."""
-    py = (v - parameters[3]) / parameters[1]
-    px = (u - parameters[2] - parameters[4] * py) / parameters[0]
+    py = (v - parameters[CY]) / parameters[FY]
+    px = (u - parameters[CX] - parameters[SKEW] * py) / parameters[FX]
     mx, my, ok = undistort(parameters, px, py)
     if not (ok and mx * mx + my * my < _LARGEST_SQUARE):
         return _NAN, _NAN, _NAN, False
@@ -225,15 +226,15 @@ def unproject_pixel(parameters: FloatArray, u: float, v: float) -> tuple[float, 
 
 @leaf
 def unproject_pixel_jacobian(parameters: FloatArray, u: float, v: float, out: FloatArray) -> bool:
-    """Write the bearing and ∂bearing/∂(u, v) [1/px] into ``out`` (9,): x, y, z, xu, xv, yu, yv, zu, zv.
+    """Write the bearing and ∂bearing/∂(u, v) [1/px] into ``out`` (9,): X, Y, Z, XU, XV, YU, YV, ZU, ZV.
 
     Returns False, and writes NaN, outside the domain and on its rim, where the derivative is infinite.
     """
     out[:] = _NAN
-    fx, fy, skew = parameters[0], parameters[1], parameters[4]
-    py = (v - parameters[3]) / fy
-    mx, my, ok = undistort(parameters, (u - parameters[2] - skew * py) / fx, py)
-    xi = parameters[5]
+    fx, fy, skew = parameters[FX], parameters[FY], parameters[SKEW]
+    py = (v - parameters[CY]) / fy
+    mx, my, ok = undistort(parameters, (u - parameters[CX] - skew * py) / fx, py)
+    xi = parameters[XI]
     r2 = mx * mx + my * my
     radicand = 1.0 + (1.0 - xi) * (1.0 + xi) * r2
     if not (ok and radicand > 0.0 and r2 < _LARGEST_SQUARE):
@@ -247,10 +248,10 @@ def unproject_pixel_jacobian(parameters: FloatArray, u: float, v: float, out: Fl
     xv = (-jxy / determinant - skew * xu) / fy
     yv = (jxx / determinant - skew * yu) / fy
     eu, ev = slope * (mx * xu + my * yu), slope * (mx * xv + my * yv)
-    out[0], out[1], out[2] = unproject_plane(parameters, mx, my)
-    out[3], out[4] = eta * xu + mx * eu, eta * xv + mx * ev
-    out[5], out[6] = eta * yu + my * eu, eta * yv + my * ev
-    out[7], out[8] = eu, ev
+    out[X], out[Y], out[Z] = unproject_plane(parameters, mx, my)
+    out[XU], out[XV] = eta * xu + mx * eu, eta * xv + mx * ev
+    out[YU], out[YV] = eta * yu + my * eu, eta * yv + my * ev
+    out[ZU], out[ZV] = eu, ev
     return True
 
 
@@ -286,7 +287,7 @@ def _undistort_block(
         mx, my, ok = _fixed_steps(parameters, px[i], py[i])
         x[i], y[i] = mx if ok else _NAN, my
     for i in range(px.shape[0]):
-        if x[i] != x[i] and px[i] * px[i] + py[i] * py[i] <= parameters[12]:
+        if x[i] != x[i] and px[i] * px[i] + py[i] * py[i] <= parameters[DISTORTED_SQUARE]:
             mx, y[i], ok = _undistort_slowly(parameters, px[i], py[i])
             x[i] = mx if ok else _NAN
 
@@ -296,9 +297,9 @@ def unproject_pixels(
     parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
     """`unproject_pixel` for each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    fx, fy, cx, cy, skew = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
-    straight = not parameters[6:10].any()
-    most = min(parameters[11], _LARGEST_SQUARE) if straight else _LARGEST_SQUARE
+    fx, fy, cx, cy, skew = parameters[FX], parameters[FY], parameters[CX], parameters[CY], parameters[SKEW]
+    straight = not parameters[K1 : P2 + 1].any()
+    most = min(parameters[SQUARE], _LARGEST_SQUARE) if straight else _LARGEST_SQUARE
     block_u, block_v, block_x, block_y = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     for start in range(0, pixels.shape[0], BLOCK):
         rows = pixels[start : start + BLOCK]

@@ -63,36 +63,34 @@ def camera_count(sigma: int, tau: int) -> int:
 
 @kernel
 def _rotation_controls(phi: FloatArray) -> FloatArray:
-    """Return Λ(φ) (20) as scaled coefficients (9, 2σ+1), row by row, from those of φ (4, σ+1)."""
+    """Return Λ(φ) (20) as scaled coefficients (3, 3, 2σ+1) from those of φ (4, σ+1)."""
     n = phi.shape[1]
-    products = np.zeros((10, 2 * n - 1))
-    row = 0
+    products = np.zeros((4, 4, 2 * n - 1))
     for a in range(4):
         for b in range(a, 4):
             for i in range(n):
                 for k in range(n):
-                    products[row, i + k] += phi[a, i] * phi[b, k]
-            row += 1
-    out = np.empty((9, 2 * n - 1))
+                    products[a, b, i + k] += phi[a, i] * phi[b, k]
+    out = np.empty((3, 3, 2 * n - 1))
     for k in range(2 * n - 1):
-        xx, xy, xz, xw = products[0, k], products[1, k], products[2, k], products[3, k]
-        yy, yz, yw = products[4, k], products[5, k], products[6, k]
-        zz, zw, ww = products[7, k], products[8, k], products[9, k]
-        out[0, k], out[1, k], out[2, k] = xx - yy - zz + ww, 2.0 * (xy - zw), 2.0 * (xz + yw)
-        out[3, k], out[4, k], out[5, k] = 2.0 * (xy + zw), yy - xx - zz + ww, 2.0 * (yz - xw)
-        out[6, k], out[7, k], out[8, k] = 2.0 * (xz - yw), 2.0 * (yz + xw), zz - xx - yy + ww
+        xx, xy, xz, xw = products[0, 0, k], products[0, 1, k], products[0, 2, k], products[0, 3, k]
+        yy, yz, yw = products[1, 1, k], products[1, 2, k], products[1, 3, k]
+        zz, zw, ww = products[2, 2, k], products[2, 3, k], products[3, 3, k]
+        out[0, 0, k], out[0, 1, k], out[0, 2, k] = xx - yy - zz + ww, 2.0 * (xy - zw), 2.0 * (xz + yw)
+        out[1, 0, k], out[1, 1, k], out[1, 2, k] = 2.0 * (xy + zw), yy - xx - zz + ww, 2.0 * (yz - xw)
+        out[2, 0, k], out[2, 1, k], out[2, 2, k] = 2.0 * (xz - yw), 2.0 * (yz + xw), zz - xx - yy + ww
     return out
 
 
 @leaf
 def _add_raised(matrix: FloatArray, j: int, centre: FloatArray, sums: FloatArray) -> None:
     """Write column j of Λ, raised to degree 2σ+τ, and its product with t into ``sums`` (4, 2σ+τ+1)."""
-    m, n = matrix.shape[1], centre.shape[1]
+    m, n = matrix.shape[2], centre.shape[1]
     for k in range(m + n - 1):
         sums[0, k] = sums[1, k] = sums[2, k] = sums[3, k] = 0.0
     for i in range(3):
         for a in range(m):
-            value = matrix[3 * i + j, a]
+            value = matrix[i, j, a]
             for b in range(n):
                 sums[i, a + b] += value * BINOMIALS[n - 1, b]
                 sums[3, a + b] += value * centre[i, b]

@@ -9,6 +9,7 @@ import numpy as np
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import outward_edges
+from omniservo.cameras.unified_kernels import SQUARE
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
@@ -111,7 +112,7 @@ class VisibilityFilter:
 def _limits_of(camera: UnifiedCamera, margin: float) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the kernel's ``limits``, ``edges`` and ``ends``, moved inward by the margin [px]."""
     scale = float(np.linalg.svd(camera.matrix[:2, :2], compute_uv=False)[-1])
-    radius = math.sqrt(camera.parameters[11]) - margin / scale
+    radius = math.sqrt(camera.parameters[SQUARE]) - margin / scale
     zone = (0.0, 0.0, -1.0)
     if camera.dead_zone is not None:
         zone = (*camera.dead_zone.center, camera.dead_zone.radius + margin)

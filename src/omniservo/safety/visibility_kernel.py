@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from omniservo.cameras.unified_kernels import project_point_jacobian, unproject_pixel
+from omniservo.cameras.unified_kernels import XI, project_point_jacobian, unproject_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.quadratic_program import quadratic_step
@@ -155,8 +155,8 @@ def _write_limits(
     """
     u, v, ux, uy, uz, vx, vy, vz, ok = project_point_jacobian(parameters, x, y, z)
     if not ok:
-        if limits[RADIUS] < math.inf and _has_radius(parameters[5], x, y, z):
-            count = _append_rim(parameters[5], limits, x, y, z, rows, heights, count)
+        if limits[RADIUS] < math.inf and _has_radius(parameters[XI], x, y, z):
+            count = _append_rim(parameters[XI], limits, x, y, z, rows, heights, count)
         return count, False
     du, dv = np.empty(6), np.empty(6)
     _write_flow(ux, uy, uz, x, y, z, du)
@@ -166,7 +166,7 @@ def _write_limits(
     count = _append(v - limits[LOW_V], 0.0, 1.0, du, dv, rows, heights, count)
     count = _append(limits[HIGH_V] - v, 0.0, -1.0, du, dv, rows, heights, count)
     if limits[RADIUS] < math.inf:
-        count = _append_rim(parameters[5], limits, x, y, z, rows, heights, count)
+        count = _append_rim(parameters[XI], limits, x, y, z, rows, heights, count)
     if limits[ZONE_RADIUS] >= 0.0:
         along, across = u - limits[ZONE_U], v - limits[ZONE_V]
         far = max(math.hypot(along, across), 1e-9)

@@ -53,9 +53,7 @@ class Domain:
 class LensModel(KernelCamera, ABC):
     """A central model whose plane m goes to pixels by an affine map, with its lens's limits.
 
-    Kernels read ``parameters``: 0–3 the affine map's matrix row by row, 4, 5 its offset (cx, cy), 6–9 the
-    inverse matrix, 10 the least Z/ρ, 11 the largest ‖m‖², 12 the same with what rounding needs, 13 … the
-    model's own. Models are values: equal when all their numbers are, and keys of a dict.
+    Models are values: equal when all their numbers are, and keys of a dict.
 
     Args:
         max_angle: largest angle from the axis that the lens sees [rad], in (0, π], or None.
@@ -73,7 +71,7 @@ class LensModel(KernelCamera, ABC):
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
-    """What the kernels read; read-only."""
+    """What the kernels read, read-only; `plane_kernels` and the model's own name the places."""
 
     model: ClassVar[str]
     kernels: ClassVar[Kernels]

@@ -90,34 +90,34 @@ def _rays() -> FloatArray:
 
 
 def _radial(c: FloatArray, r2: FloatArray) -> FloatArray:
-    above = 1.0 + r2 * (c[0] + r2 * (c[1] + r2 * c[4]))
-    return np.asarray(above / (1.0 + r2 * (c[5] + r2 * (c[6] + r2 * c[7]))))
+    k1, k2, _, _, k3, k4, k5, k6, *_ = c
+    return np.asarray((1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))))
 
 
 def _distorted(c: FloatArray, m: FloatArray) -> FloatArray:
     x, y = m[..., 0], m[..., 1]
+    _, _, p1, p2, _, _, _, _, s1, s2, s3, s4, *_ = c
     r2 = x * x + y * y
-    factor = _radial(c, r2) + 2.0 * (c[3] * x + c[2] * y)
-    return np.stack(
-        [x * factor + r2 * (c[3] + c[8] + r2 * c[9]), y * factor + r2 * (c[2] + c[10] + r2 * c[11])], axis=-1
-    )
+    factor = _radial(c, r2) + 2.0 * (p2 * x + p1 * y)
+    return np.stack([x * factor + r2 * (p2 + s1 + r2 * s2), y * factor + r2 * (p1 + s3 + r2 * s4)], axis=-1)
 
 
 def _worst(c: FloatArray, sensor: FloatArray, radii: FloatArray) -> FloatArray:
     """Return, for each radius, the least of the eigenvalue and the sensor's distance over all directions."""
     m = radii[:, None, None] * _rays()
     x, y = m[..., 0], m[..., 1]
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, *_ = c
     r2 = x * x + y * y
-    above = 1.0 + r2 * (c[0] + r2 * (c[1] + r2 * c[4]))
-    below = 1.0 + r2 * (c[5] + r2 * (c[6] + r2 * c[7]))
+    above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
     radial = above / below
-    up, down = c[0] + r2 * (2.0 * c[1] + 3.0 * r2 * c[4]), c[5] + r2 * (2.0 * c[6] + 3.0 * r2 * c[7])
+    up, down = k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3), k4 + r2 * (2.0 * k5 + 3.0 * r2 * k6)
     slope = 2.0 * (up - radial * down) / below
-    factor = radial + 2.0 * (c[3] * x + c[2] * y)
-    px, py = 2.0 * (c[3] + c[8] + 2.0 * r2 * c[9]), 2.0 * (c[2] + c[10] + 2.0 * r2 * c[11])
-    xx = factor + x * (slope * x + 2.0 * c[3]) + px * x
-    yy = factor + y * (slope * y + 2.0 * c[2]) + py * y
-    xy = 0.5 * (x * (slope * y + 2.0 * c[2]) + px * y + y * (slope * x + 2.0 * c[3]) + py * x)
+    factor = radial + 2.0 * (p2 * x + p1 * y)
+    px, py = 2.0 * (p2 + s1 + 2.0 * r2 * s2), 2.0 * (p1 + s3 + 2.0 * r2 * s4)
+    xx = factor + x * (slope * x + 2.0 * p2) + px * x
+    yy = factor + y * (slope * y + 2.0 * p1) + py * y
+    xy = 0.5 * (x * (slope * y + 2.0 * p1) + px * y + y * (slope * x + 2.0 * p2) + py * x)
     least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
     d = _distorted(c, m)
     before = d[..., 0] * sensor[0] + d[..., 1] * sensor[1] + sensor[2]

@@ -3,15 +3,7 @@
 The inverse starts from a table and stays in the table's interval, which holds the one root because the
 function grows over the whole domain; two or three steps reach the last digit.
 
-Every function takes a lens's ``parameters``; `lens_model` says what stands in the first 13, and its own are
-
-| | Kannala–Brandt | OCam |
-|---|---|---|
-| 13 | largest θ | count of coefficients |
-| 14 | 1/step of the table | 1/step of the table |
-| 15 … 17 | k1, k2, k3 | – |
-| from 18 on | k4, θ at equal steps of r | the coefficients, ρ at equal steps of sin θ/2 |
-| behind | dθ per step; sin θ; cos θ | dρ per step |
+Every function takes a lens's ``parameters``; `plane_kernels` names the places that all models share.
 """
 
 import math
@@ -20,18 +12,28 @@ import numpy as np
 
 from omniservo.cameras.models.arc_tangent import arc_tangent
 from omniservo.cameras.models.block_kernels import read_points, write_pixels
-from omniservo.cameras.models.plane_kernels import plane_point, write_bearing
+from omniservo.cameras.models.plane_kernels import OWN, plane_point, write_bearing
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
 
 TABLE = 256
 """intervals"""
 
-OWN = 18
-"""where the coefficients (OCam), or k4 and the table (Kannala–Brandt) start"""
+PER_STEP = OWN + 1
+"""the place of 1/step of the table"""
 
-SINES = OWN + 1 + 2 * (TABLE + 1)
-"""where the sines of Kannala–Brandt's table start; their cosines follow"""
+LARGEST_THETA, K1, K2, K3, K4 = OWN, *range(OWN + 2, OWN + 6)
+"""the places of Kannala–Brandt's other numbers [rad]"""
+
+THETAS = K4 + 1
+"""where its table starts: θ at equal steps of r, then dθ per step"""
+
+SINES = THETAS + 2 * (TABLE + 1)
+"""where the sines of its θ start; their cosines follow"""
+
+COUNT, COEFFICIENTS = OWN, OWN + 5
+"""where OCam's count of coefficients stands, and where they start; behind them its table: ρ at equal steps of
+sin θ/2, then dρ per step"""
 
 _STEPS = 60
 _ROUNDING = 4e-16
@@ -56,7 +58,7 @@ def table_value(p: FloatArray, start: int, place: float) -> tuple[float, float, 
 @inlined
 def _angle_of_radius(p: FloatArray, r: float, theta: float, low: float, high: float) -> float:
     """Return θ with r(θ) = r, from a start and an interval that holds it: Newton's method, else halving."""
-    k1, k2, k3, k4 = p[15], p[16], p[17], p[18]
+    k1, k2, k3, k4 = p[K1], p[K2], p[K3], p[K4]
     for _ in range(_STEPS):
         t = theta * theta
         error = r - theta * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))))
@@ -78,11 +80,11 @@ def _angle_of_radius(p: FloatArray, r: float, theta: float, low: float, high: fl
 def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the bearing of a point of the plane in the domain: r(θ) = ‖m‖ solved for θ."""
     r = math.sqrt(mx * mx + my * my)
-    theta, low, high = table_value(p, 19, r * p[14])
-    theta = min(_angle_of_radius(p, r, theta, low, high), p[13])
+    theta, low, high = table_value(p, THETAS, r * p[PER_STEP])
+    theta = min(_angle_of_radius(p, r, theta, low, high), p[LARGEST_THETA])
     delta = theta - low
     if delta < _NEAR:  # sine and cosine from the table's: twice as fast as calling them
-        i, t = SINES + min(int(r * p[14]), TABLE - 1), delta * delta
+        i, t = SINES + min(int(r * p[PER_STEP]), TABLE - 1), delta * delta
         s = delta * (1.0 - t / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0)))
         c = 1.0 - 0.5 * t * (1.0 - t / 12.0 * (1.0 - t / 30.0))
         sine, cosine = p[i] * c + p[i + TABLE + 1] * s, p[i + TABLE + 1] * c - p[i] * s
@@ -95,13 +97,13 @@ def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, 
 @leaf
 def _radius_of_angle(p: FloatArray, side: float, z: float, radius: float) -> float:
     """Return ρ with z ρ + f(ρ) ‖(X, Y)‖ = 0, from a start: Newton's method, else halving."""
-    count = int(p[13])
-    low, high = 0.0, p[OWN + count + TABLE] * (1.0 + _ROUNDING)
+    count = int(p[COUNT])
+    low, high = 0.0, p[COEFFICIENTS + count + TABLE] * (1.0 + _ROUNDING)
     for _ in range(_STEPS):
-        value, slope = p[OWN + count - 1], 0.0
+        value, slope = p[COEFFICIENTS + count - 1], 0.0
         for k in range(count - 2, -1, -1):
             slope = slope * radius + value
-            value = value * radius + p[OWN + k]
+            value = value * radius + p[COEFFICIENTS + k]
         error = -(radius * z + value * side)
         step = error / (z + slope * side)
         if abs(step) <= _CLOSE * radius:
@@ -122,7 +124,7 @@ def _start(p: FloatArray, side: float, z: float) -> float:
     half = math.sqrt(
         max(0.0, 0.5 * (1.0 - z / math.sqrt(side * side + z * z)))
     )  # exact enough, at the axis too
-    return table_value(p, OWN + int(p[13]), half * p[14])[0]
+    return table_value(p, COEFFICIENTS + int(p[COUNT]), half * p[PER_STEP])[0]
 
 
 @leaf
@@ -130,11 +132,11 @@ def _newton_steps(
     p: FloatArray, side: FloatArray, z: FloatArray, radius: FloatArray, value: FloatArray, slope: FloatArray
 ) -> None:
     """Take two Newton steps from the ``radius`` of each point; leave the last step in ``value``."""
-    count = int(p[13])
+    count = int(p[COUNT])
     for _ in range(2):
-        value[:], slope[:] = p[OWN + count - 1], 0.0
+        value[:], slope[:] = p[COEFFICIENTS + count - 1], 0.0
         for k in range(count - 2, -1, -1):
-            a = p[OWN + k]
+            a = p[COEFFICIENTS + k]
             for i in range(radius.shape[0]):
                 slope[i] = slope[i] * radius[i] + value[i]
                 value[i] = value[i] * radius[i] + a
@@ -152,7 +154,7 @@ def _ocam_plane(
     That is z ρ + f(ρ) ‖(X, Y)‖ = 0. x is NaN straight behind.
     """
     side, radius, value, slope = work
-    high = p[OWN + int(p[13]) + TABLE]
+    high = p[COEFFICIENTS + int(p[COUNT]) + TABLE]
     for i in range(x.shape[0]):
         side[i] = math.sqrt(x[i] * x[i] + y[i] * y[i])
         radius[i] = _start(p, side[i], z[i]) if side[i] > 0.0 else 0.0
@@ -171,8 +173,8 @@ def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, flo
     """Return the unit vector along (x, y, −f(ρ)), f(ρ) = a0 + a1 ρ + a2 ρ² + …."""
     radius = math.sqrt(mx * mx + my * my)
     value = 0.0
-    for k in range(int(p[13]) - 1, -1, -1):
-        value = value * radius + p[OWN + k]
+    for k in range(int(p[COUNT]) - 1, -1, -1):
+        value = value * radius + p[COEFFICIENTS + k]
     scale = 1.0 / math.sqrt(radius * radius + value * value)
     return scale * mx, scale * my, -scale * value, True
 
@@ -187,7 +189,7 @@ def _kannala_brandt_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatA
         side = math.sqrt(x[i] * x[i] + y[i] * y[i])
         theta = arc_tangent(side, z[i])
         t = theta * theta
-        scale = theta * (1.0 + t * (p[15] + t * (p[16] + t * (p[17] + t * p[18]))))
+        scale = theta * (1.0 + t * (p[K1] + t * (p[K2] + t * (p[K3] + t * p[K4]))))
         scale = scale / (side if side > 0.0 else 1.0)
         x[i], y[i] = scale * x[i] if (side > 0.0) | (z[i] > 0.0) else math.nan, scale * y[i]
 

@@ -1,12 +1,6 @@
 """Extended unified, double sphere and equirectangular, one point at a time; all in closed form.
 
-Every function takes a lens's ``parameters``; `lens_model` says what stands in the first 13, and its own are
-
-| | 13 | 14 |
-|---|---|---|
-| extended unified | α | β |
-| double sphere | α | ξ |
-| equirectangular | width | height |
+Every function takes a lens's ``parameters``; `plane_kernels` names the places that all models share.
 """
 
 import math
@@ -16,6 +10,8 @@ import numpy as np
 from omniservo.cameras.models.arc_tangent import arc_tangent
 from omniservo.cameras.models.block_kernels import read_points, write_pixels
 from omniservo.cameras.models.plane_kernels import (
+    COSINE,
+    OWN,
     distance_in_domain,
     plane_point,
     write_bearing,
@@ -23,6 +19,15 @@ from omniservo.cameras.models.plane_kernels import (
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import BLOCK, kernel, leaf
+
+ALPHA, BETA = range(OWN, OWN + 2)
+"""the places of the extended unified model's own parameters; α is the double sphere's, too"""
+
+XI = OWN + 1
+"""of the double sphere's ξ"""
+
+WIDTH, HEIGHT = range(OWN, OWN + 2)
+"""of the equirectangular panorama's size [px]"""
 
 _RIM = 1e-12
 """how much of the image is left out at the seam and the poles, where a direction has several pixels"""
@@ -40,15 +45,15 @@ def _height(alpha: float, s: float) -> float:
 @leaf
 def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z) with d = √(β(X² + Y²) + Z²)."""
-    d = math.sqrt(p[14] * (x * x + y * y) + z * z)
-    denominator = p[13] * d + (1.0 - p[13]) * z
+    d = math.sqrt(p[BETA] * (x * x + y * y) + z * z)
+    denominator = p[ALPHA] * d + (1.0 - p[ALPHA]) * z
     return x / denominator, y / denominator, denominator > 0.0
 
 
 @leaf
 def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the unit vector along (m, (1 − βα²r²)/(α√(1 − (2α−1)βr²) + 1 − α))."""
-    z = _height(p[13], p[14] * (mx * mx + my * my))
+    z = _height(p[ALPHA], p[BETA] * (mx * mx + my * my))
     scale = 1.0 / math.sqrt(mx * mx + my * my + z * z)
     return scale * mx, scale * my, scale * z, True
 
@@ -56,16 +61,16 @@ def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float,
 @leaf
 def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z′) with Z′ = Z + ξρ and d = ‖(X, Y, Z′)‖."""
-    shifted = z + p[14] * rho
+    shifted = z + p[XI] * rho
     d = math.sqrt(x * x + y * y + shifted * shifted)
-    denominator = p[13] * d + (1.0 - p[13]) * shifted
+    denominator = p[ALPHA] * d + (1.0 - p[ALPHA]) * shifted
     return x / denominator, y / denominator, denominator > 0.0
 
 
 @leaf
 def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return η(m, m_z) − (0, 0, ξ): m_z from the inner sphere, η to the outer."""
-    alpha, xi, s = p[13], p[14], mx * mx + my * my
+    alpha, xi, s = p[ALPHA], p[XI], mx * mx + my * my
     mz = _height(alpha, s)
     radicand = max(0.0, mz * mz + (1.0 - xi) * (1.0 + xi) * s)
     eta = (mz * xi + math.sqrt(radicand)) / (mz * mz + s)
@@ -78,7 +83,7 @@ def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: Float
 
     λ = atan2(X, Z), φ = atan2(Y, ‖(X, Z)‖).
     """
-    width, height = p[13], p[14]
+    width, height = p[WIDTH], p[HEIGHT]
     for i in range(x.shape[0]):
         down = arc_tangent(y[i], math.sqrt(x[i] * x[i] + z[i] * z[i])) / math.pi + 0.5
         across = arc_tangent(x[i], z[i]) / (2.0 * math.pi) + 0.5
@@ -92,13 +97,13 @@ def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: Float
 @leaf
 def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
     """Return (cos φ sin λ, sin φ, cos φ cos λ)."""
-    across, down = (u + 0.5) / p[13], (v + 0.5) / p[14]
+    across, down = (u + 0.5) / p[WIDTH], (v + 0.5) / p[HEIGHT]
     if not (-1e-14 <= across < 1.0 - _RIM and _RIM * 0.99 <= down <= 1.0 - _RIM * 0.99):
         return math.nan, math.nan, math.nan, False
     longitude, latitude = 2.0 * math.pi * (max(across, 0.0) - 0.5), math.pi * (down - 0.5)
     level = math.cos(latitude)
     z = level * math.cos(longitude)
-    return level * math.sin(longitude), math.sin(latitude), z, z > p[10] - 1e-15
+    return level * math.sin(longitude), math.sin(latitude), z, z > p[COSINE] - 1e-15
 
 
 @leaf

@@ -63,7 +63,7 @@ def refine(
             set_basis(scratch[0], 0, places[k])
             set_basis(scratch[1], 0, places[k])
             place(phi, t, scratch[0][0], scratch[1][0], point, scratch[2], scratch[3], turn)
-            scratch[2][13] = places[k]
+            scratch[2][AT] = places[k]
             values[k] = smallest_at(entry, constraints, optics, scratch[2], scratch[3], point)[0]
             if values[k] < best:
                 best, at = values[k], places[k]

@@ -9,13 +9,14 @@ import math
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
+from omniservo.geometry.rotation_row import turned, turned_back
 
 BODY_SIZE = 25
 """Numbers of a row."""
 
-EXTENT, RADIUS, REACH, MOTION, CORNERS, FACES, EDGES, SHAPE = 12, 15, 16, 17, 18, 20, 22, 24
-"""Where in a row: half extents e (3,), radius r, reach r + clearance [m], motion, of a mesh the first and the
-end of its corners, faces and edges, and the core's shape."""
+AXES, EXTENT, RADIUS, REACH, MOTION, CORNERS, FACES, EDGES, SHAPE = 3, 12, 15, 16, 17, 18, 20, 22, 24
+"""Where in a row: axes (9,), half extents e (3,), radius r, reach r + clearance [m], motion, of a mesh the
+first and the end of its corners, faces and edges, and the core's shape."""
 
 CUBOID, CYLINDER, ELLIPSOID, HULL = 0.0, 1.0, 2.0, 3.0
 """Shapes of a core: a box or less, a cylinder along a₁ with e = (half length, radius, radius), an ellipsoid
@@ -34,21 +35,13 @@ def is_solid(body: FloatArray) -> bool:
 @leaf
 def in_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return the coordinates a_k·v of a vector (x, y, z)."""
-    return (
-        float(body[3] * x + body[4] * y + body[5] * z),
-        float(body[6] * x + body[7] * y + body[8] * z),
-        float(body[9] * x + body[10] * y + body[11] * z),
-    )
+    return turned(body[AXES:EXTENT], x, y, z)
 
 
 @leaf
 def out_of_body_frame(body: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return x a₁ + y a₂ + z a₃."""
-    return (
-        float(body[3] * x + body[6] * y + body[9] * z),
-        float(body[4] * x + body[7] * y + body[10] * z),
-        float(body[5] * x + body[8] * y + body[11] * z),
-    )
+    return turned_back(body[AXES:EXTENT], x, y, z)
 
 
 @leaf

@@ -27,6 +27,10 @@ _SAFE_SIDE = 1e-12
 """Depths are stated less by this part of the coordinates: a face's normal is rounded."""
 
 
+ALONG, ONE, OTHER = 3, 6, 9
+"""Where in a row of `Hull.edges` the direction and the normals of the two faces start; the point is first."""
+
+
 class Hull(NamedTuple):
     """The convex hull of vertices; without vertices no hull."""
 
@@ -189,17 +193,17 @@ def depth_in_hull(
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
         return x, y, z, -depth, part
     for k in range(hull.edges.shape[0]):
-        e = hull.edges[k]
-        one, other = e[6] * dx + e[7] * dy + e[8] * dz, e[9] * dx + e[10] * dy + e[11] * dz
+        p, e, a, b = hull.edges[k], hull.edges[k, ALONG:], hull.edges[k, ONE:], hull.edges[k, OTHER:]
+        one, other = a[0] * dx + a[1] * dy + a[2] * dz, b[0] * dx + b[1] * dy + b[2] * dz
         if one * other > 0.0:
             continue
-        nx, ny, nz = dy * e[5] - dz * e[4], dz * e[3] - dx * e[5], dx * e[4] - dy * e[3]
+        nx, ny, nz = dy * e[2] - dz * e[1], dz * e[0] - dx * e[2], dx * e[1] - dy * e[0]
         norm = math.sqrt(nx * nx + ny * ny + nz * nz)
-        if nx * (e[6] + e[9]) + ny * (e[7] + e[10]) + nz * (e[8] + e[11]) < 0.0:
+        if nx * (a[0] + b[0]) + ny * (a[1] + b[1]) + nz * (a[2] + b[2]) < 0.0:
             norm = -norm
         if norm != 0.0:
             nx, ny, nz = nx / norm, ny / norm, nz / norm
-            size = nx * (e[0] - t[0]) + ny * (e[1] - t[1]) + nz * (e[2] - t[2])
+            size = nx * (p[0] - t[0]) + ny * (p[1] - t[1]) + nz * (p[2] - t[2])
             if size < depth:
                 depth, part, x, y, z = size, s, nx, ny, nz
     return x, y, z, -depth, part

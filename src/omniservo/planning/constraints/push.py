@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
+from omniservo.geometry.rotation_row import turned_back
 
 ASLEEP = -1e300
 """Target of a group that has so much left that a descent need not look at it."""
@@ -40,10 +41,7 @@ def push_centre(
     systems: FloatArray, costs: FloatArray, s: int, poses: FloatArray, x: float, y: float, z: float, r: float
 ) -> None:
     """Add a row that depends on t alone: ∂g/∂t = (x, y, z) in the reference frame."""
-    a0 = poses[s, 0] * x + poses[s, 3] * y + poses[s, 6] * z
-    a1 = poses[s, 1] * x + poses[s, 4] * y + poses[s, 7] * z
-    a2 = poses[s, 2] * x + poses[s, 5] * y + poses[s, 8] * z
-    row = (a0, a1, a2)
+    row = turned_back(poses[s], x, y, z)
     for i in range(3):
         a = row[i]
         for j in range(i, 3):

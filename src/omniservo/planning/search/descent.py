@@ -41,6 +41,10 @@ PLENTY = 0.4
 """A group with more left at the start of a descent sleeps through it; the proof looks at it again."""
 
 
+RIGHT = 7
+"""the column of the right side in a sample's block, beside those of φ and t"""
+
+
 class Room(NamedTuple):
     """Where `linearise` puts what it needs on its way."""
 
@@ -128,7 +132,7 @@ def spread(
             for b in range(3):
                 total += system[a, 3 + b] * turn[b, c]
             room[a, c] = total
-        room[a, 7] = system[a, 6]
+        room[a, RIGHT] = system[a, 6]
     first = 0 if turns else 4
     for r in range(first, 7):
         for c in range(first, 8):
@@ -147,7 +151,7 @@ def _add_blocks(family: PathFamily, index: int, first: int, room: FloatArray, no
     for i in range(first, inner + family.translation_form.shape[0]):
         top, rows, bi, row = _block(family, index, i, inner)
         for r in range(rows):
-            normal[row + r, last] += bi * room[6 + top + r, 7]
+            normal[row + r, last] += bi * room[6 + top + r, RIGHT]
         for j in range(first, i + 1):
             left, columns, bj, column = _block(family, index, j, inner)
             f = bi * bj

@@ -23,7 +23,7 @@ from omniservo.planning.search.path_family import (
 )
 from omniservo.planning.search.prove_path import prove_path
 from omniservo.planning.search.settle import capped_targets, power_path
-from omniservo.planning.search.worst_rows import LOOKED_AT, look_at_samples
+from omniservo.planning.search.worst_rows import LOOKED_AT, Looks, look_at_samples
 
 SAMPLES, BETWEEN = 10, 33
 """Samples at first, and those that show where the path loses most between them, which is added."""
@@ -184,7 +184,8 @@ def _bend_and_prove(
             copy_into(normal[:, :size], hessian)
             fill(asleep, LOOKED_AT)
         kept = capped_targets(ends, left)
-        missing = step_to_least_effort(constraints, family, kept, asleep, room, hessian, x, fine, 0.5 * beat)
+        looks = Looks(constraints, family, room, kept, asleep)
+        missing = step_to_least_effort(looks, hessian, x, fine, 0.5 * beat)
         if missing == math.inf or path_energy(family, ell, x) >= beat:
             write(found, x)
             break

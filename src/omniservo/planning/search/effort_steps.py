@@ -13,11 +13,10 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.quadratic_program import quadratic_step
-from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.push import ASLEEP
-from omniservo.planning.search.descent import Room, add_bending, clear
+from omniservo.planning.search.descent import add_bending, clear
 from omniservo.planning.search.path_family import PathFamily
-from omniservo.planning.search.worst_rows import look_at_samples, slope_at
+from omniservo.planning.search.worst_rows import Looks, look_at_samples, slope_at
 
 STEPS = 30
 """Quadratic programs at most."""
@@ -55,6 +54,19 @@ class Rows(NamedTuple):
     """∂g/∂x (MOST_ROWS, nx)"""
     multiplier: FloatArray
     """(MOST_ROWS,)"""
+
+
+class Promise(NamedTuple):
+    """What a step of the path is judged by."""
+
+    energy: float
+    """half the bending energy where the step begins"""
+    short: float
+    """the `shortfall` there"""
+    price: float
+    """of one unit of shortfall in the merit"""
+    gain: float
+    """what the linearised problem promises of the merit for the whole step"""
 
 
 @kernel
@@ -174,11 +186,8 @@ def price_of(multipliers: FloatArray, gradient: FloatArray) -> float:
 
 @kernel
 def linearise_rows(
-    constraints: Constraints,
-    family: PathFamily,
-    room: Room,
+    looks: Looks,
     levels: FloatArray,
-    kept: FloatArray,
     quiet: FloatArray,
     rows: Rows,
     count: int,
@@ -191,8 +200,8 @@ def linearise_rows(
     """
     for r in range(count):
         s, group = rows.sample[r], rows.group[r]
-        right[r] = kept[group] - levels[s, group]
-        slope_at(constraints, family, room, s, group, levels[s, group], quiet, scratch, rows.slope[r])
+        right[r] = looks.kept[group] - levels[s, group]
+        slope_at(looks, s, group, levels[s, group], quiet, scratch, rows.slope[r])
 
 
 @inlined
@@ -204,60 +213,39 @@ def learn_curvature(hessian: FloatArray, step: FloatArray, change: FloatArray, p
 
 @inlined
 def as_far_as_it_pays(
-    constraints: Constraints,
-    family: PathFamily,
-    kept: FloatArray,
-    asleep: FloatArray,
-    room: Room,
+    looks: Looks,
     x: FloatArray,
     step: FloatArray,
     trial: FloatArray,
     levels: FloatArray,
     gradient: FloatArray,
-    energy: float,
-    short: float,
-    price: float,
-    gain: float,
+    promise: Promise,
 ) -> tuple[float, float, float]:
-    """Halve a step from x until the ℓ₁ merit falls by enough of the ``gain`` that it promises.
+    """Halve a step from x until the ℓ₁ merit falls by enough of what it promises.
 
     ``trial``, x + step at first, gets the place, ``levels`` and ``gradient`` what is there. Returns the part
     of the step, 0 where none will do, and half the energy and the shortfall there.
     """
     part, normal = 1.0, np.empty((x.shape[0], x.shape[0] + 1))
     for _ in range(HALVINGS):
-        tried = bend(family, trial, gradient, normal)
-        look_at_samples(constraints, family, trial, asleep, room, levels)
-        violated = shortfall(levels, levels.shape[0], kept)
-        merit = tried - energy + price * (violated - short)
-        if violated <= max(short, ASTRAY) and merit <= -1e-4 * part * gain:
+        tried = bend(looks.family, trial, gradient, normal)
+        look_at_samples(looks.constraints, looks.family, trial, looks.asleep, looks.room, levels)
+        violated = shortfall(levels, levels.shape[0], looks.kept)
+        merit = tried - promise.energy + promise.price * (violated - promise.short)
+        if violated <= max(promise.short, ASTRAY) and merit <= -1e-4 * part * promise.gain:
             return part, tried, violated
         part *= 0.5
         for i in range(x.shape[0]):
             trial[i] = x[i] + part * step[i]
-    return 0.0, energy, short
+    return 0.0, promise.energy, promise.short
 
 
 @inlined
-def step_to_least_effort(
-    constraints: Constraints,
-    family: PathFamily,
-    kept: FloatArray,
-    asleep: FloatArray,
-    room: Room,
-    hessian: FloatArray,
-    x: FloatArray,
-    fine: float,
-    beat: float,
-) -> float:
-    """Lower the energy from x in place, keeping g ≥ ``kept`` (groups,) at the samples.
+def step_to_least_effort(looks: Looks, hessian: FloatArray, x: FloatArray, fine: float, beat: float) -> float:
+    """Lower the energy from x in place, keeping what is to be kept at the samples.
 
     Args:
-        constraints: the problem.
-        family: where to move, and the samples.
-        kept: what is left of each group at least.
-        asleep: see `look_at_samples`.
-        room: for all samples.
+        looks: the problem, where to move, and the samples.
         hessian: of the Lagrangian (nx, nx), to begin with; with what the steps have learnt at the end.
         x: offsets (nx,).
         fine: the steps end where the next would gain less than this part of the energy.
@@ -266,16 +254,17 @@ def step_to_least_effort(
     Returns:
         Σ max(0, kept − g) at x; ∞ where the steps ended because of ``beat``.
     """
+    family, kept = looks.family, looks.kept
     n, samples, active, plain = x.shape[0], family.samples[0], 0, 0.0
     gradient, whole, change, step, trial = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.empty(n)
     normal, rows, quiet = np.empty((n, n + 1)), rows_for(n), np.full(kept.shape[0], ASLEEP)
     levels, right, scratch = np.empty((samples, kept.shape[0])), np.empty(MOST_ROWS), np.empty_like(kept)
-    look_at_samples(constraints, family, x, asleep, room, levels)
+    look_at_samples(looks.constraints, family, x, looks.asleep, looks.room, levels)
     energy, short = bend(family, x, gradient, normal), shortfall(levels, samples, kept)
     for _ in range(STEPS):
         count = choose_rows(levels, samples, kept, rows, active)
         add_constraint_slopes(rows, active, 1.0, change)
-        linearise_rows(constraints, family, room, levels, kept, quiet, rows, count, right, scratch)
+        linearise_rows(looks, levels, quiet, rows, count, right, scratch)
         add_constraint_slopes(rows, active, -1.0, change)
         learn_curvature(hessian, step, change, plain)
         multipliers = rows.multiplier[:count]
@@ -289,10 +278,8 @@ def step_to_least_effort(
             change[i], trial[i] = -gradient[i], x[i] + step[i]
         if energy + FARTHER * (bend(family, trial, whole, normal) - energy) > beat:
             return math.inf
-        part, tried, violated = as_far_as_it_pays(
-            constraints, family, kept, asleep, room, x, step, trial, levels, gradient, energy, short, price,
-            gain,
-        )  # fmt: skip
+        promise = Promise(energy, short, price, gain)
+        part, tried, violated = as_far_as_it_pays(looks, x, step, trial, levels, gradient, promise)
         if part == 0.0:
             break
         for i in range(n):

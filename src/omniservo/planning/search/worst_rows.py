@@ -5,6 +5,7 @@ with its worst constraint alone.
 """
 
 import math
+from typing import NamedTuple
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
@@ -20,6 +21,21 @@ TOUCH = 1e-8
 
 LOOKED_AT = -math.inf
 """Target of a group that is looked at and not pushed."""
+
+
+class Looks(NamedTuple):
+    """A problem, looked at at the samples of its paths."""
+
+    constraints: Constraints
+    """the problem, held"""
+    family: PathFamily
+    """where a path may go, and the samples; held"""
+    room: Room
+    """for all samples, held"""
+    kept: FloatArray
+    """what is to be left of each group of constraints at least (groups,)"""
+    asleep: FloatArray
+    """see `look_at_samples` (groups,)"""
 
 
 @kernel
@@ -55,9 +71,7 @@ def _push_at(constraints: Constraints, room: Room, s: int, targets: FloatArray, 
 
 @kernel
 def slope_at(
-    constraints: Constraints,
-    family: PathFamily,
-    room: Room,
+    looks: Looks,
     s: int,
     group: int,
     level: float,
@@ -69,6 +83,7 @@ def slope_at(
 
     ``level`` is its g; ``quiet`` (groups,) is all ASLEEP; ``least`` is room for a number a group.
     """
+    constraints, family, room = looks.constraints, looks.family, looks.room
     system, pose, turn = room.systems[s], room.poses[s], room.turns[s]
     for a in range(6):
         system[a, 6] = 0.0

@@ -20,7 +20,7 @@ from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, s
 from omniservo.robots.collision.gap_search import widen
 from omniservo.robots.collision.mounted_pairs import mounted_pairs
 from omniservo.robots.collision.read_shapes import first_joints_between, read_shapes
-from omniservo.robots.collision.shapes import PlacedShapes, Shapes
+from omniservo.robots.collision.shapes import Bodies, PlacedShapes, Shapes
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.tracking_tube import Tube
 
@@ -288,22 +288,14 @@ class ArmBodies:
 
     def lower_gaps(self, chosen: IntArray) -> FloatArray:
         """Return lower bounds of the distances (m,) [m] of chosen pairs (m,) from what is known."""
-        gaps, shapes, scene = np.empty(len(chosen)), self.shapes, self.scene
-        lower_gaps(
-            self.pairs,
-            chosen,
-            shapes.kinds,
-            shapes.sizes,
-            shapes.radii,
-            shapes.corners,
-            shapes.firsts,
-            scene.places,
-            scene.axes,
-            scene.normals,
-            np.full(len(chosen), np.inf),
-            gaps,
-        )
+        gaps, enough = np.empty(len(chosen)), np.full(len(chosen), np.inf)
+        lower_gaps(self._placed(), self.pairs, chosen, self.scene.normals, enough, gaps)
         return gaps
+
+    def _placed(self) -> Bodies:
+        """Return what gaps depend on, where it is now."""
+        s, scene = self.shapes, self.scene
+        return Bodies(s.kinds, s.sizes, s.radii, s.corners, s.firsts, scene.places, scene.axes)
 
     def show(self, places: FloatArray, axes: FloatArray) -> None:
         """Bring the shapes to places (g, 3) [m] with axes (g, 9): what is measured next is measured there."""
@@ -322,11 +314,10 @@ class ArmBodies:
                 second; None: kept for `lower_gaps`.
         """
         first, second = self.pairs[pair].tolist()
-        shapes, scene = self.shapes, self.scene
+        bodies = self._placed()
         fromto = self._fromto if fromto is None else fromto
-        normal = scene.normals[pair] if normal is None else normal
-        known = shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes
-        least, most = widen(first, second, *known, normal, fromto, self._simplex)
+        normal = self.scene.normals[pair] if normal is None else normal
+        least, most = widen(bodies, first, second, normal, fromto, self._simplex)
         if most < math.inf:
             return float(most)
         gap = mujoco.mj_geomDistance(self._model, self._data, first, second, _FAR, fromto)
@@ -335,7 +326,7 @@ class ArmBodies:
         length = math.sqrt(x * x + y * y + z * z)
         if length > _ON_TOP:
             length = math.copysign(length, gap)
-            across = slab(first, second, *known, x / length, y / length, z / length)
+            across = slab(bodies, first, second, x / length, y / length, z / length)
             if across > least:
                 normal[:], least = (x / length, y / length, z / length), across
         return float(least)

@@ -12,7 +12,7 @@ from omniservo.geometry.kernel import kernel
 from omniservo.robots.collision.arm_bodies import ArmBodies
 from omniservo.robots.collision.clearance_kernels import place_shape
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import Shapes
+from omniservo.robots.collision.shapes import Bodies, Shapes
 
 
 def carried_too_close(bodies: ArmBodies, base_T_flange: FloatArray, asked: FloatArray) -> bool:
@@ -33,6 +33,7 @@ def _too_close(shapes: Shapes, last: int, tool: FloatArray, poses: FloatArray, a
     shapes = held(shapes)
     pairs, carried, radii = shapes.pairs, shapes.carried, shapes.radii
     places, axes, moved = shapes.places.copy(), shapes.axes.copy(), np.empty((3, 4))
+    bodies = Bodies(shapes.kinds, shapes.sizes, radii, shapes.corners, shapes.firsts, places, axes)
     normals, ends, simplex = np.zeros((pairs.shape[0], 3)), np.empty(6), np.empty((4, 7))
     for i in range(poses.shape[0]):
         for k in range(3):  # the flange's pose times the inverse of the one at q = 0
@@ -53,10 +54,7 @@ def _too_close(shapes: Shapes, last: int, tool: FloatArray, poses: FloatArray, a
             x, y, z = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1], places[b, 2] - places[a, 2]
             if math.sqrt(x * x + y * y + z * z) - radii[a] - radii[b] >= asked[pair]:
                 continue
-            _, most = widen(
-                a, b, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, places, axes, normals[pair],
-                ends, simplex,
-            )  # fmt: skip
+            _, most = widen(bodies, a, b, normals[pair], ends, simplex)
             if most < asked[pair] or most == math.inf:
                 return True
     return False

@@ -13,7 +13,7 @@ from omniservo.geometry.kernel import inlined, kernel, leaf
 from omniservo.geometry.vectors import copy_into
 from omniservo.robots.collision.gap_kernels import farthest_moves, lower_gaps, middle_of_piece, rounding
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import PlacedShapes, Shapes
+from omniservo.robots.collision.shapes import Bodies, PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain, carry
 
 CLEAR, MEASURE, TOO_CLOSE, UNDECIDED = range(4)
@@ -56,6 +56,19 @@ class Work(NamedTuple):
     """(5,)"""
 
 
+class Gaps(NamedTuple):
+    """What is known of pairs, in the order in which a piece lists them, in its middle."""
+
+    least: FloatArray
+    """(p,) lower bounds of their distances [m]"""
+    most: FloatArray
+    """(p,) upper ones [m]; ∞: none is known"""
+    needed: FloatArray
+    """(p,) what each pair needs there to be clear on the whole piece [m]"""
+    enough: FloatArray
+    """(p,) with so much [m] a pair leaves more than is proven of others, and is not bounded any closer"""
+
+
 @kernel
 def prove_pieces(chain: Chain, shapes: Shapes, scene: PlacedShapes, asked: FloatArray, work: Work) -> int:
     """Halve pieces of a joint path until all pairs are clear on them; return why it stops.
@@ -70,7 +83,10 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: PlacedShapes, asked: Float
     counts, most = work.counts, asked.shape[0]
     rows, n = work.pieces.shape[1], work.pieces.shape[2]
     first, second, turns = np.empty((rows, n)), np.empty((rows, n)), np.empty(n)
-    gaps, needed, enough, nearest = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    gaps = Gaps(np.empty(most), np.empty(most), np.empty(most), np.empty(most))
+    bodies = Bodies(
+        shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts, scene.places, scene.axes
+    )
     while counts[SIZE] > 0:
         top = counts[SIZE] - 1
         pairs, count = work.pairs[top], work.sizes[top]
@@ -79,19 +95,20 @@ def prove_pieces(chain: Chain, shapes: Shapes, scene: PlacedShapes, asked: Float
         if fresh:
             counts[POSTURES] += 1
             place_all(chain, shapes, first[rows - 1], scene)
-        _bound(shapes, scene, asked, pairs[:count], turns, work.found[PROVEN], needed, enough, gaps)
-        _search(shapes, scene, pairs[:count], needed, gaps, nearest)
-        if fresh and _list_open(pairs, count, gaps, needed, nearest, work):
+        _foresee(shapes, scene, asked, pairs[:count], turns, work.found[PROVEN], gaps)
+        lower_gaps(bodies, shapes.pairs, pairs[:count], scene.normals, gaps.enough, gaps.least)
+        _search(bodies, shapes.pairs, scene.normals, pairs[:count], gaps)
+        if fresh and _list_open(pairs, count, gaps, work):
             return MEASURE
         for k in range(count):
-            if gaps[k] >= needed[k]:
-                work.found[PROVEN] = min(work.found[PROVEN], gaps[k] - needed[k])
-        _remember(asked, pairs, count, gaps, nearest, work)
+            if gaps.least[k] >= gaps.needed[k]:
+                work.found[PROVEN] = min(work.found[PROVEN], gaps.least[k] - gaps.needed[k])
+        _remember(asked, pairs, count, gaps, work)
         if work.found[LEAST] < 0.0:
             return TOO_CLOSE
         still = 0
         for k in range(count):
-            if not gaps[k] >= needed[k]:
+            if not gaps.least[k] >= gaps.needed[k]:
                 pairs[still] = pairs[k]
                 still += 1
         if still == 0:
@@ -140,22 +157,16 @@ def place_shape(
 
 
 @inlined
-def _bound(
+def _foresee(
     shapes: Shapes,
     scene: PlacedShapes,
     asked: FloatArray,
     pairs: IntArray,
     turns: FloatArray,
     proven: float,
-    needed: FloatArray,
-    enough: FloatArray,
-    gaps: FloatArray,
+    gaps: Gaps,
 ) -> None:
-    """Write what pairs (m,) need in this posture, and lower bounds of their distances (m,) [m].
-
-    Those that have more left than ``proven`` [m], which is proven of others, are not bounded any closer:
-    ``enough`` (m,) is room for that.
-    """
+    """Write what pairs (m,) need in this posture, and what is enough if others leave ``proven`` [m]."""
     farthest_moves(
         scene.anchors,
         scene.directions,
@@ -170,79 +181,42 @@ def _bound(
         pair = pairs[k]
         i, j = shapes.pairs[pair, 0], shapes.pairs[pair, 1]
         move = scene.moves[j, shapes.first_between[pair]]
-        needed[k] = asked[pair] + move + rounding(i, j, scene.places, shapes.radii)
-        enough[k] = needed[k] + proven
-    lower_gaps(
-        shapes.pairs,
-        pairs,
-        shapes.kinds,
-        shapes.sizes,
-        shapes.radii,
-        shapes.corners,
-        shapes.firsts,
-        scene.places,
-        scene.axes,
-        scene.normals,
-        enough,
-        gaps,
-    )
+        gaps.needed[k] = asked[pair] + move + rounding(i, j, scene.places, shapes.radii)
+        gaps.enough[k] = gaps.needed[k] + proven
 
 
 @inlined
-def _search(
-    shapes: Shapes,
-    scene: PlacedShapes,
-    pairs: IntArray,
-    needed: FloatArray,
-    gaps: FloatArray,
-    nearest: FloatArray,
-) -> None:
-    """Raise the lower bounds of pairs (m,) that are not enough; write upper ones, ∞ where none is known."""
+def _search(bodies: Bodies, shape_pairs: IntArray, normals: FloatArray, pairs: IntArray, gaps: Gaps) -> None:
+    """Raise the lower bounds of pairs (m,), of ``shape_pairs``, that are not enough; write upper ones."""
     ends, simplex = np.empty(6), np.empty((4, 7))
     for k in range(pairs.shape[0]):
-        nearest[k] = math.inf
-        if not gaps[k] >= needed[k]:
+        gaps.most[k] = math.inf
+        if not gaps.least[k] >= gaps.needed[k]:
             pair = pairs[k]
-            i, j = shapes.pairs[pair, 0], shapes.pairs[pair, 1]
-            width, nearest[k] = widen(
-                i,
-                j,
-                shapes.kinds,
-                shapes.sizes,
-                shapes.corners,
-                shapes.firsts,
-                scene.places,
-                scene.axes,
-                scene.normals[pair],
-                ends,
-                simplex,
-            )
-            gaps[k] = max(gaps[k], width)
+            i, j = shape_pairs[pair, 0], shape_pairs[pair, 1]
+            width, gaps.most[k] = widen(bodies, i, j, normals[pair], ends, simplex)
+            gaps.least[k] = max(gaps.least[k], width)
 
 
 @inlined
-def _list_open(
-    pairs: IntArray, count: int, gaps: FloatArray, needed: FloatArray, nearest: FloatArray, work: Work
-) -> bool:
+def _list_open(pairs: IntArray, count: int, gaps: Gaps, work: Work) -> bool:
     """Write pairs that may be clear for all that is known into `Work.unmeasured`; return whether any are."""
     for k in range(count):
-        if not gaps[k] >= needed[k] and not nearest[k] - gaps[k] <= _SAME:
+        if not gaps.least[k] >= gaps.needed[k] and not gaps.most[k] - gaps.least[k] <= _SAME:
             work.unmeasured[work.counts[UNMEASURED]] = pairs[k]
             work.counts[UNMEASURED] += 1
     return bool(work.counts[UNMEASURED] > 0)
 
 
 @inlined
-def _remember(
-    asked: FloatArray, pairs: IntArray, count: int, gaps: FloatArray, nearest: FloatArray, work: Work
-) -> None:
+def _remember(asked: FloatArray, pairs: IntArray, count: int, gaps: Gaps, work: Work) -> None:
     """Keep the pair whose distance is known and that has the least beyond what is asked."""
     top, at = work.counts[SIZE] - 1, 0
     for k in range(count):
-        pair, gap = pairs[k], nearest[k]
+        pair, gap = pairs[k], gaps.most[k]
         if at < work.counts[UNMEASURED] and work.unmeasured[at] == pair:
             at += 1
-            gap = gaps[k]
+            gap = gaps.least[k]
         left = gap - asked[pair]
         if left < work.found[LEAST]:
             work.found[LEAST], work.found[LEAST_GAP], work.found[LEAST_PAIR] = left, gap, pair

@@ -11,6 +11,8 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.rotation_row import XZ, YZ, ZZ, turned_back
+from omniservo.robots.collision.shapes import Bodies
 
 HALF_SPACE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, HULL = 0, 2, 3, 4, 5, 6, 7
 """MuJoCo's numbers of the shapes. A half-space is MuJoCo's plane: all of its own z ≤ 0. It stands still."""
@@ -42,9 +44,7 @@ def extent(
     ``axes`` (9,): outer_R_shape by rows; ``corners`` (m, 3) those of a hull, in its own frame. Of a
     half-space, which has no end but along its own z, see `height`.
     """
-    a = axes[0] * x + axes[3] * y + axes[6] * z
-    b = axes[1] * x + axes[4] * y + axes[7] * z
-    c = axes[2] * x + axes[5] * y + axes[8] * z
+    a, b, c = turned_back(axes, x, y, z)
     if kind == SPHERE:
         return float(size[0])
     if kind == CAPSULE:
@@ -64,61 +64,36 @@ def extent(
 
 
 @leaf
-def height(
-    i: int,
-    j: int,
-    kinds: IntArray,
-    sizes: FloatArray,
-    corners: FloatArray,
-    firsts: IntArray,
-    places: FloatArray,
-    axes: FloatArray,
-) -> float:
-    """Return how far shape j is from half-space i [m], negative: depth. It is min n·x, exact in any posture.
+def _extent_of(bodies: Bodies, i: int, x: float, y: float, z: float) -> float:
+    """Return `extent` of shape i."""
+    corners = bodies.corners[bodies.firsts[i] : bodies.firsts[i + 1]]
+    return extent(bodies.kinds[i], bodies.sizes[i], bodies.axes[i], corners, x, y, z)
 
-    Arguments as of `lower_gaps`.
-    """
-    x, y, z = axes[i, 2], axes[i, 5], axes[i, 8]
+
+@leaf
+def height(bodies: Bodies, i: int, j: int) -> float:
+    """Return how far shape j is from half-space i [m], negative: depth; min n·x, exact in any posture."""
+    places, axes = bodies.places, bodies.axes
+    x, y, z = axes[i, XZ], axes[i, YZ], axes[i, ZZ]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
-    below = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
+    below = _extent_of(bodies, j, -x, -y, -z)
     return float(dx * x + dy * y + dz * z - below)
 
 
 @leaf
-def slab(
-    i: int,
-    j: int,
-    kinds: IntArray,
-    sizes: FloatArray,
-    corners: FloatArray,
-    firsts: IntArray,
-    places: FloatArray,
-    axes: FloatArray,
-    x: float,
-    y: float,
-    z: float,
-) -> float:
-    """Return the width of the slab between shapes i and j across the unit vector (x, y, z) [m]; < 0: none.
-
-    Arguments as of `lower_gaps`.
-    """
+def slab(bodies: Bodies, i: int, j: int, x: float, y: float, z: float) -> float:
+    """Return the width of the slab between shapes i and j across the unit vector (x, y, z) [m]; < 0: none."""
+    places = bodies.places
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
-    near = extent(kinds[i], sizes[i], axes[i], corners[firsts[i] : firsts[i + 1]], x, y, z)
-    far = extent(kinds[j], sizes[j], axes[j], corners[firsts[j] : firsts[j + 1]], -x, -y, -z)
+    near, far = _extent_of(bodies, i, x, y, z), _extent_of(bodies, j, -x, -y, -z)
     return float(dx * x + dy * y + dz * z - near - far)
 
 
 @leaf
 def lower_gaps(
+    bodies: Bodies,
     pairs: IntArray,
     chosen: IntArray,
-    kinds: IntArray,
-    sizes: FloatArray,
-    radii: FloatArray,
-    corners: FloatArray,
-    firsts: IntArray,
-    places: FloatArray,
-    axes: FloatArray,
     normals: FloatArray,
     enough: FloatArray,
     gaps: FloatArray,
@@ -126,30 +101,25 @@ def lower_gaps(
     """Write a lower bound of the distance of every chosen pair into ``gaps`` (chosen,).
 
     Args:
+        bodies: the shapes where they are.
         pairs: (p, 2) indices of two shapes.
         chosen: (m,) indices of pairs.
-        kinds: (g,) of the shapes.
-        sizes: (g, 3) as MuJoCo states them [m].
-        radii: (g,) of balls about the shapes' origins that hold them [m].
-        corners: (v, 3) of all hulls.
-        firsts: (g + 1,) index of each shape's first corner.
-        places: (g, 3) origins [m].
-        axes: (g, 9) rotations by rows.
         normals: (p, 3) unit, from the first shape to the second; 0 where none is known.
         enough: (m,) where the balls' gap is as large [m], slabs are not looked at.
         gaps: [m]: the larger one of the balls' gap and the slab's width; a half-space's is its `height`.
     """
+    places, radii = bodies.places, bodies.radii
     for k in range(chosen.shape[0]):
         pair = chosen[k]
         i, j = pairs[pair, 0], pairs[pair, 1]
-        if kinds[i] == HALF_SPACE:
-            gaps[k] = height(i, j, kinds, sizes, corners, firsts, places, axes)
+        if bodies.kinds[i] == HALF_SPACE:
+            gaps[k] = height(bodies, i, j)
             continue
         dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
         gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radii[i] - radii[j]
         x, y, z = normals[pair, 0], normals[pair, 1], normals[pair, 2]
         if gap < enough[k] and (x != 0.0 or y != 0.0 or z != 0.0):
-            gap = max(gap, slab(i, j, kinds, sizes, corners, firsts, places, axes, x, y, z))
+            gap = max(gap, slab(bodies, i, j, x, y, z))
         gaps[k] = gap
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import leaf
+from omniservo.geometry.rotation_row import XZ, YZ, ZZ, turned, turned_back
 from omniservo.robots.collision.gap_kernels import (
     BOX,
     CAPSULE,
@@ -22,6 +23,7 @@ from omniservo.robots.collision.gap_kernels import (
     TAPERED,
     height,
 )
+from omniservo.robots.collision.shapes import Bodies
 
 _STEPS = 24
 """at most: polyhedra take a few, round bodies some more"""
@@ -48,9 +50,7 @@ def support(
 
     Arguments as of `gap_kernels.extent`.
     """
-    a = axes[0] * x + axes[3] * y + axes[6] * z
-    b = axes[1] * x + axes[4] * y + axes[7] * z
-    c = axes[2] * x + axes[5] * y + axes[8] * z
+    a, b, c = turned_back(axes, x, y, z)
     if kind == SPHERE:
         return size[0] * x, size[0] * y, size[0] * z
     u, v, w = 0.0, 0.0, 0.0
@@ -78,47 +78,29 @@ def support(
             if along > most:
                 most, best = along, i
         u, v, w = corners[best, 0], corners[best, 1], corners[best, 2]
-    return (
-        axes[0] * u + axes[1] * v + axes[2] * w,
-        axes[3] * u + axes[4] * v + axes[5] * w,
-        axes[6] * u + axes[7] * v + axes[8] * w,
-    )
+    return turned(axes, u, v, w)
 
 
 @leaf
 def widen(
-    i: int,
-    j: int,
-    kinds: IntArray,
-    sizes: FloatArray,
-    corners: FloatArray,
-    firsts: IntArray,
-    places: FloatArray,
-    axes: FloatArray,
-    normal: FloatArray,
-    ends: FloatArray,
-    simplex: FloatArray,
+    bodies: Bodies, i: int, j: int, normal: FloatArray, ends: FloatArray, simplex: FloatArray
 ) -> tuple[float, float]:
     """Return a lower and an upper bound of two shapes' distance [m]; ∞: no upper one, they may touch.
 
     Args:
+        bodies: the shapes where they are.
         i: the first shape; a half-space may be the first alone, and both bounds of it are the `height`.
         j: the second.
-        kinds: (g,) and the next five: see `gap_kernels.lower_gaps`.
-        sizes: (g, 3) [m].
-        corners: (v, 3) [m].
-        firsts: (g + 1,)
-        places: (g, 3) [m].
-        axes: (g, 9)
         normal: (3,) where the search begins, 0: anywhere; out: across the widest slab that was found.
         ends: (6,) out: a point of each shape [m], as far apart as the upper bound says.
         simplex: (4, 7) room.
     """
-    first, second = corners[firsts[i] : firsts[i + 1]], corners[firsts[j] : firsts[j + 1]]
+    kinds, sizes, places, axes, firsts = bodies.kinds, bodies.sizes, bodies.places, bodies.axes, bodies.firsts
+    first, second = bodies.corners[firsts[i] : firsts[i + 1]], bodies.corners[firsts[j] : firsts[j + 1]]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
     if kinds[i] == HALF_SPACE:
-        normal[0], normal[1], normal[2] = axes[i, 2], axes[i, 5], axes[i, 8]
-        gap = height(i, j, kinds, sizes, corners, firsts, places, axes)
+        normal[0], normal[1], normal[2] = axes[i, XZ], axes[i, YZ], axes[i, ZZ]
+        gap = height(bodies, i, j)
         _onto_plane(kinds[j], sizes[j], axes[j], second, places[j], gap, normal, ends)
         return gap, gap
     x, y, z = _begun(normal, dx, dy, dz)

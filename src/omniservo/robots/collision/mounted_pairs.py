@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import Shapes
+from omniservo.robots.collision.shapes import Bodies, Shapes
 
 _POSTURES = 64
 
@@ -37,11 +37,11 @@ def mounted_pairs(
 def _are_ever_apart(shapes: Shapes, pair: IntArray, anchor: FloatArray, turns: Rotation) -> bool:
     first, second = pair.tolist()
     places, axes, ends, simplex = shapes.places.copy(), shapes.axes.copy(), np.empty(6), np.empty((4, 7))
+    bodies = Bodies(shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts, places, axes)
     for turn in turns:
         places[second] = anchor + turn.apply(shapes.places[second] - anchor)
         axes[second] = (turn.as_matrix() @ shapes.axes[second].reshape(3, 3)).ravel()
-        known = shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, places, axes
-        _, most = widen(first, second, *known, np.zeros(3), ends, simplex)
+        _, most = widen(bodies, first, second, np.zeros(3), ends, simplex)
         if 0.0 < most < np.inf:
             return True
     return False

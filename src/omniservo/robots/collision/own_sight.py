@@ -19,7 +19,7 @@ from omniservo.robots.collision.arm_bodies import MOUNTED, ArmBodies
 from omniservo.robots.collision.gap_kernels import HALF_SPACE, TAPERED, middle_of_piece, slab
 from omniservo.robots.collision.gap_search import widen
 from omniservo.robots.collision.mounted_camera import MountedCamera
-from omniservo.robots.collision.shapes import PlacedShapes
+from omniservo.robots.collision.shapes import Bodies, PlacedShapes
 from omniservo.robots.collision.sight_kernel import LEFT, POINT, SHAPE, Sights, nearest_to_sights
 from omniservo.robots.collision.solid import Solid
 from omniservo.robots.path_following.joint_path import JointPath
@@ -194,17 +194,17 @@ class _Lines:
     def _gap(self, shape: int, point: int) -> float:
         """Return the distance of a shape and a line [m]; negative: depth, the least across the line."""
         left, line = self._left_of(shape, self._sights.points[point]), self._sights.line
-        shapes, placed = self._shapes, (self._scene.places, self._scene.axes)
-        known = shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, *placed
+        shapes, places, axes = self._shapes, self._scene.places, self._scene.axes
+        bodies = Bodies(shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts, places, axes)
         if left == math.inf:  # so far that the search was spared
-            left, _ = widen(shape, line, *known, np.zeros(3), np.empty(6), np.empty((4, 7)))
+            left, _ = widen(bodies, shape, line, np.zeros(3), np.empty(6), np.empty((4, 7)))
         if left >= 0.0 or shapes.kinds[shape] == HALF_SPACE:
             return float(left)
-        axes, best, within = self._scene.axes[line].reshape(3, 3), 0.0, math.pi
+        line_axes, best, within = axes[line].reshape(3, 3), 0.0, math.pi
         for _ in range(3):
             turns = best + np.linspace(-within, within, 33)
-            across = axes[:, :2] @ [np.cos(turns), np.sin(turns)]
-            depths = [-slab(shape, line, *known, *normal) for normal in across.T.tolist()]
+            across = line_axes[:, :2] @ [np.cos(turns), np.sin(turns)]
+            depths = [-slab(bodies, shape, line, *normal) for normal in across.T.tolist()]
             best, within = float(turns[np.argmin(depths)]), within / 16.0
         return -max(min(depths), 0.0)
 

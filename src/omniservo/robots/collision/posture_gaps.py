@@ -13,7 +13,7 @@ from omniservo.robots.collision.arm_bodies import ArmBodies
 from omniservo.robots.collision.clearance_kernels import place_all
 from omniservo.robots.collision.gap_kernels import lower_gaps
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import PlacedShapes, Shapes
+from omniservo.robots.collision.shapes import Bodies, PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain
 
 
@@ -142,33 +142,11 @@ def _write_bounds(
         places, axes, normals = postures.places[i], postures.axes[i], postures.normals[i]
         scene = PlacedShapes(frames, postures.anchors[i], postures.directions[i], places, axes, none, normals)
         place_all(chain, shapes, joints[i], held(scene))
-        lower_gaps(
-            shapes.pairs,
-            every,
-            shapes.kinds,
-            shapes.sizes,
-            shapes.radii,
-            shapes.corners,
-            shapes.firsts,
-            places,
-            axes,
-            normals,
-            within,
-            bounds[i],
-        )
+        bodies = Bodies(shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts, places, axes)
+        lower_gaps(bodies, shapes.pairs, every, normals, within, bounds[i])
         for k in range(bounds.shape[1]):
             if bounds[i, k] < within[k]:
                 width, postures.nearest[i, k] = widen(
-                    shapes.pairs[k, 0],
-                    shapes.pairs[k, 1],
-                    shapes.kinds,
-                    shapes.sizes,
-                    shapes.corners,
-                    shapes.firsts,
-                    places,
-                    axes,
-                    normals[k],
-                    postures.ends[i, k],
-                    simplex,
+                    bodies, shapes.pairs[k, 0], shapes.pairs[k, 1], normals[k], postures.ends[i, k], simplex
                 )
                 bounds[i, k] = max(bounds[i, k], width)

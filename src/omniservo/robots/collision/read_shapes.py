@@ -11,6 +11,7 @@ import numpy as np
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.rotation_row import XZ, YZ, ZZ
 from omniservo.robots.collision.exact_vertices import corners_of
 from omniservo.robots.collision.gap_kernels import CAPSULE, CYLINDER, HALF_SPACE, HULL, KINDS, SPHERE
 from omniservo.robots.collision.shapes import Shapes
@@ -110,7 +111,7 @@ def _turned_in_place(
         if not 0 <= j < anchors.shape[0] or kinds[g] not in (HALF_SPACE, SPHERE, CAPSULE, CYLINDER):
             continue
         a, b, c = directions[j, 0], directions[j, 1], directions[j, 2]
-        x, y, z = axes[g, 2], axes[g, 5], axes[g, 8]
+        x, y, z = axes[g, XZ], axes[g, YZ], axes[g, ZZ]
         tilt = math.sqrt(_square_across(x, y, z, a, b, c))
         if kinds[g] == HALF_SPACE:
             turned[g] = tilt < _SAME_NORMAL

@@ -34,6 +34,25 @@ class Shapes(NamedTuple):
     """(p,) the first joint whose turn can bring the two nearer"""
 
 
+class Bodies(NamedTuple):
+    """What a gap depends on: g shapes and where they are."""
+
+    kinds: IntArray
+    """(g,) and the next four: see `Shapes`"""
+    sizes: FloatArray
+    """(g, 3) [m]"""
+    radii: FloatArray
+    """(g,) [m]"""
+    corners: FloatArray
+    """(v, 3) [m]"""
+    firsts: IntArray
+    """(g + 1,)"""
+    places: FloatArray
+    """(g, 3) origins [m]"""
+    axes: FloatArray
+    """(g, 9) rotations by rows"""
+
+
 class PlacedShapes(NamedTuple):
     """Where everything is in one posture."""
 

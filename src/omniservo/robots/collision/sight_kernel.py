@@ -10,10 +10,11 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.rotation_row import XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ
 from omniservo.robots.collision.clearance_kernels import place_all
 from omniservo.robots.collision.gap_kernels import rounding
 from omniservo.robots.collision.gap_search import widen
-from omniservo.robots.collision.shapes import PlacedShapes, Shapes
+from omniservo.robots.collision.shapes import Bodies, PlacedShapes, Shapes
 from omniservo.robots.kinematics.chain import Chain
 
 SHAPE, POINT, LEFT = range(3)
@@ -74,6 +75,9 @@ def nearest_to_sights(
     of_centre, of_point = np.zeros(n + 1), np.zeros(n + 1)
     for j in range(n - 1, -1, -1):
         of_centre[j] = of_centre[j + 1] + turns[j] * _across(scene.anchors[j], scene.directions[j], centre)
+    bodies = Bodies(
+        shapes.kinds, shapes.sizes, shapes.radii, shapes.corners, shapes.firsts, scene.places, scene.axes
+    )
     found[LEFT] = math.inf
     ends, simplex, size = np.empty(6), np.empty((4, 7)), shapes.sizes[line]
     for i in range(sights.points.shape[0]):
@@ -92,10 +96,7 @@ def nearest_to_sights(
             if _off_line(centre, end, scene.places[g]) - shapes.radii[g] > max(size[0], size[2]):
                 continue
             normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
-            left, _ = widen(
-                g, line, shapes.kinds, shapes.sizes, shapes.corners, shapes.firsts, scene.places, scene.axes,
-                normal, ends, simplex,
-            )  # fmt: skip
+            left, _ = widen(bodies, g, line, normal, ends, simplex)
             if left < found[LEFT]:
                 found[SHAPE], found[POINT], found[LEFT] = g, i, left
 
@@ -142,9 +143,9 @@ def lay(centre: FloatArray, point: FloatArray, size: FloatArray, place: FloatArr
     side = math.copysign(1.0, z)  # any two axes across (Duff et al. 2017)
     a = -1.0 / (side + z)
     b = x * y * a
-    axes[0], axes[3], axes[6] = 1.0 + side * x * x * a, side * b, -side * x
-    axes[1], axes[4], axes[7] = b, side + y * y * a, -y
-    axes[2], axes[5], axes[8] = x, y, z
+    axes[XX], axes[YX], axes[ZX] = 1.0 + side * x * x * a, side * b, -side * x
+    axes[XY], axes[YY], axes[ZY] = b, side + y * y * a, -y
+    axes[XZ], axes[YZ], axes[ZZ] = x, y, z
 
 
 @leaf

@@ -13,7 +13,16 @@ from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE, Arm
 from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.robots.path_following.joint_path import FailureKind
 from omniservo.robots.path_following.march_kernel import LONGEST, MORE, States, Table, march
-from omniservo.robots.path_following.step_kernels import LEAST, LOST, SINGULAR, TAKEN, Rule, advance
+from omniservo.robots.path_following.step_kernels import (
+    LEAST,
+    LOST,
+    SINGULAR,
+    TAKEN,
+    Aim,
+    Rule,
+    State,
+    advance,
+)
 
 _SCALE = np.array([1.0 / LENGTH_SCALE] * 3 + [1.0] * 3)
 
@@ -93,13 +102,9 @@ class PathSteps:
             self._rule,
             0.0,
             0.0,
-            _standing(q),
-            np.array([np.inf, 0.0, 0.0]),
-            table.goals[0],
-            table.motions[0],
-            table.goals[0],
-            room.joints[0],
-            room.values[0],
+            State(_standing(q), np.array([np.inf, 0.0, 0.0])),
+            Aim(table.goals[0], table.motions[0], table.goals[0]),
+            State(room.joints[0], room.values[0]),
         )
         return result, room
 

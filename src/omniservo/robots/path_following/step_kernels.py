@@ -65,20 +65,28 @@ class Rule(NamedTuple):
     """(n,) dq/dw that what the camera leaves free has beside all that at w = 0; it fades away"""
 
 
+class State(NamedTuple):
+    """The joints at a place of the path."""
+
+    joints: FloatArray
+    """(3, n) q [rad], dq/dw, d²q/dw²"""
+    values: FloatArray
+    """(3,) of the smallest singular value, see `VALUE` and the rest"""
+
+
+class Aim(NamedTuple):
+    """Where the camera path leads a step."""
+
+    goal: FloatArray
+    """(4, 4) base_T_flange at its end"""
+    motion: FloatArray
+    """(2, 6) the camera's twist per unit w there and its derivative, metres over `LENGTH_SCALE`"""
+    middle_goal: FloatArray
+    """(4, 4) base_T_flange half way"""
+
+
 @kernel
-def advance(
-    chain: Chain,
-    rule: Rule,
-    w: float,
-    step: float,
-    now: FloatArray,
-    now_values: FloatArray,
-    goal: FloatArray,
-    motion: FloatArray,
-    middle_goal: FloatArray,
-    ahead: FloatArray,
-    values: FloatArray,
-) -> int:
+def advance(chain: Chain, rule: Rule, w: float, step: float, begin: State, aim: Aim, end: State) -> int:
     """Take a step of w from one state to the next; return what became of it.
 
     Args:
@@ -86,21 +94,17 @@ def advance(
         rule: of the slope.
         w: where the first of them is.
         step: of w; 0: from joints near the path onto it, if they can be led there.
-        now: (3, n) q [rad], dq/dw, d²q/dw².
-        now_values: (3,) VALUE and SLOPE there.
-        goal: (4, 4) base_T_flange ahead.
-        motion: (2, 6) the camera's twist per unit w there and its derivative, metres over `LENGTH_SCALE`.
-        middle_goal: (4, 4) half way.
-        ahead: (3, n) out; of LOST, what is there means nothing.
-        values: (3,) out, but of LOST and of joints that leap.
+        begin: the first of them; its LEAST is not read.
+        aim: what the path wants.
+        end: out; of LOST, what is there means nothing, and of joints that leap the values are not written.
     """
-    chain, rule = held(chain), held(rule)
+    chain, rule, now, ahead = held(chain), held(rule), begin.joints, end.joints
     n = now.shape[1]
     J, foretold, middle = np.empty((6, n)), np.empty(n), np.empty(n)
     for j in range(n):
         foretold[j] = now[0, j] + step * now[1, j]
         ahead[0, j] = foretold[j] + 0.5 * step * step * now[2, j]
-    if not settle(chain, goal, ahead[0], J):
+    if not settle(chain, aim.goal, ahead[0], J):
         if step > 0.0:
             return LOST
         for j in range(n):
@@ -109,12 +113,12 @@ def advance(
     for j in range(n):
         if not abs(ahead[0, j] - foretold[j]) <= _LEAP:
             return LEAP
-    regular = _differentiate(chain, rule, w + step, J, motion, ahead)
+    regular = _differentiate(chain, rule, w + step, J, aim.motion, ahead)
     if regular and step > 0.0 and rule.push[0] > 0.0:
-        _follow_flow(chain, rule, w, step, now, goal, motion, ahead, J)
-    _look_at_singularity(rule, J, ahead[1], values)
-    values[LEAST] = _least_between(step, now_values, values)
-    if not regular or values[LEAST] < SINGULAR_VALUE:
+        _follow_flow(chain, rule, w, step, now, aim, ahead, J)
+    _look_at_singularity(rule, J, ahead[1], end.values)
+    end.values[LEAST] = _least_between(step, begin.values, end.values)
+    if not regular or end.values[LEAST] < SINGULAR_VALUE:
         return SINGULAR
     if step == 0.0:
         return TAKEN
@@ -123,7 +127,7 @@ def advance(
             (5.0 / 32.0) * (now[1, j] - ahead[1, j]) + (step / 64.0) * (now[2, j] + ahead[2, j])
         )
     twist = np.empty(6)
-    miss(chain, middle, middle_goal, twist, J)
+    miss(chain, middle, aim.middle_goal, twist, J)
     return TAKEN if _is_near(rule.to_camera, twist) else LEAP
 
 
@@ -269,8 +273,7 @@ def _follow_flow(
     w: float,
     step: float,
     now: FloatArray,
-    goal: FloatArray,
-    motion: FloatArray,
+    aim: Aim,
     ahead: FloatArray,
     J: FloatArray,
 ) -> None:
@@ -294,9 +297,9 @@ def _follow_flow(
         for j in range(n):
             change[j] -= across[j]
             moved[0, j] = ahead[0, j] + change[j]
-        if _largest(change) < _FLOWN or not settle(chain, goal, moved[0], moved_J):
+        if _largest(change) < _FLOWN or not settle(chain, aim.goal, moved[0], moved_J):
             return
-        if not _differentiate(chain, rule, w + step, moved_J, motion, moved):
+        if not _differentiate(chain, rule, w + step, moved_J, aim.motion, moved):
             return
         for j in range(n):
             ahead[0, j], ahead[1, j], ahead[2, j] = moved[0, j], moved[1, j], moved[2, j]
