@@ -47,7 +47,11 @@ LARGEST_NOISE_PX = 5.0
 """Pixels that leave a larger σ do not belong to one rigid scene seen by this camera."""
 LARGEST_MISSTATEMENT = 3.0
 """likewise, as a multiple of the noise that is stated"""
-CONFIDENCE: Mapping[Status, float] = {"no_motion": 1.0 - 1e-5, "pure_rotation": 1.0 - 1e-5, "planar_points": 0.999}
+CONFIDENCE: Mapping[Status, float] = {
+    "no_motion": 1.0 - 1e-5,
+    "pure_rotation": 1.0 - 1e-5,
+    "planar_points": 0.999,
+}
 """Higher where no direction exists: the general model then takes the best of many, and F is too large."""
 
 
