@@ -23,8 +23,15 @@ STRAY = 0.12
 """a pixel of the ring that is off the ground by more than this part of the contrast is something else"""
 PIXEL_VARIANCE = 1.0 / 12.0
 
-COLUMNS = 14
-"""numbers that `measure_blobs` says about a blob"""
+U, V, S_UU, S_UV, S_VV, CONTRAST, GROUND = range(7)
+"""The first places of what `measure_blobs` says about a blob: centre and second moments [px, px²], contrast
+and ground [grey]"""
+ROUGHNESS, OFF_GROUND, SKEWNESS, MISFIT, AREA, MEASURED, NOISE = range(7, 14)
+"""the others: the ring's rms deviation [grey], the part of it that is not ground, skewness, misfit [of the
+contrast], area [px²], 1 where it could be measured, and what a grey value of noise adds to the skewness"""
+
+COLUMNS = NOISE + 1
+"""how many these are"""
 
 
 @leaf
@@ -176,7 +183,7 @@ def set_box(shape: FloatArray, width: int, height: int, box: IntArray) -> bool:
 def judge(
     image: ByteArray, box: IntArray, shape: FloatArray, ground: FloatArray, darkness: float, row: FloatArray
 ) -> None:
-    """Measure how much the blob looks like a dot; columns 5… of ``row`` (see `COLUMNS`)."""
+    """Measure how much the blob looks like a dot; write `CONTRAST` and the like into ``row``."""
     u0, v0 = shape[0], shape[1]
     a, b, c = inverse_of_shape(shape[2], shape[3], shape[4])
     # in the middle the dot covers whole pixels, if it is large enough to
@@ -206,11 +213,11 @@ def judge(
     contrast = darkness / area
     if core_n >= 3.0:
         contrast = max(contrast, core / core_n)
-    row[5] = contrast
-    row[6] = ground[0]
-    row[9] = math.sqrt(t0 * t0 + 3.0 * (t1 * t1 + t2 * t2) + t3 * t3) / darkness
-    row[11] = darkness / contrast
-    row[13] = math.sqrt(sixth) / darkness
+    row[CONTRAST] = contrast
+    row[GROUND] = ground[0]
+    row[SKEWNESS] = math.sqrt(t0 * t0 + 3.0 * (t1 * t1 + t2 * t2) + t3 * t3) / darkness
+    row[AREA] = darkness / contrast
+    row[NOISE] = math.sqrt(sixth) / darkness
 
 
 @leaf
@@ -252,12 +259,7 @@ def misfit(
 
 @kernel
 def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: FloatArray) -> None:
-    """Measure every blob from its ``starts`` (n, 5): u, v, S_uu, S_uv, S_vv; into zeroed ``rows``.
-
-    Columns: u, v, S_uu, S_uv, S_vv [px, px²]; contrast, ground [grey]; ring's rms deviation [grey]; part of
-    the ring that is not ground; skewness; misfit [of the contrast]; area [px²]; 1 where it could be
-    measured; what one grey value of noise adds to the skewness (rms).
-    """
+    """Measure every blob from its ``starts`` (n, 5), as far as S_VV, into zeroed ``rows`` (n, COLUMNS)."""
     height, width = image.shape
     shape = np.empty(5)
     ground = np.zeros(3)
@@ -276,8 +278,8 @@ def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: Fl
             if step == 0:
                 tolerance = 2.0 * STRAY * guess_ground(image, box, shape, ground)
             n, left, squares = fit_ground(image, box, shape, tolerance, ground)
-            row[7] = math.sqrt(squares / max(n, 1))
-            row[8] = left / max(n + left, 1)
+            row[ROUGHNESS] = math.sqrt(squares / max(n, 1))
+            row[OFF_GROUND] = left / max(n + left, 1)
             good = n >= 8 and n > left
             if not good:
                 break
@@ -296,7 +298,7 @@ def measure_blobs(image: ByteArray, starts: FloatArray, largest: float, rows: Fl
         for k in range(5):
             row[k] = shape[k]
         judge(image, box, shape, ground, darkness, row)
-        row[10], blur = misfit(image, box, shape, ground, row[5], row[11])
-        row[2] -= blur
-        row[4] -= blur
-        row[12] = 1.0
+        row[MISFIT], blur = misfit(image, box, shape, ground, row[CONTRAST], row[AREA])
+        row[S_UU] -= blur
+        row[S_VV] -= blur
+        row[MEASURED] = 1.0

@@ -16,6 +16,8 @@ from omniservo.geometry.kernel import kernel, leaf
 from omniservo.perception.match_kernels import CAP, cross, dot, unit
 
 STEPS = 25
+LOG_DISTANCE, DEVIATION = 9, 10
+"""the places of a dot's logarithm of the distance in radii, and of its standard deviation"""
 BEHIND = 25.0
 """cost of a dot that the motion puts behind a camera"""
 
@@ -199,11 +201,11 @@ def disagreement(
         cross(b[:3], t, b_t)
         cross(y, b[:3], n)
         noise = 1e-18
-        for k in range(3, 9):
+        for k in range(3, LOG_DISTANCE):
             noise += 0.5 * (a[k] * a[k] + b[k] * b[k])
         sine_a, sine_b = dot(y_t, y_t) + 1e-12, dot(b_t, b_t) + 1e-12
-        sizes = a[10] * a[10] + b[10] * b[10]
-        off = 0.5 * math.log(sine_a / sine_b) - (b[9] - a[9])
+        sizes = a[DEVIATION] * a[DEVIATION] + b[DEVIATION] * b[DEVIATION]
+        off = 0.5 * math.log(sine_a / sine_b) - (b[LOG_DISTANCE] - a[LOG_DISTANCE])
         total += min(off * off / (sizes + noise / min(sine_a, sine_b)), CAP)
         parallax = dot(n, n)
         if parallax <= 25.0 * noise:
@@ -216,7 +218,8 @@ def disagreement(
             ahead += 1
         else:
             behind += 1
-        offs[known] = 0.5 * (math.log(first * second) - a[9] - b[9]) - math.log(parallax)
+        size = math.log(first * second) - a[LOG_DISTANCE] - b[LOG_DISTANCE]
+        offs[known] = 0.5 * size - math.log(parallax)
         variances[known] = 0.25 * sizes + noise / parallax
         weights += 1.0 / variances[known]
         mean += offs[known] / variances[known]

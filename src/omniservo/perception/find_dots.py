@@ -12,7 +12,23 @@ from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_centres import circle_centres
-from omniservo.perception.dot_kernels import COLUMNS, measure_blobs
+from omniservo.perception.dot_kernels import (
+    AREA,
+    COLUMNS,
+    CONTRAST,
+    MEASURED,
+    MISFIT,
+    NOISE,
+    OFF_GROUND,
+    ROUGHNESS,
+    S_UU,
+    S_UV,
+    S_VV,
+    SKEWNESS,
+    U,
+    V,
+    measure_blobs,
+)
 from omniservo.perception.dots import DotOptions, FoundDots
 
 SMALL_BLOCK = 41
@@ -72,14 +88,14 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
     if len(starts):
         measure_blobs(image, starts, float(options.max_diameter), rows)
     rows = rows[_is_dot(rows, max(noise, 0.5), options)]
-    rows = rows[np.argsort(rows[:, 10], kind="stable")]
+    rows = rows[np.argsort(rows[:, MISFIT], kind="stable")]
     kept: list[int] = []
     for i, row in enumerate(rows):
-        reach = 0.5 * np.sqrt(row[11])
-        if all(np.hypot(row[0] - rows[k, 0], row[1] - rows[k, 1]) > reach for k in kept):
+        reach = 0.5 * np.sqrt(row[AREA])
+        if all(np.hypot(row[U] - rows[k, U], row[V] - rows[k, V]) > reach for k in kept):
             kept.append(i)
     rows = rows[kept]
-    return np.asarray(rows[np.lexsort((rows[:, 0], rows[:, 1]))])
+    return np.asarray(rows[np.lexsort((rows[:, U], rows[:, V]))])
 
 
 def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> FoundDots:
@@ -87,7 +103,7 @@ def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> FoundDots:
     centroids, covariance = rows[:, :2], covariances(rows)
     pixels = centroids if camera is None else circle_centres(camera, centroids, covariance)
     order = np.lexsort((pixels[:, 0], pixels[:, 1]))
-    return FoundDots(pixels[order], rows[order, 11], covariance[order])
+    return FoundDots(pixels[order], rows[order, AREA], covariance[order])
 
 
 def blob_moments(mask: ByteArray, corner: tuple[int, int], options: DotOptions) -> FloatArray:
@@ -147,19 +163,19 @@ def darker_than_mean(image: ByteArray, block: int, offset: float) -> ByteArray:
 
 def covariances(rows: FloatArray) -> FloatArray:
     """Second central moments (n, 2, 2) [px²] of measured rows."""
-    return np.asarray(rows[:, [2, 3, 3, 4]].reshape(-1, 2, 2))
+    return np.asarray(rows[:, [S_UU, S_UV, S_UV, S_VV]].reshape(-1, 2, 2))
 
 
 def _is_dot(rows: FloatArray, noise: float, options: DotOptions) -> Any:
-    suu, suv, svv = rows[:, 2], rows[:, 3], rows[:, 4]
+    suu, suv, svv = rows[:, S_UU], rows[:, S_UV], rows[:, S_VV]
     half_sum, spread = 0.5 * (suu + svv), np.hypot(0.5 * (suu - svv), suv)
-    contrast = rows[:, 5]
+    contrast = rows[:, CONTRAST]
     shape = half_sum - spread >= options.min_aspect**2 * (half_sum + spread)
-    size = (rows[:, 11] >= options.min_area) & (16 * (half_sum + spread) <= options.max_diameter**2)
-    grey = (contrast >= options.min_contrast) & (contrast >= MIN_SIGNAL * rows[:, 7])
+    size = (rows[:, AREA] >= options.min_area) & (16 * (half_sum + spread) <= options.max_diameter**2)
+    grey = (contrast >= options.min_contrast) & (contrast >= MIN_SIGNAL * rows[:, ROUGHNESS])
     whole = (
-        (rows[:, 8] <= MAX_STRAY)
-        & (rows[:, 9] <= np.minimum(MAX_SKEWNESS + 2.5 * noise * rows[:, 13], 0.35))
-        & (rows[:, 10] <= MAX_MISFIT + 0.4 / np.maximum(rows[:, 11], 1.0))
+        (rows[:, OFF_GROUND] <= MAX_STRAY)
+        & (rows[:, SKEWNESS] <= np.minimum(MAX_SKEWNESS + 2.5 * noise * rows[:, NOISE], 0.35))
+        & (rows[:, MISFIT] <= MAX_MISFIT + 0.4 / np.maximum(rows[:, AREA], 1.0))
     )
-    return (rows[:, 12] > 0) & shape & size & grey & whole
+    return (rows[:, MEASURED] > 0) & shape & size & grey & whole

@@ -47,7 +47,7 @@ def find_features(image: ByteArray, camera: UnifiedCamera) -> Features:
     check_image(image, camera)
     found = [_in_view(camera, image, view) for view in field_views(camera)]
     rows = np.concatenate([np.zeros((0, 135)), *found])
-    return _features(camera, rows[np.argsort(-rows[:, 134], kind="stable")])
+    return _features(camera, rows[np.argsort(-rows[:, -1], kind="stable")])
 
 
 def _in_view(camera: UnifiedCamera, image: ByteArray, view: FieldView) -> FloatArray:
@@ -91,7 +91,7 @@ def _features(camera: UnifiedCamera, rows: FloatArray) -> Features:
     covariance = LOCATION_ERROR**2 * spread @ np.swapaxes(spread, 1, 2) + LEAST_ERROR**2 * np.eye(2)
     return Features(
         ImagePoints(pixels[once], covariance[once]),
-        rows[once, 6:134].astype(np.float32), scale[once], bearings[once], rows[once, 3:6],
+        rows[once, 6:-1].astype(np.float32), scale[once], bearings[once], rows[once, 3:6],
     )  # fmt: skip
 
 

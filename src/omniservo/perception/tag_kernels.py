@@ -20,10 +20,12 @@ import numpy as np
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import inlined, kernel
 
-POSE = 8
-"""parameters of G: G ← (1 + δ) G with δ₃₃ = 0"""
-PARAMETERS = POSE + 1 + 6
-"""G, log σ, W (3), C (3)"""
+D11, D12, D13, D21, D22, D23, D31, D32, LOG_SIGMA, W, W_X, W_Y, C, C_X, C_Y = range(15)
+"""the places of the parameters: of G, G ← (1 + δ) G with δ₃₃ = 0; log σ; W and C: value, slopes by x and y"""
+POSE = D32 + 1
+"""parameters of G"""
+PARAMETERS = C_Y + 1
+"""all"""
 _REACH = 4.0
 """standard deviations beyond which an edge is not felt"""
 _SQRT_HALF = math.sqrt(0.5)
@@ -142,13 +144,13 @@ def _derivatives(
     turned = -contrast * d[5] * (1.0 - place[4] ** 2)
     shear_x, shear_y = (bx * place[4] + turned) * sy / sx, (by * place[4] + turned) * sx / sy
     turn = gx * x + gy * y
-    row[0], row[1], row[2] = gx * x + bx, gx * y + shear_x, gx
-    row[3], row[4], row[5] = gy * x + shear_y, gy * y + by, gy
-    row[6] = -turn * x - 2.0 * bx * x - by * x - shear_y * y
-    row[7] = -turn * y - bx * y - shear_x * x - 2.0 * by * y
-    row[8] = bx + by
-    row[9], row[10], row[11] = 1.0, x, y
-    row[12], row[13], row[14] = -d[0], -d[0] * x, -d[0] * y
+    row[D11], row[D12], row[D13] = gx * x + bx, gx * y + shear_x, gx
+    row[D21], row[D22], row[D23] = gy * x + shear_y, gy * y + by, gy
+    row[D31] = -turn * x - 2.0 * bx * x - by * x - shear_y * y
+    row[D32] = -turn * y - bx * y - shear_x * x - 2.0 * by * y
+    row[LOG_SIGMA] = bx + by
+    row[W], row[W_X], row[W_Y] = 1.0, x, y
+    row[C], row[C_X], row[C_Y] = -d[0], -d[0] * x, -d[0] * y
 
 
 @kernel

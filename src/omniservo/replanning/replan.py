@@ -104,7 +104,7 @@ def path_near_rest(
 
 def rest_arguments(
     search: ProblemSearch, old: CameraPath, w: float, pose: RigidTransform
-) -> tuple[Constraints, Ends, FloatArray, FloatArray, float, FloatArray, FloatArray, int, int]:
+) -> tuple[Constraints, Ends, FloatArray, FloatArray, float, FloatArray, FloatArray, tuple[int, int]]:
     """Return the arguments of `settle_rest`: of the old degrees, or the least that leave freedom."""
     free = 2 if search.ends.departure.shape[0] == 0 else 3
     sigma, tau = (
@@ -117,8 +117,7 @@ def rest_arguments(
         w,
         quaternion_of(pose),
         np.array(pose.translation),
-        sigma,
-        tau,
+        (sigma, tau),
     )
 
 

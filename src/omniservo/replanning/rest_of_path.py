@@ -74,8 +74,7 @@ def settle_rest(
     w: float,
     quaternion: FloatArray,
     centre: FloatArray,
-    sigma: int,
-    tau: int,
+    degrees: tuple[int, int],
 ) -> tuple[int, FloatArray, FloatArray]:
     """Return status, φ and t by powers: the rest of an old path from w on, or a proven one nearby.
 
@@ -88,12 +87,12 @@ def settle_rest(
         w: where on the old path the camera is, 0 ≤ w < 1.
         quaternion: the present orientation in the old initial frame (4,), unit.
         centre: the present centre there (3,) [m].
-        sigma: degree of the new φ, ≥ m, at least 2 where ``ends`` has a departure.
-        tau: degree of the new t, ≥ n, likewise.
+        degrees: of the new φ, σ ≥ m, and of the new t, τ ≥ n; at least 2 where ``ends`` has a departure.
 
     Returns:
         PROVEN; else REFUTED: nothing was proven.
     """
+    sigma, tau = degrees
     phi, t = rest_controls(rotation, w, sigma), rest_controls(translation, w, tau)
     turn_back(quaternion, phi)
     carry_over(t, quaternion, centre)

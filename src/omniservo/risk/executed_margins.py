@@ -1,6 +1,7 @@
 """What every constraint leaves along the ways that the camera may really take."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,15 @@ from omniservo.planning.constraints.place import AT, place
 from omniservo.risk.servo_response import ServoResponse
 
 
+class Drawn(NamedTuple):
+    """K samples of what an estimate leaves open."""
+
+    points: FloatArray
+    """(K, n, 3) [m]"""
+    camera: FloatArray
+    """(K, p) by what the camera's parameters are off"""
+
+
 @kernel
 def executed_margins(
     constraints: Constraints,
@@ -23,19 +33,18 @@ def executed_margins(
     frame: FloatArray,
     response: ServoResponse,
     active: BoolArray,
-    points: FloatArray,
-    camera: FloatArray,
+    drawn: Drawn,
     margins: FloatArray,
 ) -> None:
-    """Lower ``margins`` to what every entry leaves to each sample where the servo rests.
+    """Lower ``margins`` to what every entry leaves to each sample that was drawn, where the servo rests.
 
-    Sample k has the points (n, 3) of ``points`` (K, n, 3) and the camera's parameters off by ``camera``
-    (K, p). Columns are the entries (e, 4), then border and dead zone of a distorted camera [px], whose
+    Columns are the entries (e, 4), then border and dead zone of a distorted camera [px], whose
     ``frame`` is (parameters …, width, height, margin, u₀, v₀, radius); (0,) where it is not distorted.
     ``active`` (W, e + 2) says what is looked at where. ``margins`` is (K, 1, e + 2) for the smallest over all
     places, or (K, W, e + 2) for each; it comes filled with infinity.
     """
     constraints = held(constraints)
+    points, camera = drawn
     n, count = points.shape[1], entries.shape[0]
     phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
     pose, c, turn = np.empty(14), np.empty((n, 4)), np.empty((3, 4))

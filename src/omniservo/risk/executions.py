@@ -14,7 +14,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import constraint_table_of
-from omniservo.risk.executed_margins import executed_margins
+from omniservo.risk.executed_margins import Drawn, executed_margins
 from omniservo.risk.servo_response import ServoResponse, servo_response
 
 EVEN_PLACES = 25
@@ -101,9 +101,8 @@ class Executions:
         """Return the kernel's margins (K, depth, e + 2)."""
         asked, frame = constraint_table_of(self.problem), _frame(self.problem)
         found = np.full((len(points), depth, len(asked.entries) + 2), math.inf)
-        executed_margins(
-            asked.constraints, asked.optics, asked.table, frame, response, active, points, camera, found
-        )
+        drawn = Drawn(points, camera)
+        executed_margins(asked.constraints, asked.optics, asked.table, frame, response, active, drawn, found)
         return found
 
     def _grouped(self, found: FloatArray) -> FloatArray:

@@ -62,9 +62,7 @@ class VisibilityFilter:
         self.camera = camera
         """as given"""
         self._options = options or SafetyOptions()
-        self._limits, self._edges, self._ends = _limits_of(
-            camera, self._options.visibility_margin + camera.deviation_px
-        )
+        self._limits = _limits_of(camera, self._options.visibility_margin + camera.deviation_px)
         self._settings = np.array(
             [
                 self._options.visibility_rate,
@@ -101,16 +99,22 @@ class VisibilityFilter:
             )
         twist, evidence = np.empty(6), np.empty(4)
         kernel.keep_in_view(
-            self.camera.parameters, self._limits, self._edges, self._ends, self._settings, places,
-            image, used, self._last, command, twist, evidence,
-        )  # fmt: skip
+            self.camera.parameters,
+            self._limits,
+            self._settings,
+            (places, image, used),
+            self._last,
+            command,
+            twist,
+            evidence,
+        )
         self._last = twist
         least, slack, active, solved = evidence.tolist()
         return FilteredTwist(twist.copy(), twist - command, least, max(slack, 0.0), int(active), solved > 0.0)
 
 
 def _limits_of(camera: UnifiedCamera, margin: float) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return the kernel's ``limits``, ``edges`` and ``ends``, moved inward by the margin [px]."""
+    """Return the fields of the kernel's `Limits`, moved inward by the margin [px]."""
     scale = float(np.linalg.svd(camera.matrix[:2, :2], compute_uv=False)[-1])
     radius = math.sqrt(camera.parameters[SQUARE]) - margin / scale
     zone = (0.0, 0.0, -1.0)

@@ -1,6 +1,7 @@
 """The visibility filter's quadratic program, compiled: the nearest twist that keeps every point in view."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,8 @@ RATE, DELAY, MAX_LINEAR, MAX_ANGULAR = range(4)
 """Places in ``settings``."""
 
 LOW_U, HIGH_U, LOW_V, HIGH_V, RADIUS, SCALE, ZONE_U, ZONE_V, ZONE_RADIUS = range(9)
-"""Places in ``limits`` [px], all moved inward by the margin; RADIUS on the normalised plane, SCALE in px per
-unit of it; ZONE_RADIUS is negative where there is no dead zone."""
+"""Places in `Limits.image` [px], all moved inward by the margin; RADIUS on the normalised plane, SCALE in px
+per unit of it; ZONE_RADIUS is negative where there is no dead zone."""
 
 LEAST, SLACK, ACTIVE, SOLVED = range(4)
 """Places in ``evidence``: the least height of a point above its limits [px], what the worst row lacks [px/s],
@@ -32,16 +33,34 @@ MOST_ROWS = 24
 """of the working set: six hold a twist, and a few more are in doubt"""
 
 
+class Limits(NamedTuple):
+    """What bounds the image."""
+
+    image: FloatArray
+    """(9,) see LOW_U and the rest"""
+    edges: FloatArray
+    """(k, 3) lines n, b of the mask's polygons [px]; outside one where n·p ≥ b"""
+    ends: IntArray
+    """(polygons,) where the rows of each polygon end"""
+
+
+class Seen(NamedTuple):
+    """The points that are kept in view."""
+
+    points: FloatArray
+    """(n, 3) in the camera frame at the exposure [m]; one at the origin does not count"""
+    pixels: FloatArray
+    """(n, 2) where they were seen [px]"""
+    valid: BoolArray
+    """(n,) which of them were: those are taken in the pixel's direction"""
+
+
 @kernel
 def keep_in_view(
     parameters: FloatArray,
-    limits: FloatArray,
-    edges: FloatArray,
-    ends: IntArray,
+    limits: tuple[FloatArray, FloatArray, IntArray],
     settings: FloatArray,
-    points: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
+    seen: tuple[FloatArray, FloatArray, BoolArray],
     last: FloatArray,
     wanted: FloatArray,
     twist: FloatArray,
@@ -55,23 +74,18 @@ def keep_in_view(
 
     Args:
         parameters: the camera's.
-        limits: (9,), see LOW_U and the rest.
-        edges: (k, 3) lines n, b of the mask's polygons [px]; outside one where n·p ≥ b.
-        ends: (polygons,) where the rows of each polygon end.
+        limits: the fields of `Limits`; a plain tuple, since to read a named one's type takes Numba longer.
         settings: (4,), see RATE and the rest.
-        points: (n, 3) in the camera frame at the exposure [m]; one at the origin does not count.
-        pixels: (n, 2) where they were seen [px].
-        valid: (n,) which of them were: those are taken in the pixel's direction.
+        seen: the fields of `Seen`, likewise.
         last: (6,) the twist that acts until the new one does.
         wanted: (6,) finite.
         twist: (6,) out.
         evidence: (4,) out, see LEAST and the rest.
     """
-    most = points.shape[0] * (6 + len(ends))
+    bounds, target = Limits(*limits), Seen(*seen)
+    most = target.points.shape[0] * (6 + len(bounds.ends))
     rows, right, heights = np.empty((most, 6)), np.empty(most), np.empty(most)
-    count, distance = _write_rows(
-        parameters, limits, edges, ends, settings[DELAY], points, pixels, valid, last, rows, heights
-    )
+    count, distance = _write_rows(parameters, bounds, target, settings[DELAY], last, rows, heights)
     evidence[:] = 0.0
     evidence[LEAST] = math.inf
     for i in range(count):
@@ -98,19 +112,16 @@ def keep_in_view(
 @leaf
 def _write_rows(
     parameters: FloatArray,
-    limits: FloatArray,
-    edges: FloatArray,
-    ends: IntArray,
+    limits: Limits,
+    seen: Seen,
     delay: float,
-    points: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
     last: FloatArray,
     rows: FloatArray,
     heights: FloatArray,
 ) -> tuple[int, float]:
     """Write the rows of all points and limits; return how many, and the points' mean distance [m]."""
-    count, total, seen = 0, 0.0, 0
+    points, pixels, valid = seen
+    count, total, projected = 0, 0.0, 0
     for j in range(points.shape[0]):
         x, y, z = points[j, 0], points[j, 1], points[j, 2]
         distance = math.sqrt(x * x + y * y + z * z)
@@ -119,11 +130,11 @@ def _write_rows(
             if ok:
                 x, y, z = distance * a, distance * b, distance * c
         x, y, z = _carried(x, y, z, last, delay)
-        count, ok = _write_limits(parameters, limits, edges, ends, x, y, z, rows, heights, count)
+        count, ok = _write_limits(parameters, limits, x, y, z, rows, heights, count)
         if ok:
             total += distance
-            seen += 1
-    return count, total / seen if seen > 0 else 1.0
+            projected += 1
+    return count, total / projected if projected > 0 else 1.0
 
 
 @leaf
@@ -139,9 +150,7 @@ def _carried(x: float, y: float, z: float, twist: FloatArray, time: float) -> tu
 @kernel
 def _write_limits(
     parameters: FloatArray,
-    limits: FloatArray,
-    edges: FloatArray,
-    ends: IntArray,
+    limits: Limits,
     x: float,
     y: float,
     z: float,
@@ -153,24 +162,25 @@ def _write_limits(
 
     What is too far beyond the lens's circle to have a projection has the row of that circle alone.
     """
+    image, edges, ends = limits
     u, v, ux, uy, uz, vx, vy, vz, ok = project_point_jacobian(parameters, x, y, z)
     if not ok:
-        if limits[RADIUS] < math.inf and _has_radius(parameters[XI], x, y, z):
-            count = _append_rim(parameters[XI], limits, x, y, z, rows, heights, count)
+        if image[RADIUS] < math.inf and _has_radius(parameters[XI], x, y, z):
+            count = _append_rim(parameters[XI], image, x, y, z, rows, heights, count)
         return count, False
     du, dv = np.empty(6), np.empty(6)
     _write_flow(ux, uy, uz, x, y, z, du)
     _write_flow(vx, vy, vz, x, y, z, dv)
-    count = _append(u - limits[LOW_U], 1.0, 0.0, du, dv, rows, heights, count)
-    count = _append(limits[HIGH_U] - u, -1.0, 0.0, du, dv, rows, heights, count)
-    count = _append(v - limits[LOW_V], 0.0, 1.0, du, dv, rows, heights, count)
-    count = _append(limits[HIGH_V] - v, 0.0, -1.0, du, dv, rows, heights, count)
-    if limits[RADIUS] < math.inf:
-        count = _append_rim(parameters[XI], limits, x, y, z, rows, heights, count)
-    if limits[ZONE_RADIUS] >= 0.0:
-        along, across = u - limits[ZONE_U], v - limits[ZONE_V]
+    count = _append(u - image[LOW_U], 1.0, 0.0, du, dv, rows, heights, count)
+    count = _append(image[HIGH_U] - u, -1.0, 0.0, du, dv, rows, heights, count)
+    count = _append(v - image[LOW_V], 0.0, 1.0, du, dv, rows, heights, count)
+    count = _append(image[HIGH_V] - v, 0.0, -1.0, du, dv, rows, heights, count)
+    if image[RADIUS] < math.inf:
+        count = _append_rim(parameters[XI], image, x, y, z, rows, heights, count)
+    if image[ZONE_RADIUS] >= 0.0:
+        along, across = u - image[ZONE_U], v - image[ZONE_V]
         far = max(math.hypot(along, across), 1e-9)
-        height = far - limits[ZONE_RADIUS]
+        height = far - image[ZONE_RADIUS]
         count = _append(height, along / far, across / far, du, dv, rows, heights, count)
     first = 0
     for p in range(ends.shape[0]):
@@ -220,7 +230,7 @@ def _has_radius(xi: float, x: float, y: float, z: float) -> bool:
 @leaf
 def _append_rim(
     xi: float,
-    limits: FloatArray,
+    image: FloatArray,
     x: float,
     y: float,
     z: float,
@@ -233,8 +243,8 @@ def _append_rim(
     if not across > 1e-12 * rho:
         return count
     below = z + xi * rho
-    r, scale = across / below, -limits[SCALE] / below
-    heights[count] = (limits[RADIUS] - r) * limits[SCALE]
+    r, scale = across / below, -image[SCALE] / below
+    heights[count] = (image[RADIUS] - r) * image[SCALE]
     gx = scale * (x / across - r * xi * x / rho)
     gy = scale * (y / across - r * xi * y / rho)
     gz = -scale * r * (1.0 + xi * z / rho)

@@ -16,6 +16,19 @@ from omniservo.scenes.panel import Panel
 _LEAST_SIDE = 0.01  # [picture elements] a smaller rectangle's sum would drown in rounding
 
 
+class _Sums(NamedTuple):
+    """Summed-area tables of k panels' pictures."""
+
+    density: FloatArray
+    """(k, 2) picture elements per length along x and y [1/m]"""
+    shapes: IntArray
+    """(k, 2) rows and columns of the pictures"""
+    starts: IntArray
+    """(k + 1,) where each one's table starts"""
+    table: FloatArray
+    """all of them, one behind the other; linear grey"""
+
+
 class Footprints(NamedTuple):
     """Pixels as rays: each one's direction and how it changes to the right and downwards."""
 
@@ -43,11 +56,13 @@ class PanelPictures:
     def __init__(self, panels: Sequence[Panel]) -> None:
         """Sum the pictures of ``panels``, which are told apart by their index."""
         self._poses = [panel.world_T_panel for panel in panels]
-        self._shapes: IntArray = np.array([panel.picture.shape for panel in panels], dtype=np.int64)
         tables = [np.pad(p.picture, ((1, 0), (1, 0))).cumsum(0).cumsum(1).ravel() for p in panels]
-        self._starts: IntArray = np.cumsum([0, *(table.size for table in tables)], dtype=np.int64)
-        self._table = np.concatenate([*tables, np.zeros(1)])
-        self._density = np.array([np.array(p.picture.shape[::-1]) / p.size for p in panels])  # [1/m]
+        self._sums = _Sums(
+            np.array([np.array(p.picture.shape[::-1]) / p.size for p in panels]),
+            np.array([panel.picture.shape for panel in panels], dtype=np.int64),
+            np.cumsum([0, *(table.size for table in tables)], dtype=np.int64),
+            np.concatenate([*tables, np.zeros(1)]),
+        )
 
     def greys(
         self, world_T_eye: RigidTransform, panels: IntArray, pixels: Footprints, per_side: int
@@ -64,13 +79,10 @@ class PanelPictures:
         poses = [pose.inv() * world_T_eye for pose in self._poses]
         _mean_greys(
             panels,
-            *pixels,
+            pixels,
             np.array([pose.rotation.as_matrix() for pose in poses]),
             np.array([pose.translation for pose in poses]),
-            self._density,
-            self._shapes,
-            self._starts,
-            self._table,
+            self._sums,
             per_side,
             greys,
         )
@@ -80,25 +92,21 @@ class PanelPictures:
 @leaf
 def _mean_greys(
     panels: IntArray,
-    directions: FloatArray,
-    right: FloatArray,
-    down: FloatArray,
+    pixels: Footprints,
     turns: FloatArray,
     eyes: FloatArray,
-    density: FloatArray,
-    shapes: IntArray,
-    starts: IntArray,
-    table: FloatArray,
+    sums: _Sums,
     per_side: int,
     greys: FloatArray,
 ) -> None:
     """Fill ``greys``: turns (k, 3, 3) and eyes (k, 3) are the panel_T_eye of each panel."""
+    density = sums.density
     for i in range(len(panels)):
         k = panels[i]
-        rows, columns = shapes[k, 0], shapes[k, 1]
-        x, y, z = _turned(turns[k], directions[i])
-        rx, ry, rz = _turned(turns[k], right[i])
-        dx, dy, dz = _turned(turns[k], down[i])
+        rows, columns = sums.shapes[k, 0], sums.shapes[k, 1]
+        x, y, z = _turned(turns[k], pixels.directions[i])
+        rx, ry, rz = _turned(turns[k], pixels.right[i])
+        dx, dy, dz = _turned(turns[k], pixels.down[i])
         far = -eyes[k, 2] / z
         width = math.hypot(rx - x * rz / z, dx - x * dz / z) * far * density[k, 0] / per_side
         height = math.hypot(ry - y * rz / z, dy - y * dz / z) * far * density[k, 1] / per_side
@@ -112,7 +120,7 @@ def _mean_greys(
                 far = -eyes[k, 2] / depth
                 column = (eyes[k, 0] + far * (x + u * rx + v * dx)) * density[k, 0] + 0.5 * columns
                 row = (eyes[k, 1] + far * (y + u * ry + v * dy)) * density[k, 1] + 0.5 * rows
-                total += _mean(table, starts[k], rows, columns, column, row, width, height)
+                total += _mean(sums.table, sums.starts[k], rows, columns, column, row, width, height)
                 count += 1
         greys[i] = total / max(count, 1)
 

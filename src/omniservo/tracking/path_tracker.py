@@ -237,10 +237,14 @@ class PathTracker:
         estimated_pose, covariance = self._predicted(time, plan_seen)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
-            self._camera.parameters, self._feature.kind, self._settings, self._points, seen, used,
-            self._goal.pixels.copy(), offsets, w_dot_now * growth, plan_seen, plan_now, plan_twist, pose,
-            estimated_pose, covariance, twist, reference, evidence,
-        )  # fmt: skip
+            self._camera.parameters,
+            self._feature.kind,
+            self._settings,
+            (self._points, seen, used, self._goal.pixels.copy()),
+            (plan_seen, plan_now, plan_twist, offsets, w_dot_now * growth),
+            (estimated_pose, covariance),
+            (pose, twist, reference, evidence),
+        )
         return status, twist, reference, pose, estimated_pose, covariance, evidence
 
     def _predicted(self, time: float, plan_seen: FloatArray) -> tuple[FloatArray, FloatArray]:

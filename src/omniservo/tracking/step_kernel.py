@@ -4,6 +4,7 @@ Poses are (7,): the quaternion (x, y, z, w) and the translation of initial_T_cam
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,66 +30,92 @@ COUNT, ERROR_PX, GOAL_ERROR_PX, POSE_RMS_PX, CONDITIONING, FACTOR = range(6)
 """Places in ``evidence``; where the status is NOT_FINITE, COUNT holds the row instead."""
 
 
+class Sight(NamedTuple):
+    """What an image shows of n points, and what the goal image does."""
+
+    points: FloatArray
+    """(n, 3) [m] in the initial camera frame"""
+    pixels: FloatArray
+    """(n, 2) [px] at the exposure; ``valid`` says which rows are read"""
+    valid: BoolArray
+    """(n,) on return: the points used; one that the others' pose does not explain is none of them"""
+    goal_pixels: FloatArray
+    """(n, 2) [px] of the goal image"""
+
+
+class Planned(NamedTuple):
+    """The planned motion, at the exposure and when the twist acts."""
+
+    seen: FloatArray
+    """(7,) pose at the exposure"""
+    now: FloatArray
+    """(7,) pose when the twist acts"""
+    twist: FloatArray
+    """(6,) twist then, per second"""
+    offsets: FloatArray
+    """(2, n, 3) added to the features at the exposure and when the twist acts, see `GoalBlend`"""
+    growth: FloatArray
+    """(n, 3) their derivative when the twist acts [1/s]"""
+
+
+class Estimate(NamedTuple):
+    """The pose filter's."""
+
+    pose: FloatArray
+    """(7,) in: its prediction for the exposure; out: joined with the image"""
+    covariance: FloatArray
+    """(6, 6) likewise"""
+
+
+class Step(NamedTuple):
+    """What a step writes."""
+
+    pose: FloatArray
+    """(7,) that explains this image alone"""
+    twist: FloatArray
+    """(6,) within the speed limits; zero unless the status is DONE"""
+    reference_pixels: FloatArray
+    """(n, 2) [px], the reference at the exposure; NaN outside the camera's domain"""
+    evidence: FloatArray
+    """(6,) see COUNT and the rest"""
+
+
 @kernel
 def track_step(
     parameters: FloatArray,
     kind: int,
     settings: FloatArray,
-    points: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
-    goal_pixels: FloatArray,
-    offsets: FloatArray,
-    growth: FloatArray,
-    plan_seen: FloatArray,
-    plan_now: FloatArray,
-    plan_twist: FloatArray,
-    pose: FloatArray,
-    estimated_pose: FloatArray,
-    covariance: FloatArray,
-    twist: FloatArray,
-    reference_pixels: FloatArray,
-    evidence: FloatArray,
+    sight: tuple[FloatArray, FloatArray, BoolArray, FloatArray],
+    plan: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    estimate: tuple[FloatArray, FloatArray],
+    step: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
 ) -> int:
     """Write the camera twist (6,) of (43) with depths by (44) and return the status.
+
+    Plain tuples are handed in: to read the type of a named one takes Numba a microsecond, each time.
 
     Args:
         parameters: the camera's.
         kind: the feature, BEARING or VIRTUAL_PLANE.
         settings: (6,), see GAIN and the rest.
-        points: (n, 3) [m] in the initial camera frame.
-        pixels: (n, 2) [px] at the exposure; ``valid`` (n,) says which rows are read.
-        valid: on return: the points used; one that the others' pose does not explain is none of them.
-        goal_pixels: (n, 2) [px] of the goal image.
-        offsets: (2, n, 3) added to the planned features at exposure and when the twist acts, see `GoalBlend`.
-        growth: (n, 3) their derivative when the twist acts [1/s].
-        plan_seen: (7,) planned pose at the exposure.
-        plan_now: (7,) planned pose when the twist acts.
-        plan_twist: (6,) planned twist when the twist acts, per second.
-        pose: (7,) out: the pose that explains this image alone.
-        estimated_pose: (7,) in: the pose filter's prediction for the exposure; out: joined with the image.
-        covariance: (6, 6) its covariance, likewise.
-        twist: (6,) out, within the speed limits; zero unless the status is DONE.
-        reference_pixels: (n, 2) out [px], the reference at the exposure; NaN outside the camera's domain.
-        evidence: (6,) out, see COUNT and the rest.
+        sight: the fields of `Sight`.
+        plan: the fields of `Planned`.
+        estimate: the fields of `Estimate`, changed.
+        step: the fields of `Step`, out.
     """
-    bearings = np.zeros(points.shape)
-    twist[:], evidence[:] = 0.0, 0.0
-    status = _read_pixels(parameters, kind, settings, pixels, valid, bearings, evidence)
+    image, motion, filtered, written = Sight(*sight), Planned(*plan), Estimate(*estimate), Step(*step)
+    bearings, evidence = np.zeros(image.points.shape), written.evidence
+    written.twist[:], evidence[:] = 0.0, 0.0
+    status = _read_pixels(parameters, kind, settings, image, bearings, evidence)
     if status != DONE:
         return status
-    seen = _see_pose(
-        parameters, points, pixels, valid, settings, estimated_pose, covariance, plan_seen, pose, evidence
-    )
+    seen = _see_pose(parameters, settings, image, motion.seen, filtered, written)
     if evidence[COUNT] < settings[LEAST_FEATURES]:
         return FEATURE_LOSS
-    there = offsets[0], plan_seen
-    _measure_gaps(parameters, kind, points, pixels, valid, goal_pixels, *there, reference_pixels, evidence)
-    evidence[CONDITIONING] = _solve(
-        kind, settings[GAIN], points, valid, bearings, offsets[1], growth, estimated_pose, plan_seen,
-        plan_now, plan_twist, twist,
-    )  # fmt: skip
-    return _judge(settings, seen, twist, evidence)
+    _measure_gaps(parameters, kind, image, motion, written)
+    gain = settings[GAIN]
+    evidence[CONDITIONING] = _solve(kind, gain, image, motion, bearings, filtered.pose, written.twist)
+    return _judge(settings, seen, written.twist, evidence)
 
 
 @kernel
@@ -136,13 +163,12 @@ def _read_pixels(
     parameters: FloatArray,
     kind: int,
     settings: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
+    sight: Sight,
     bearings: FloatArray,
     evidence: FloatArray,
 ) -> int:
     """Unproject the valid pixels; drop those that have no feature; count."""
-    count = 0
+    pixels, valid, count = sight.pixels, sight.valid, 0
     for j in range(pixels.shape[0]):
         if not valid[j]:
             continue
@@ -162,15 +188,11 @@ def _read_pixels(
 @kernel
 def _see_pose(
     parameters: FloatArray,
-    points: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
     settings: FloatArray,
-    estimated_pose: FloatArray,
-    covariance: FloatArray,
+    sight: Sight,
     plan_seen: FloatArray,
-    pose: FloatArray,
-    evidence: FloatArray,
+    estimate: Estimate,
+    step: Step,
 ) -> bool:
     """Write the pose of this image, from the estimated one as guess or else the plan's; False: neither works.
 
@@ -179,52 +201,44 @@ def _see_pose(
     Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
     Points that the pose of the others does not explain are no longer ``valid``.
     """
+    points, pixels, valid, _ = sight
     c = np.empty(3)
     fit = np.empty(points.shape[0], dtype=np.bool_)
-    for guess in (estimated_pose, plan_seen):
+    for guess in (estimate.pose, plan_seen):
         for j in range(points.shape[0]):
             _into_camera(guess, points[j], c)
             fit[j] = valid[j] and project_point(parameters, c[0], c[1], c[2])[2]
-        rms, ok = robust_pose(parameters, points, pixels, fit, valid, settings[GATE_PX], guess, pose)
+        rms, ok = robust_pose(parameters, points, pixels, fit, valid, settings[GATE_PX], guess, step.pose)
         if ok:
-            evidence[POSE_RMS_PX] = rms
+            step.evidence[POSE_RMS_PX] = rms
             count = 0
             for j in range(valid.shape[0]):
                 if valid[j]:
                     count += 1
-            evidence[COUNT] = count
-            correct_state(parameters, points, pixels, valid, pose, estimated_pose, covariance)
+            step.evidence[COUNT] = count
+            correct_state(parameters, points, pixels, valid, step.pose, estimate.pose, estimate.covariance)
             return True
     return False
 
 
 @kernel
-def _measure_gaps(
-    parameters: FloatArray,
-    kind: int,
-    points: FloatArray,
-    pixels: FloatArray,
-    valid: BoolArray,
-    goal_pixels: FloatArray,
-    offsets: FloatArray,
-    plan_seen: FloatArray,
-    reference_pixels: FloatArray,
-    evidence: FloatArray,
-) -> None:
+def _measure_gaps(parameters: FloatArray, kind: int, sight: Sight, plan: Planned, step: Step) -> None:
     """Write the reference's pixels and the rms distances to them and to the goal image [px].
 
     A point whose reference lies outside the camera's domain counts in the second alone.
     """
+    points, pixels, valid, goal_pixels = sight
+    reference_pixels, evidence = step.reference_pixels, step.evidence
     c = np.empty(3)
     s = np.empty(3)
     total = 0.0
     count = 0
     goal_total = 0.0
     for j in range(points.shape[0]):
-        _into_camera(plan_seen, points[j], c)
+        _into_camera(plan.seen, points[j], c)
         write_feature(kind, c[0], c[1], c[2], s)
         for a in range(3):
-            s[a] += offsets[j, a]
+            s[a] += plan.offsets[0, j, a]
         u, v, ok = project_point(parameters, s[0], s[1], s[2] if kind == BEARING else 1.0)
         reference_pixels[j, 0] = u if ok else math.nan
         reference_pixels[j, 1] = v if ok else math.nan
@@ -242,38 +256,32 @@ def _measure_gaps(
 def _solve(
     kind: int,
     gain: float,
-    points: FloatArray,
-    valid: BoolArray,
+    sight: Sight,
+    plan: Planned,
     bearings: FloatArray,
-    offsets: FloatArray,
-    growth: FloatArray,
     pose: FloatArray,
-    plan_seen: FloatArray,
-    plan_now: FloatArray,
-    plan_twist: FloatArray,
     twist: FloatArray,
 ) -> float:
     """Write the twist that solves the equations of all valid points when it acts; return their conditioning.
 
     A point lies where its bearing was seen, at the distance (44), carried on by the planned motion since.
     """
+    points = sight.points
     rows, target = np.zeros((3 * len(points), 6)), np.zeros(3 * len(points))
     c = np.empty(3)
     planned = np.empty(3)
     now = np.empty(3)
     for j in range(points.shape[0]):
-        if not valid[j]:
+        if not sight.valid[j]:
             continue
         _into_camera(pose, points[j], c)
         distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
         for a in range(3):
             c[a] = distance * bearings[j, a]
-        _move(plan_seen, plan_now, c, now)
-        _into_camera(plan_now, points[j], planned)
-        _write_equations(
-            kind, gain, now, planned, plan_twist, offsets[j], growth[j], rows[3 * j : 3 * j + 3],
-            target[3 * j : 3 * j + 3],
-        )  # fmt: skip
+        _move(plan.seen, plan.now, c, now)
+        _into_camera(plan.now, points[j], planned)
+        own = slice(3 * j, 3 * j + 3)
+        _write_equations(kind, gain, plan, j, now, planned, rows[own], target[own])
     return solve_twist(rows, target, twist)
 
 
@@ -281,15 +289,14 @@ def _solve(
 def _write_equations(
     kind: int,
     gain: float,
+    plan: Planned,
+    j: int,
     now: FloatArray,
     planned: FloatArray,
-    plan_twist: FloatArray,
-    offset: FloatArray,
-    growth: FloatArray,
     rows: FloatArray,
     target: FloatArray,
 ) -> None:
-    """Write L̂ (3, 6) and (∂s*/∂w) ẇ − λ₂ (s − s*) (3,) of one point; zeros where a feature does not exist."""
+    """Write L̂ (3, 6) and (∂s*/∂w) ẇ − λ₂ (s − s*) (3,) of point j; zeros where a feature does not exist."""
     flow = np.empty((3, 6))
     s = np.empty(3)
     reference = np.empty(3)
@@ -300,10 +307,10 @@ def _write_equations(
     write_rows(kind, now[0], now[1], now[2], rows)
     write_rows(kind, planned[0], planned[1], planned[2], flow)
     for a in range(3):
-        change = growth[a]
+        change = plan.growth[j, a]
         for b in range(6):
-            change += flow[a, b] * plan_twist[b]
-        target[a] = change - gain * (s[a] - reference[a] - offset[a])
+            change += flow[a, b] * plan.twist[b]
+        target[a] = change - gain * (s[a] - reference[a] - plan.offsets[1, j, a])
 
 
 @leaf

@@ -10,7 +10,7 @@ from omniservo.robots.arm import LENGTH_SCALE
 from omniservo.robots.collision.posture_gaps import PostureGaps
 from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.whole_arm.arm_setting import ArmSetting
-from omniservo.whole_arm.pull_kernel import JointConstraints, Pulls, measured_pulls, write_pulls
+from omniservo.whole_arm.pull_kernel import JointConstraints, Near, Pulls, measured_pulls, write_pulls
 
 GROUPS = 3
 """joint limits, singularity, clearance"""
@@ -61,9 +61,8 @@ class JointDemands:
         )
         if len(touching):
             seen.measure(posture, pair, touching, gaps)
-            write_pulls(
-                chain, shapes, seen.postures, self._asked, joints, posture, pair, gaps, targets, found
-            )
+            near = Near(posture, pair, gaps)
+            write_pulls(chain, shapes, seen.postures, self._asked, joints, near, targets, found)
         return found
 
     def seen(self, count: int) -> PostureGaps:

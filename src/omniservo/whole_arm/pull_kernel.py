@@ -34,6 +34,17 @@ class JointConstraints(NamedTuple):
     """(1,) [m] what gaps are divided by"""
 
 
+class Near(NamedTuple):
+    """The k gaps that are near in some posture, ascending in the posture."""
+
+    posture: IntArray
+    """(k,) of each gap"""
+    pair: IntArray
+    """(k,) likewise"""
+    gaps: FloatArray
+    """(k,) [m]"""
+
+
 class Pulls(NamedTuple):
     """Rows of m postures as in `omniservo.planning.constraints.push`."""
 
@@ -61,7 +72,7 @@ def measured_pulls(
     within = asked.gaps + asked.ell[0] * max(targets[CLEARANCE], 0.0)
     posture, pair, gaps, touching = near_pairs(chain, shapes, frames, joints, within, postures)
     if touching.shape[0] == 0:
-        write_pulls(chain, shapes, postures, asked, joints, posture, pair, gaps, targets, pulls)
+        write_pulls(chain, shapes, postures, asked, joints, Near(posture, pair, gaps), targets, pulls)
     return posture, pair, gaps, touching
 
 
@@ -72,9 +83,7 @@ def write_pulls(
     postures: Postures,
     asked: JointConstraints,
     joints: FloatArray,
-    posture: IntArray,
-    pair: IntArray,
-    gaps: FloatArray,
+    near: Near,
     targets: FloatArray,
     pulls: Pulls,
 ) -> None:
@@ -86,13 +95,12 @@ def write_pulls(
         postures: as measured.
         asked: of a posture.
         joints: (m, n) [rad]
-        posture: (k,) of each gap, ascending.
-        pair: (k,) likewise.
-        gaps: (k,) [m]
+        near: of all postures.
         targets: (3,)
         pulls: out.
     """
     chain, shapes, postures, end = held(chain), held(shapes), held(postures), 0
+    posture, pair, gaps = near
     left, slopes = np.empty(gaps.shape[0]), np.empty((gaps.shape[0], joints.shape[1]))
     for k in range(gaps.shape[0]):
         i, p = posture[k], pair[k]
@@ -114,9 +122,7 @@ def write_pulls(
             end += 1
         pulls.costs[i] = write_pull(
             chain,
-            asked.to_camera,
-            asked.rooms,
-            asked.regular[0],
+            asked,
             joints[i],
             left[begin:end],
             slopes[begin:end],
@@ -129,9 +135,7 @@ def write_pulls(
 @kernel
 def write_pull(
     chain: Chain,
-    to_camera: FloatArray,
-    rooms: FloatArray,
-    regular: float,
+    asked: JointConstraints,
     q: FloatArray,
     gaps: FloatArray,
     gap_slopes: FloatArray,
@@ -143,9 +147,7 @@ def write_pull(
 
     Args:
         chain: of n joints.
-        to_camera: see `sensitivities`.
-        rooms: (n, 2) lowest and highest position that leaves the reserve [rad].
-        regular: the smallest singular value that is asked for.
+        asked: of the posture.
         q: (n,) [rad]
         gaps: (k,) g of pairs that are near.
         gap_slopes: (k, n) ∂g/∂q.
@@ -158,7 +160,7 @@ def write_pull(
     """
     n = q.shape[0]
     to_joints, slope, row = np.empty((n, 6)), np.empty(n), np.zeros(n)
-    value = sensitivities(held(chain), to_camera, q, to_joints, slope) - regular
+    value = sensitivities(held(chain), asked.to_camera, q, to_joints, slope) - asked.regular[0]
     for i in range(6):
         for k in range(7):
             system[i, k] = 0.0
@@ -167,7 +169,7 @@ def write_pull(
     for j in range(n):
         for side in range(2):
             row[j] = 1.0 if side == 0 else -1.0
-            room = row[j] * (q[j] - rooms[j, side])
+            room = row[j] * (q[j] - asked.rooms[j, side])
             least[LIMITS] = min(least[LIMITS], room)
             cost += _add_row(to_joints, row, targets[LIMITS] - room, system)
         row[j] = 0.0

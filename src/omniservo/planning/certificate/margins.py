@@ -17,7 +17,7 @@ from omniservo.planning.certificate.margin_kinds import (
     CLEARANCE,
     MASK,
 )
-from omniservo.planning.certificate.proven_margins import prove_space, prove_view
+from omniservo.planning.certificate.proven_margins import PathForms, prove_space, prove_view
 from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import AT, place
@@ -127,7 +127,7 @@ def path_margins(
     phi, centre = bernstein_from_power(rotation), bernstein_from_power(translation)
     look(constraints, optics, entries, phi, centre, table)
     square, raised = squares(translation)
-    size = magnitude(translation)
+    path = PathForms(rotation, translation, centre, square, raised, magnitude(translation))
     controls, errors = camera_controls(rotation, translation, constraints.points)
     count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
     for e in range(entries.shape[0]):
@@ -145,9 +145,7 @@ def path_margins(
             if entry[0] <= MASK:
                 status, w, j = prove_view(entry, target, constraints, optics, controls, errors, count)
             else:
-                status, w, j = prove_space(
-                    entry, target, constraints, rotation, centre, translation, square, raised, size
-                )
+                status, w, j = prove_space(entry, target, constraints, path)
             if status == PROVEN:
                 row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
                 break

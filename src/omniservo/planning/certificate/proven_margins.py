@@ -1,6 +1,7 @@
 """Whether a constraint holds on the whole path with a margin to spare (docs/certificate.md)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +45,23 @@ SLACK_PX = 1e-7
 
 SLACK_RAD = 1e-12
 """The same for the domain's angle."""
+
+
+class PathForms(NamedTuple):
+    """A path in the forms that proofs want."""
+
+    rotation: FloatArray
+    """φ by powers (4, σ+1), highest first"""
+    translation: FloatArray
+    """t by powers (3, τ+1) [m], highest first"""
+    centre: FloatArray
+    """t by Bernstein coefficients (3, τ+1) [m]"""
+    square: FloatArray
+    """‖t‖² (1, 2τ+1) [m²], see `squares`"""
+    raised: FloatArray
+    """t of the same degree (3, 2τ+1) [m]"""
+    size: float
+    """the magnitude of t [m]"""
 
 
 @leaf
@@ -105,14 +123,10 @@ def prove_space(
     entry: FloatArray,
     margin: float,
     constraints: Constraints,
-    rotation: FloatArray,
-    centre: FloatArray,
-    translation: FloatArray,
-    square: FloatArray,
-    raised: FloatArray,
-    size: float,
+    path: PathForms,
 ) -> tuple[int, float, int]:
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
+    rotation, translation, centre, square, raised, size = path
     kind, index = int(entry[0]), int(entry[1])
     if kind == CLOUD_SIGHT:
         return prove_cloud_sights(constraints, index, margin, translation, centre, size)
