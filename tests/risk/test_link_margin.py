@@ -129,7 +129,7 @@ def test_points_that_are_farther_than_estimated_take_from_gaps_what_the_longer_w
     for share, estimated in zip(shares[1:], taken.estimate[1:], strict=True):
         other = pose.inv() * RigidTransform.from_components(share * pose.translation, pose.rotation)
         move = np.concatenate([other.translation, np.zeros(3)])
-        rest = resting_moves(executions, found.plan.path, w)[shares.index(share)]
+        rest = resting_moves(executions, found.plan.path, np.array([w]))[0, shares.index(share)]
         np.testing.assert_allclose(rest, move, atol=0.1 * np.linalg.norm(move))
         lost = [n.gap - gap_with(problem, setting, found, w, np.zeros(6), n.pair, move) for n in near]
         assert estimated >= max(lost) - 5e-4
@@ -224,7 +224,8 @@ def test_what_is_left_falls_by_the_slope_against_which_mount_and_camera_go(plann
     still = Executions(problem, np.stack([problem.points] * 2), np.zeros((2, 0)))
     for slopes in ((nearest.by_mount[k], np.zeros(6)), (np.zeros(6), nearest.by_move[k])):
         mounts, moves = (np.outer([-1e-6, 1e-6], slope) for slope in slopes)
-        monkeypatch.setattr(link_margin, "resting_moves", lambda *_, moves=moves: moves)
+        rests = [moves] * 33
+        monkeypatch.setattr(link_margin, "resting_moves", lambda *_, rests=rests: rests)
         taken = taken_by(setting, bodies, path, branch, mounts, still)
         change = 1e-6 * np.square(slopes).sum()
         np.testing.assert_allclose(taken.left - nearest.left[k], [-change, change], atol=1e-3 * change)
@@ -285,7 +286,9 @@ def test_a_camera_that_is_off_rests_where_it_takes_the_points_for_the_planned_on
         planned, _ = camera.unproject(camera.project(pose.inv().apply(problem.points))[0])
         return np.linalg.norm(camera.unproject(true.project(seen)[0])[0] - planned)
 
-    assert missed(resting_moves(executions, found.plan.path, 0.5)[0]) < 0.1 * missed(np.zeros(6))
+    assert missed(resting_moves(executions, found.plan.path, np.array([0.5]))[0, 0]) < 0.1 * missed(
+        np.zeros(6)
+    )
 
 
 def test_wrong_covariance_risk_and_tube_are_named(planned):

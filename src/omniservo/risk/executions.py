@@ -39,15 +39,18 @@ class Executions:
     """(K, p) parameters' deviations"""
 
     @classmethod
-    def of(cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray) -> Executions:
-        """Return those of an estimate's samples; the problem's points are these rows of its.
+    def of(
+        cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray | None = None
+    ) -> Executions:
+        """Return those of an estimate's samples; the problem's points are these rows of theirs, or all.
 
         Raises:
             InputError: a distorted camera with a mask, whose pixels are not looked at.
         """
         if problem.camera.is_distorted and problem.camera.mask:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
-        return cls(problem, np.ascontiguousarray(samples.points[:, rows]), samples.camera.copy())
+        points = samples.points if rows is None else samples.points[:, rows]
+        return cls(problem, np.ascontiguousarray(points), samples.camera.copy())
 
     @property
     def constraints(self) -> tuple[str, ...]:

@@ -16,7 +16,8 @@ from omniservo.risk.executions import Executions
 from omniservo.risk.gap_slopes import gap_slopes
 from omniservo.risk.risk_plan import LinkMargin
 from omniservo.risk.safe_path import CONFIDENCE, allowed_violations
-from omniservo.risk.servo_response import ServoResponse, servo_response
+from omniservo.risk.sample_blocks import resting_twists
+from omniservo.risk.servo_response import servo_response
 from omniservo.robots import ArmBodies, JointPath
 from omniservo.whole_arm.arm_plan import ArmPlan
 from omniservo.whole_arm.arm_setting import ArmSetting
@@ -121,32 +122,26 @@ def taken_by(
     """Return what errors of the mount (K, 6), in the camera's frame, and K executions do to the gaps."""
     count = len(mounts)
     found = Taken(np.full(count, math.inf), np.zeros(count), np.zeros(count))
-    for w in np.linspace(0.0, 1.0, _PLACES):
-        slopes = gap_slopes(setting, bodies, path(float(w)), branch(float(w)))
-        if not len(slopes.left):
-            continue
-        by_mount = mounts @ slopes.by_mount.T
-        by_estimate = np.zeros_like(by_mount)
-        if executions is not None:
-            by_estimate = resting_moves(executions, path, float(w)) @ slopes.by_move.T
-        np.minimum(found.left, (slopes.left + by_mount + by_estimate).min(axis=1), out=found.left)
+    places = np.linspace(0.0, 1.0, _PLACES)
+    joints = branch(places)
+    at = [gap_slopes(setting, bodies, path(float(w)), q) for w, q in zip(places, joints, strict=True)]
+    close = [i for i, slopes in enumerate(at) if len(slopes.left)]
+    moves = None if executions is None or not close else resting_moves(executions, path, places[close])
+    for number, i in enumerate(close):
+        by_mount = mounts @ at[i].by_mount.T
+        by_estimate = np.zeros_like(by_mount) if moves is None else moves[number] @ at[i].by_move.T
+        np.minimum(found.left, (at[i].left + by_mount + by_estimate).min(axis=1), out=found.left)
         np.maximum(found.mount, -by_mount.min(axis=1), out=found.mount)
         np.maximum(found.estimate, -by_estimate.min(axis=1), out=found.estimate)
     return found
 
 
-def resting_moves(executions: Executions, path: CameraPath, w: float) -> FloatArray:
-    """Return the twists (K, 6), in the camera's frame, by which the servo rests beside the path."""
+def resting_moves(executions: Executions, path: CameraPath, places: FloatArray) -> FloatArray:
+    """Return the twists (W, K, 6), in the camera's frame, by which the servo rests beside the path."""
     problem, camera = executions.problem, executions.camera
-    response: ServoResponse = servo_response(
-        problem.camera, problem.points, path, np.array([w]), camera.shape[1]
-    )
-    pose = path(w)
-    seen = (executions.points - pose.translation) @ pose.rotation.as_matrix()
-    gaps = seen / np.linalg.norm(seen, axis=2, keepdims=True) - response.planned[0]
-    if camera.shape[1]:
-        gaps += np.einsum("nap,kp->kna", response.lens[0], camera)
-    moves: FloatArray = -gaps.reshape(len(gaps), -1) @ response.inverse[0].T
+    response = servo_response(problem.camera, problem.points, path, places, camera.shape[1])
+    moves = np.empty((len(places), len(camera), 6))
+    resting_twists(response, executions.points, camera, moves)
     return moves
 
 

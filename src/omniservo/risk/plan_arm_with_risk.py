@@ -59,8 +59,8 @@ def plan_arm_with_risk(
     rows = followed_rows(estimate, points)
     links = LINKS_PART * risk
     count = max(LEAST_SAMPLES, math.ceil(RARE / links)) if 0.0 < links < 1.0 else LEAST_SAMPLES
-    samples = estimate.sample(np.random.default_rng([seed, 3]), count, camera=problem.camera)
-    executions = Executions.of(problem_of_estimate(problem, estimate, rows), samples, rows)
+    samples = estimate.sample(np.random.default_rng([seed, 3]), count, camera=problem.camera, rows=rows)
+    executions = Executions.of(problem_of_estimate(problem, estimate, rows), samples)
     margins: list[tuple[Plan, LinkMargin]] = []
 
     def with_arm(asked: PlanningProblem, seed: int) -> Plan:

@@ -162,8 +162,8 @@ def _executions(
     seed: int,
     sources: tuple[Source, ...] = SOURCES,
 ) -> Executions:
-    samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera)
-    return Executions.of(problem, samples, rows)
+    samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera, rows)
+    return Executions.of(problem, samples)
 
 
 def _uncertain_margins(
