@@ -221,3 +221,30 @@ def test_a_known_length_takes_its_part_of_the_size_variance(make_scene):
         found = estimate_two_view(scene.camera, *scene.noisy(rng, 0.2), noise=0.2, scale=known, robust=False)
         ratios.append(np.mean(np.linalg.slogdet(found.uncertainty.own)[1]) / 3.0)
     assert base.uncertainty.size_variance == pytest.approx(np.var(ratios), rel=0.35)
+
+
+@pytest.mark.parametrize(("points", "noise", "stretched"), [(20, 0.05, False), (9, 0.5, True)])
+def test_samples_of_a_few_points_follow_the_law_of_all(make_scene, points, noise, stretched):
+    """In any order, after a rejected match, by the normal law and by the likelihood."""
+    rng, base = np.random.default_rng(91), None
+    while base is None or base.status != "ok" or base.inliers[0]:
+        scene = make_scene(rng, n=points)
+        first, second = scene.noisy(rng, noise)
+        views = np.vstack((first[:1], first)), np.vstack((second[:1] + np.array([50.0, -70.0]), second))
+        base = answer(scene.camera, scene, views, noise=noise, scale_sigma=0.02)
+    assert (base.uncertainty.pixel_sigma is not None) == stretched
+    inliers = np.flatnonzero(base.inliers)
+    rows = inliers[[4, 1]]
+    few = base.sample(rng, 20_000, camera=scene.camera, rows=rows)
+    every = base.sample(rng, 20_000, camera=scene.camera)
+    assert few.points.shape == (20_000, 2, 3)
+    found, expected = (
+        np.hstack((s.initial_T_goal.translation, s.initial_T_goal.rotation.as_rotvec(), p.reshape(-1, 6)))
+        for s, p in ((few, few.points), (every, every.points[:, rows]))
+    )
+    spread = np.subtract(*np.quantile(expected, (0.75, 0.25), axis=0))
+    for share in (0.1, 0.5, 0.9):
+        gap = np.quantile(found, share, axis=0) - np.quantile(expected, share, axis=0)
+        assert np.abs(gap / spread).max() < 0.06
+    ranks = [np.argsort(np.argsort(x, axis=0), axis=0) for x in (found, expected)]
+    assert np.abs(np.corrcoef(ranks[0].T) - np.corrcoef(ranks[1].T)).max() < 0.06

@@ -129,7 +129,7 @@ def test_points_that_are_farther_than_estimated_take_from_gaps_what_the_longer_w
     for share, estimated in zip(shares[1:], taken.estimate[1:], strict=True):
         other = pose.inv() * RigidTransform.from_components(share * pose.translation, pose.rotation)
         move = np.concatenate([other.translation, np.zeros(3)])
-        rest = resting_moves(executions, found.plan.path, w)[shares.index(share)]
+        rest = resting_moves(executions, found.plan.path, np.array([w]))[0, shares.index(share)]
         np.testing.assert_allclose(rest, move, atol=0.1 * np.linalg.norm(move))
         lost = [n.gap - gap_with(problem, setting, found, w, np.zeros(6), n.pair, move) for n in near]
         assert estimated >= max(lost) - 5e-4
@@ -224,7 +224,8 @@ def test_what_is_left_falls_by_the_slope_against_which_mount_and_camera_go(plann
     still = Executions(problem, np.stack([problem.points] * 2), np.zeros((2, 0)))
     for slopes in ((nearest.by_mount[k], np.zeros(6)), (np.zeros(6), nearest.by_move[k])):
         mounts, moves = (np.outer([-1e-6, 1e-6], slope) for slope in slopes)
-        monkeypatch.setattr(link_margin, "resting_moves", lambda *_, moves=moves: moves)
+        rests = [moves] * 33
+        monkeypatch.setattr(link_margin, "resting_moves", lambda *_, rests=rests: rests)
         taken = taken_by(setting, bodies, path, branch, mounts, still)
         change = 1e-6 * np.square(slopes).sum()
         np.testing.assert_allclose(taken.left - nearest.left[k], [-change, change], atol=1e-3 * change)
@@ -285,7 +286,9 @@ def test_a_camera_that_is_off_rests_where_it_takes_the_points_for_the_planned_on
         planned, _ = camera.unproject(camera.project(pose.inv().apply(problem.points))[0])
         return np.linalg.norm(camera.unproject(true.project(seen)[0])[0] - planned)
 
-    assert missed(resting_moves(executions, found.plan.path, 0.5)[0]) < 0.1 * missed(np.zeros(6))
+    assert missed(resting_moves(executions, found.plan.path, np.array([0.5]))[0, 0]) < 0.1 * missed(
+        np.zeros(6)
+    )
 
 
 def test_wrong_covariance_risk_and_tube_are_named(planned):
@@ -296,7 +299,7 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
         plan_links_at_risk(problem, setting, 0.0)
     few = Executions(problem, np.stack([problem.points] * 58), np.zeros((58, 0)))
     with pytest.raises(InputError, match=r"executions: 58 given; a risk of 0\.05 needs at least 59 of them"):
-        plan_links_at_risk(problem, setting, 0.05, executions=few)
+        plan_links_at_risk(problem, setting, 0.05, draw=lambda: few)
     tube = Tube(np.full(6, 0.01), {"no such link": 0.004}, 0.006, 1.0, 0.02, 0.01)
     with pytest.raises(InputError, match="tube: links"):
         replace(setting, tube=tube).bodies(problem.obstacles)
@@ -334,7 +337,7 @@ def test_gaps_are_sampled_about_the_estimates_followed_points_often_enough(
     given, sampled = [], sys.modules["omniservo.risk.plan_arm_with_risk"]
 
     def spied(asked, setting, share, **options):
-        given.append((asked, share, options["executions"]))
+        given.append((asked, share, options["draw"]()))
         return plan_links_at_risk(asked, setting, share, **options)
 
     monkeypatch.setattr(sampled, "plan_links_at_risk", spied)
@@ -343,7 +346,7 @@ def test_gaps_are_sampled_about_the_estimates_followed_points_often_enough(
     followed = estimate.points[estimate.inliers if rows is None else rows]
     for asked, share, executions in given:
         assert share == pytest.approx(0.5 * risk)
-        assert len(executions.points) == max(1000, np.ceil(10.0 / share))
+        assert len(executions.points) == max(2000, np.ceil(20.0 / share)) // 4
         for stated in (asked, executions.problem):
             np.testing.assert_array_equal(stated.points, followed)
             assert stated.initial_T_goal is estimate.initial_T_goal
@@ -359,3 +362,53 @@ def test_an_arm_that_need_keep_no_clearance_has_to_follow_all_the_same(planned, 
     regular = plan_arm_with_risk(problem, replace(alone, singular_value=0.9), estimate, risk=0.2)
     assert not regular.ok
     assert "the arm is singular" in regular.plan.reason
+
+
+@pytest.mark.parametrize(("begin", "asked"), [(0.003, [0.003]), (9.0, [9.0, 0.0])])
+def test_it_begins_with_the_clearance_that_is_given_and_without_where_that_leaves_no_plan(
+    planned, monkeypatch, begin, asked
+):
+    problem, setting, _ = planned
+    given = []
+
+    def planned_with(problem, setting, **options):
+        given.append(setting.clearance)
+        return plan_with_arm(problem, setting, **options)
+
+    monkeypatch.setattr(link_margin, "plan_with_arm", planned_with)
+    found, margin = plan_links_at_risk(problem, setting, 0.05, begin=begin)
+    assert found.certified
+    assert given == pytest.approx([setting.clearance + more for more in asked])
+    assert margin.added == asked[-1]
+
+
+@pytest.mark.parametrize("misses", [0, 1, 9])
+def test_gaps_are_judged_by_samples_that_had_no_part_in_the_search(planned, estimate, monkeypatch, misses):
+    """What those find too narrow is searched again with more samples for less risk, or is no plan."""
+    problem, setting, _ = planned
+    module, checked, drawn, begun = sys.modules["omniservo.risk.plan_arm_with_risk"], [], [], []
+
+    def judged(found, setting, risk, covariance, executions, seed):
+        margin, _ = link_margin.judged_links(found, setting, risk, covariance, executions, seed)
+        checked.append((risk, executions, seed))
+        return margin, 0.001 if len(checked) <= misses else 0.0
+
+    def spied(asked, setting, share, **options):
+        found, margin = plan_links_at_risk(asked, setting, share, **options)
+        drawn.append((share, len(options["draw"]().points)))
+        begun.append((options["begin"], margin.added))
+        return found, margin
+
+    monkeypatch.setattr(module, "judged_links", judged)
+    monkeypatch.setattr(module, "plan_links_at_risk", spied)
+    answer = plan_arm_with_risk(problem, setting, estimate, risk=0.2, mount_covariance=COVARIANCE)
+    assert answer.ok == (misses < 9)
+    assert ("1.00 mm are missing" in answer.plan.reason) == (not answer.ok)
+    assert answer.links.risk == pytest.approx(0.1)
+    for risk, executions, seed in checked:
+        assert (risk, len(executions.points), seed) == (pytest.approx(0.1), 2000, 1)
+    assert drawn[0] == (pytest.approx(0.1), 500)
+    if misses:
+        assert drawn[-1][0] < 0.1
+        assert drawn[-1][1] == 2000
+    assert [first for first, _ in begun] == [0.0, *(last for _, last in begun[:-1])]

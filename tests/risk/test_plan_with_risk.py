@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.estimation import EstimateSamples, estimate_two_view
 from omniservo.planning import PlanningProblem, Sphere, plan_path
 from omniservo.risk import plan_with_risk
-from omniservo.risk.executions import IMAGE, Executions
+from omniservo.risk.executions import IMAGE, Executions, _columns
 from omniservo.risk.safe_path import allowed_violations, joint_shift, upper_bound
 from omniservo.risk.servo_response import servo_response
 from omniservo.servoing import RestToRestLaw
@@ -110,7 +110,7 @@ def test_a_lens_error_that_estimate_and_servo_share_leaves_the_start_where_it_is
     obstacle = runs.constraints.index("clearance obstacle 0")
     at_start = runs._run(
         runs._response(plan.path, np.array([0.0])),
-        np.ones((1, len(runs._columns())), dtype=np.bool_), runs.points, runs.camera, 1,
+        np.ones((1, len(_columns(problem))), dtype=np.bool_), runs.points, runs.camera, 1,
     )[:, 0]  # fmt: skip
     along = runs.margins(plan.path, np.empty(0))[:, obstacle]
     clearances = at_start[:, 0]

@@ -25,7 +25,7 @@ from omniservo.estimation.uncertainty.joint_uncertainty import (
 from omniservo.estimation.uncertainty.likelihood_samples import likelihood_samples
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 FORMAT = "omniservo.estimate/1"
 
@@ -136,6 +136,7 @@ class TwoViewEstimate:
         count: int,
         sources: tuple[Source, ...] = SOURCES,
         camera: UnifiedCamera | None = None,
+        rows: IntArray | None = None,
     ) -> EstimateSamples:
         """Return ``count`` equally likely motions and structures: (x + dx)(1 + ε), see `JointUncertainty`.
 
@@ -145,6 +146,7 @@ class TwoViewEstimate:
             sources: what is uncertain: "noise" of the pixels, "scale", "calibration"; the rest stands still.
             camera: that took both images: where few noisy points leave curved valleys, the samples are then
                 those of the likelihood; without it, of the normal law that is stretched over them.
+            rows: (m,) inliers whose points alone are wanted: ``points`` is then (count, m, 3). None: all.
 
         Raises:
             InputError: there is no pose, no uncertainty with it, or no such source.
@@ -155,6 +157,9 @@ class TwoViewEstimate:
             raise InputError(f"estimate: status {self.status!r} with {what}; nothing can be sampled")
         if unknown := [s for s in sources if s not in SOURCES]:
             raise InputError(f"sources: {unknown[0]!r} given; legal: {', '.join(SOURCES)}")
+        inliers = np.flatnonzero(self.inliers)
+        chosen = np.arange(len(inliers)) if rows is None else np.searchsorted(inliers, rows)
+        measured, law = law.pixel_sigma, law if rows is None else law.of_points(chosen)
         streams = rng.spawn(3)
         factor = 1.0 + self.scale_sigma * streams[0].standard_normal(count) * ("scale" in sources)
         moved, lens = law.draw_calibration(streams[1], count)
@@ -162,17 +167,19 @@ class TwoViewEstimate:
             moved, lens = 0.0 * moved, 0.0 * lens
         if "noise" in sources:
             tau = law.taus(streams[2], count)
-            if law.pixel_sigma is None or camera is None:
+            if measured is None or camera is None:
                 moved += law.draw_noise(streams[2], tau)
             else:
                 views = [self.points[self.inliers], pose.inv().apply(self.points[self.inliers])]
                 fitted = np.concatenate([camera.project(p)[0] for p in views], axis=1)
                 pixels = fitted - self.residuals_px[self.inliers]
-                matches = Matches.of_pixels(camera, pixels, law.pixel_sigma)
-                moved += likelihood_samples(matches, pose, views[0], law, tau, streams[2])
-        points = np.full((count, *self.points.shape), math.nan)
-        seen = self.points[self.inliers] + moved[:, 6:].reshape(count, -1, 3)
-        points[:, self.inliers] = factor[:, None, None] * seen
+                matches = Matches.of_pixels(camera, pixels, measured)
+                moved += likelihood_samples(matches, pose, views[0], law, tau, streams[2], chosen)
+        seen = factor[:, None, None] * (self.points[inliers[chosen]] + moved[:, 6:].reshape(count, -1, 3))
+        points = seen
+        if rows is None:
+            points = np.full((count, *self.points.shape), math.nan)
+            points[:, inliers] = seen
         translation = factor[:, None] * (pose.translation + moved[:, :3])
         rotation = pose.rotation * Rotation.from_rotvec(moved[:, 3:6])
         return EstimateSamples(RigidTransform.from_components(translation, rotation), points, lens)

@@ -9,11 +9,22 @@ from omniservo.cameras.unified_kernels import project_point
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.planning.certificate.margin_kinds import CLEARANCE
+from omniservo.planning.certificate.margin_kinds import CIRCLE, CLEARANCE, DOMAIN, EDGE, LEAST
 from omniservo.planning.certificate.seen_margins import centre_margin, smallest_at
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.constraints.place import AT, place
+from omniservo.planning.constraints.place import AT, NORM, TX, TY, TZ
+from omniservo.planning.constraints.visibility import OUTSIDE
+from omniservo.risk.sample_blocks import LANES, SIDE, block_twists, load_block
 from omniservo.risk.servo_response import ServoResponse
+
+_ROTATION = tuple(np.uint64(a) * SIDE for a in range(9))
+"""rows of a block of poses (13 rows, as `place` has them): the rotation's,"""
+
+_TX, _TY, _TZ, _NORM = (np.uint64(a) * SIDE for a in (TX, TY, TZ, NORM))
+"""the centre's, and ‖φ‖²"""
+
+_NUMBERS = NORM + 1
+_TWIST = tuple(np.uint64(a) * SIDE for a in range(6))
 
 
 class Drawn(NamedTuple):
@@ -45,75 +56,189 @@ def executed_margins(
     """
     constraints = held(constraints)
     points, camera = drawn
-    n, count = points.shape[1], entries.shape[0]
-    phi, t, one = np.empty((4, 1)), np.empty((3, 1)), np.ones(1)
-    pose, c, turn = np.empty(14), np.empty((n, 4)), np.empty((3, 4))
-    for i in range(response.places.shape[0]):
-        if not active[i].any():
-            continue
-        pose[AT] = response.places[i]
-        for k in range(points.shape[0]):
-            for a in range(4):
-                phi[a, 0] = response.quaternions[i, a]
-            for a in range(3):
-                t[a, 0] = response.translations[i, a]
-            place(phi, t, one, one, points[k], pose, c, turn)
-            _servo(response, i, camera[k], c, phi, t, pose)
-            place(phi, t, one, one, points[k], pose, c, turn)
-            _bend(response, i, camera[k], c)
-            row = margins[k, min(i, margins.shape[1] - 1)]
+    samples, n, count = points.shape[0], points.shape[1], entries.shape[0]
+    h, lens = np.empty(3 * n * LANES), np.empty(camera.shape[1] * LANES)
+    gaps, twist, poses = np.empty(3 * LANES), np.empty(6 * LANES), np.empty(_NUMBERS * LANES)
+    c, least, pose, seen = np.empty(4 * n * LANES), np.empty(LANES), np.empty(14), np.empty((n, 4))
+    for first in range(0, samples, LANES):
+        load_block(points, camera, first, h, lens)
+        size = min(LANES, samples - first)
+        for i in range(response.places.shape[0]):
+            if not active[i].any():
+                continue
+            block_twists(response, i, h, lens, gaps, twist)
+            _moved_poses(
+                response.quaternions[i], response.rotations[i], response.translations[i], twist, poses
+            )
+            for j in range(n):
+                _see(h, j, poses, c)
+            _bend(response.lens[i], lens, c)
+            pose[AT], depth = response.places[i], min(i, margins.shape[1] - 1)
             for e in range(count):
                 if not active[i, e]:
                     continue
                 kind = int(entries[e, 0])
-                if kind >= CLEARANCE:
-                    row[e] = min(row[e], centre_margin(kind, int(entries[e, 1]), constraints, pose))
+                if kind in (EDGE, CIRCLE, DOMAIN, LEAST):
+                    _smallest(entries[e], constraints, optics, c, least)
                 else:
-                    row[e] = min(row[e], smallest_at(entries[e], constraints, optics, pose, c, points[k])[0])
+                    for k in range(size):
+                        _pose_of(poses, k, pose)
+                        if kind >= CLEARANCE:
+                            least[k] = centre_margin(kind, int(entries[e, 1]), constraints, pose)
+                        else:
+                            _seen_by(c, k, seen)
+                            there = points[first + k]
+                            least[k] = smallest_at(entries[e], constraints, optics, pose, seen, there)[0]
+                for k in range(size):
+                    margins[first + k, depth, e] = min(margins[first + k, depth, e], least[k])
             if frame.shape[0] > 0:
-                _see_frame(frame, c, row[count:])
-
-
-@kernel
-def _servo(
-    response: ServoResponse,
-    i: int,
-    camera: FloatArray,
-    c: FloatArray,
-    phi: FloatArray,
-    t: FloatArray,
-    pose: FloatArray,
-) -> None:
-    """Move φ (4, 1) and t (3, 1) by −J⁺(s − s_p), s from the camera points c (n, 4)."""
-    twist = np.zeros(6)
-    inverse = response.inverse[i]
-    for j in range(c.shape[0]):
-        for a in range(3):
-            gap = c[j, a] * c[j, 3] - response.planned[i, j, a]
-            for p in range(camera.shape[0]):
-                gap += response.lens[i, j, a, p] * camera[p]
-            for b in range(6):
-                twist[b] -= inverse[b, 3 * j + a] * gap
-    for a in range(3):
-        t[a, 0] += pose[3 * a] * twist[0] + pose[3 * a + 1] * twist[1] + pose[3 * a + 2] * twist[2]
-    x, y, z, w = phi[0, 0], phi[1, 0], phi[2, 0], phi[3, 0]
-    a, b, d = 0.5 * twist[3], 0.5 * twist[4], 0.5 * twist[5]
-    phi[0, 0] = x + w * a + y * d - z * b
-    phi[1, 0] = y + w * b + z * a - x * d
-    phi[2, 0] = z + w * d + x * b - y * a
-    phi[3, 0] = w - x * a - y * b - z * d
+                for k in range(size):
+                    _seen_by(c, k, seen)
+                    _see_frame(frame, seen, margins[first + k, depth, count:])
 
 
 @leaf
-def _bend(response: ServoResponse, i: int, camera: FloatArray, c: FloatArray) -> None:
-    """Turn camera points c (n, 4) to where the stated camera would see them."""
-    if camera.shape[0] == 0:
-        return
-    for j in range(c.shape[0]):
-        distance = 1.0 / c[j, 3]
+def _moved_poses(
+    phi: FloatArray, rotation: FloatArray, t: FloatArray, twist: FloatArray, poses: FloatArray
+) -> None:
+    """Write the poses that twists (6 rows) lead to from the planned one: φ (4,), its rotation, t."""
+    x, y, z, w = phi[0], phi[1], phi[2], phi[3]
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = _ROTATION
+    vx, vy, vz, ox, oy, oz = _TWIST
+    for a in range(3):
+        row, start = np.uint64(TX + a) * SIDE, t[a]
+        by_x, by_y, by_z = rotation[a, 0], rotation[a, 1], rotation[a, 2]
+        for k in range(SIDE):
+            poses[row + k] = start + by_x * twist[vx + k] + by_y * twist[vy + k] + by_z * twist[vz + k]
+    for k in range(SIDE):
+        a, b, d = 0.5 * twist[ox + k], 0.5 * twist[oy + k], 0.5 * twist[oz + k]
+        p, q = x + w * a + y * d - z * b, y + w * b + z * a - x * d
+        r, m = z + w * d + x * b - y * a, w - x * a - y * b - z * d
+        poses[_NORM + k] = p * p + q * q + r * r + m * m
+        f = 2.0 / max(p * p + q * q + r * r + m * m, 1e-12)
+        poses[xx + k], poses[xy + k] = 1.0 - f * (q * q + r * r), f * (p * q - r * m)
+        poses[xz + k], poses[yx + k] = f * (p * r + q * m), f * (p * q + r * m)
+        poses[yy + k], poses[yz + k] = 1.0 - f * (p * p + r * r), f * (q * r - p * m)
+        poses[zx + k], poses[zy + k] = f * (p * r - q * m), f * (q * r + p * m)
+        poses[zz + k] = 1.0 - f * (p * p + q * q)
+
+
+@leaf
+def _see(h: FloatArray, j: int, poses: FloatArray, c: FloatArray) -> None:
+    """Write point j as each sample's camera sees it."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = _ROTATION
+    x, o = np.uint64(3 * j) * SIDE, np.uint64(4 * j) * SIDE
+    y, z = x + SIDE, x + SIDE + SIDE
+    o1, o2, o3 = o + SIDE, o + SIDE + SIDE, o + SIDE + SIDE + SIDE
+    for k in range(SIDE):
+        a, b, d = h[x + k] - poses[_TX + k], h[y + k] - poses[_TY + k], h[z + k] - poses[_TZ + k]
+        c[o + k] = poses[xx + k] * a + poses[yx + k] * b + poses[zx + k] * d
+        c[o1 + k] = poses[xy + k] * a + poses[yy + k] * b + poses[zy + k] * d
+        c[o2 + k] = poses[xz + k] * a + poses[yz + k] * b + poses[zz + k] * d
+        c[o3 + k] = 1.0 / max(math.sqrt(a * a + b * b + d * d), 1e-12)
+
+
+@leaf
+def _bend(slopes: FloatArray, lens: FloatArray, c: FloatArray) -> None:
+    """Turn what is seen to where the stated camera would see it, slopes (n, 3, p)."""
+    for j in range(slopes.shape[0]):
+        o3 = np.uint64(4 * j + 3) * SIDE
         for a in range(3):
-            for p in range(camera.shape[0]):
-                c[j, a] += distance * response.lens[i, j, a, p] * camera[p]
+            o = np.uint64(4 * j + a) * SIDE
+            for p in range(slopes.shape[2]):
+                slope, parameter = slopes[j, a, p], np.uint64(p) * SIDE
+                for k in range(SIDE):
+                    c[o + k] += slope * lens[parameter + k] / c[o3 + k]
+
+
+@kernel
+def _smallest(
+    entry: FloatArray, constraints: Constraints, optics: FloatArray, c: FloatArray, least: FloatArray
+) -> None:
+    """Write what an EDGE, CIRCLE, DOMAIN or LEAST entry leaves: as `camera_margin`, without branches.
+
+    The largest angle is that of the smallest cosine.
+    """
+    kind, n = int(entry[0]), c.shape[0] // (4 * LANES)
+    least[:] = math.inf
+    for j in range(n):
+        if kind == EDGE:
+            _lower_to_edge(constraints.limits[int(entry[1])], float(entry[2]), optics[0], c, j, least)
+        elif kind == CIRCLE:
+            _lower_to_circle(optics, c, j, least)
+        elif kind == LEAST:
+            _lower_to_distance(constraints.least_distance, c, j, least)
+        else:
+            _lower_to_cosine(c, j, least)
+    if kind == DOMAIN:
+        for k in range(LANES):
+            cosine = least[k]
+            least[k] = optics[4] - math.atan2(math.sqrt(max(1.0 - cosine * cosine, 0.0)), cosine)
+
+
+@leaf
+def _lower_to_edge(
+    limit: FloatArray, scale: float, xi: float, c: FloatArray, j: int, least: FloatArray
+) -> None:
+    """Lower ``least`` to what an edge leaves to point j."""
+    o = np.uint64(4 * j) * SIDE
+    o1, o2, o3 = o + SIDE, o + SIDE + SIDE, o + SIDE + SIDE + SIDE
+    nx, ny, nz, bound = limit[0], limit[1], limit[2], limit[3]
+    for k in range(SIDE):
+        x, y, z, rho = c[o + k], c[o1 + k], c[o2 + k], 1.0 / c[o3 + k]
+        d = z + xi * rho
+        value = (bound * rho - nx * x - ny * y - nz * z) / d * scale
+        value = value if d > 0.0 else OUTSIDE
+        least[k] = value if value < least[k] else least[k]
+
+
+@leaf
+def _lower_to_circle(optics: FloatArray, c: FloatArray, j: int, least: FloatArray) -> None:
+    """Lower ``least`` to what the circle leaves to point j."""
+    o = np.uint64(4 * j) * SIDE
+    o1, o2, o3 = o + SIDE, o + SIDE + SIDE, o + SIDE + SIDE + SIDE
+    xi, radius, size, margin = optics[0], optics[1], optics[2], optics[3]
+    for k in range(SIDE):
+        x, y, z, rho = c[o + k], c[o1 + k], c[o2 + k], 1.0 / c[o3 + k]
+        d = z + xi * rho
+        value = (radius - math.sqrt(x * x + y * y) / d) * size - margin
+        value = value if d > 0.0 else OUTSIDE
+        least[k] = value if value < least[k] else least[k]
+
+
+@leaf
+def _lower_to_distance(asked: float, c: FloatArray, j: int, least: FloatArray) -> None:
+    """Lower ``least`` to what the distance of point j is more than is asked."""
+    o3 = np.uint64(4 * j + 3) * SIDE
+    for k in range(SIDE):
+        value = 1.0 / c[o3 + k] - asked
+        least[k] = value if value < least[k] else least[k]
+
+
+@leaf
+def _lower_to_cosine(c: FloatArray, j: int, least: FloatArray) -> None:
+    """Lower ``least`` to the cosine of point j's angle to the optical axis."""
+    o = np.uint64(4 * j) * SIDE
+    o1, o2 = o + SIDE, o + SIDE + SIDE
+    for k in range(SIDE):
+        x, y, z = c[o + k], c[o1 + k], c[o2 + k]
+        value = z / math.sqrt(x * x + y * y + z * z)
+        least[k] = value if value < least[k] else least[k]
+
+
+@leaf
+def _pose_of(poses: FloatArray, k: int, pose: FloatArray) -> None:
+    """Write one sample's pose (14,), but for its w."""
+    for a in range(_NUMBERS):
+        pose[a] = poses[a * LANES + k]
+
+
+@leaf
+def _seen_by(c: FloatArray, k: int, seen: FloatArray) -> None:
+    """Write one sample's camera points (n, 4)."""
+    for j in range(seen.shape[0]):
+        for a in range(4):
+            seen[j, a] = c[(4 * j + a) * LANES + k]
 
 
 @leaf

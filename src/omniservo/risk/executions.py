@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,20 +39,27 @@ class Executions:
     """(K, p) parameters' deviations"""
 
     @classmethod
-    def of(cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray) -> Executions:
-        """Return those of an estimate's samples; the problem's points are these rows of its.
+    def of(
+        cls, problem: PlanningProblem, samples: EstimateSamples, rows: IntArray | None = None
+    ) -> Executions:
+        """Return those of an estimate's samples; the problem's points are these rows of theirs, or all.
 
         Raises:
             InputError: a distorted camera with a mask, whose pixels are not looked at.
         """
         if problem.camera.is_distorted and problem.camera.mask:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
-        return cls(problem, np.ascontiguousarray(samples.points[:, rows]), samples.camera.copy())
+        points = samples.points if rows is None else samples.points[:, rows]
+        return cls(problem, np.ascontiguousarray(points), samples.camera.copy())
 
     @property
     def constraints(self) -> tuple[str, ...]:
         """Names of what more can be required of: metres by the certificate's names, and `IMAGE`."""
-        return tuple(dict.fromkeys(self._columns()))
+        return constraints_of(self.problem)
+
+    def of_samples(self, rows: IntArray) -> Executions:
+        """Return these samples (k,) alone."""
+        return replace(self, points=self.points[rows], camera=self.camera[rows])
 
     def margins(self, path: CameraPath, critical: FloatArray) -> FloatArray:
         """Return the smallest margin (K, d) of each sample and constraint along the executed path [m], [px].
@@ -91,7 +98,7 @@ class Executions:
     def _planned_at(self, response: ServoResponse) -> FloatArray:
         """Return each column's margin (W, e + 2) with the points as estimated."""
         depth, points = len(response.places), self.problem.points[None].copy()
-        everything = np.ones((depth, len(self._columns())), dtype=np.bool_)
+        everything = np.ones((depth, len(_columns(self.problem))), dtype=np.bool_)
         found = self._run(response, everything, points, np.zeros((1, self.camera.shape[1])), depth)
         return np.asarray(found[0])
 
@@ -107,23 +114,29 @@ class Executions:
 
     def _grouped(self, found: FloatArray) -> FloatArray:
         """Return the smallest of each constraint (K, d) of columns (K, e + 2)."""
-        names, result = self._columns(), np.full((len(found), len(self.constraints)), math.inf)
+        names, result = _columns(self.problem), np.full((len(found), len(self.constraints)), math.inf)
         places_of = {name: g for g, name in enumerate(self.constraints)}
         for column, (name, unit) in enumerate(zip(names, self._units(), strict=True)):
             g = places_of[name]
             result[:, g] = np.minimum(result[:, g], unit * found[:, column])
         return result
 
-    def _columns(self) -> list[str]:
-        """Return the constraint that each column of the kernel's result belongs to."""
-        entries = constraint_table_of(self.problem).entries
-        return [IMAGE if e.unit in ("px", "rad", "1") else e.name for e in entries] + [IMAGE, IMAGE]
-
     def _units(self) -> list[float]:
         """Return the factor of each column to [m] or [px]; what does not change counts as infinitely far."""
         focal = min(abs(self.problem.camera.fx), abs(self.problem.camera.fy))
         factors = {"m": 1.0, "px": 1.0, "rad": focal, "1": math.inf}
         return [factors[e.unit] for e in constraint_table_of(self.problem).entries] + [1.0, 1.0]
+
+
+def constraints_of(problem: PlanningProblem) -> tuple[str, ...]:
+    """Return names of what more can be required of: metres by the certificate's names, and `IMAGE`."""
+    return tuple(dict.fromkeys(_columns(problem)))
+
+
+def _columns(problem: PlanningProblem) -> list[str]:
+    """Return the constraint that each column of the kernel's result belongs to."""
+    entries = constraint_table_of(problem).entries
+    return [IMAGE if e.unit in ("px", "rad", "1") else e.name for e in entries] + [IMAGE, IMAGE]
 
 
 def _frame(problem: PlanningProblem) -> FloatArray:

@@ -15,8 +15,9 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.executions import Executions
 from omniservo.risk.gap_slopes import gap_slopes
 from omniservo.risk.risk_plan import LinkMargin
-from omniservo.risk.safe_path import CONFIDENCE, allowed_violations
-from omniservo.risk.servo_response import ServoResponse, servo_response
+from omniservo.risk.safe_path import CONFIDENCE, Draw, allowed_violations
+from omniservo.risk.sample_blocks import resting_twists
+from omniservo.risk.servo_response import servo_response
 from omniservo.robots import ArmBodies, JointPath
 from omniservo.whole_arm.arm_plan import ArmPlan
 from omniservo.whole_arm.arm_setting import ArmSetting
@@ -54,8 +55,9 @@ def plan_links_at_risk(
     risk: float,
     *,
     mount_covariance: FloatArray | None = None,
-    executions: Executions | None = None,
+    draw: Draw | None = None,
     seed: int = 0,
+    begin: float = 0.0,
 ) -> tuple[ArmPlan, LinkMargin]:
     """Return a plan whose gaps keep what is asked but for a share ``risk`` of mounts and estimates.
 
@@ -68,37 +70,70 @@ def plan_links_at_risk(
         risk: 0 < risk < 1.
         mount_covariance: (6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on
             the right [rad], as a hand-eye calibration states it; None: exact.
-        executions: what points and camera may truly be; None: as the problem has them.
+        draw: gives what points and camera may truly be; None: as the problem has them.
         seed: see `plan_with_arm`; of the mounts, too.
+        begin: clearance that is added at first [m]; where nothing is found with it, none is.
 
     Raises:
-        InputError: see `plan_with_arm`; a covariance or a risk that is not legal, too few executions for it.
+        InputError: see `plan_with_arm`; a covariance or a risk that is not legal, too few samples for it.
     """
     finite_number("risk", risk, above=0.0, maximum=1.0)
+    if mount_covariance is not None:
+        finite_array("mount_covariance", mount_covariance, (6, 6))
+    asked, added = setting.clearance_around, begin
+    for _ in range(ROUNDS):
+        found = plan_with_arm(problem, replace(setting, clearance=asked + added), seed=seed)
+        if added and added == begin and not found.certified:
+            added = 0.0
+            continue
+        if not found.certified or found.branch is None:
+            return _without(found, added), LinkMargin(risk, 1.0, 0.0, 0.0, added)
+        executions = None if draw is None else draw()
+        margin, needed = judged_links(found, setting, risk, mount_covariance, executions, seed)
+        margin = replace(margin, added=added)
+        if needed <= 0.0:
+            return found, margin
+        added += AHEAD * needed
+    reason = missing_for_links(needed, margin.added)
+    return replace(found, plan=replace(found.plan, status="not_found", reason=reason)), margin
+
+
+def missing_for_links(needed: float, added: float) -> str:
+    """Say by how much too narrow the gaps of the best attempt are [m]."""
+    return (
+        "no path was found that an uncertain camera mount and estimate leave clear for the arm: "
+        f"{1e3 * needed:.2f} mm are missing, {1e3 * added:.2f} mm having been added"
+    )
+
+
+def judged_links(
+    found: ArmPlan,
+    setting: ArmSetting,
+    risk: float,
+    mount_covariance: FloatArray | None,
+    executions: Executions | None,
+    seed: int,
+) -> tuple[LinkMargin, float]:
+    """Return what mounts and executions do to the gaps of a certified plan, and what is missing [m].
+
+    Not above 0: the share that misses anything is within the risk (95% upper bound).
+
+    Raises:
+        InputError: too few executions for the risk.
+    """
     count = max(LEAST_SAMPLES, math.ceil(RARE / risk)) if executions is None else len(executions.points)
     most = allowed_violations(risk, count)
     if most < 0:
         least = math.ceil(math.log(1.0 - CONFIDENCE) / math.log1p(-risk))
         raise InputError(f"executions: {count} given; a risk of {risk:g} needs at least {least} of them")
+    if found.branch is None or found.plan.path is None:
+        return LinkMargin(risk, 1.0, 0.0, 0.0, 0.0), math.inf
     mounts = _mounts(setting, mount_covariance, count, seed)
-    asked, added = setting.clearance_around, 0.0
-    for _ in range(ROUNDS):
-        found = plan_with_arm(problem, replace(setting, clearance=asked + added), seed=seed)
-        if not found.certified or found.branch is None or found.plan.path is None:
-            return _without(found, added), LinkMargin(risk, 1.0, 0.0, 0.0, added)
-        bodies = setting.bodies(problem.obstacles)
-        taken = taken_by(setting, bodies, found.plan.path, found.branch, mounts, executions)
-        needed = -float(np.sort(taken.left)[most])
-        mount, estimate = (float(np.quantile(part, 1.0 - risk)) for part in (taken.mount, taken.estimate))
-        margin = LinkMargin(risk, float((taken.left < 0.0).mean()), mount, estimate, added)
-        if needed <= 0.0:
-            return found, margin
-        added += AHEAD * needed
-    reason = (
-        "no path was found that an uncertain camera mount and estimate leave clear for the arm: "
-        f"{1e3 * needed:.2f} mm are missing, {1e3 * margin.added:.2f} mm having been added"
-    )
-    return replace(found, plan=replace(found.plan, status="not_found", reason=reason)), margin
+    bodies = setting.bodies(found.plan.problem.obstacles)
+    taken = taken_by(setting, bodies, found.plan.path, found.branch, mounts, executions)
+    mount, estimate = (float(np.quantile(part, 1.0 - risk)) for part in (taken.mount, taken.estimate))
+    violated = float((taken.left < 0.0).mean())
+    return LinkMargin(risk, violated, mount, estimate, 0.0), -float(np.sort(taken.left)[most])
 
 
 def _without(found: ArmPlan, added: float) -> ArmPlan:
@@ -121,32 +156,26 @@ def taken_by(
     """Return what errors of the mount (K, 6), in the camera's frame, and K executions do to the gaps."""
     count = len(mounts)
     found = Taken(np.full(count, math.inf), np.zeros(count), np.zeros(count))
-    for w in np.linspace(0.0, 1.0, _PLACES):
-        slopes = gap_slopes(setting, bodies, path(float(w)), branch(float(w)))
-        if not len(slopes.left):
-            continue
-        by_mount = mounts @ slopes.by_mount.T
-        by_estimate = np.zeros_like(by_mount)
-        if executions is not None:
-            by_estimate = resting_moves(executions, path, float(w)) @ slopes.by_move.T
-        np.minimum(found.left, (slopes.left + by_mount + by_estimate).min(axis=1), out=found.left)
+    places = np.linspace(0.0, 1.0, _PLACES)
+    joints = branch(places)
+    at = [gap_slopes(setting, bodies, path(float(w)), q) for w, q in zip(places, joints, strict=True)]
+    close = [i for i, slopes in enumerate(at) if len(slopes.left)]
+    moves = None if executions is None or not close else resting_moves(executions, path, places[close])
+    for number, i in enumerate(close):
+        by_mount = mounts @ at[i].by_mount.T
+        by_estimate = np.zeros_like(by_mount) if moves is None else moves[number] @ at[i].by_move.T
+        np.minimum(found.left, (at[i].left + by_mount + by_estimate).min(axis=1), out=found.left)
         np.maximum(found.mount, -by_mount.min(axis=1), out=found.mount)
         np.maximum(found.estimate, -by_estimate.min(axis=1), out=found.estimate)
     return found
 
 
-def resting_moves(executions: Executions, path: CameraPath, w: float) -> FloatArray:
-    """Return the twists (K, 6), in the camera's frame, by which the servo rests beside the path."""
+def resting_moves(executions: Executions, path: CameraPath, places: FloatArray) -> FloatArray:
+    """Return the twists (W, K, 6), in the camera's frame, by which the servo rests beside the path."""
     problem, camera = executions.problem, executions.camera
-    response: ServoResponse = servo_response(
-        problem.camera, problem.points, path, np.array([w]), camera.shape[1]
-    )
-    pose = path(w)
-    seen = (executions.points - pose.translation) @ pose.rotation.as_matrix()
-    gaps = seen / np.linalg.norm(seen, axis=2, keepdims=True) - response.planned[0]
-    if camera.shape[1]:
-        gaps += np.einsum("nap,kp->kna", response.lens[0], camera)
-    moves: FloatArray = -gaps.reshape(len(gaps), -1) @ response.inverse[0].T
+    response = servo_response(problem.camera, problem.points, path, places, camera.shape[1])
+    moves = np.empty((len(places), len(camera), 6))
+    resting_twists(response, executions.points, camera, moves)
     return moves
 
 
@@ -154,7 +183,6 @@ def _mounts(setting: ArmSetting, covariance: FloatArray | None, count: int, seed
     """Return errors of the mount (count, 6) in the camera's frame."""
     if covariance is None:
         return np.zeros((count, 6))
-    finite_array("mount_covariance", covariance, (6, 6))
     to_camera = np.eye(6)
     to_camera[:3, :3] = setting.flange_T_camera.rotation.as_matrix().T
     values, vectors = np.linalg.eigh(to_camera @ covariance @ to_camera.T)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import math
+import time
 from dataclasses import replace
 
-import numpy as np
 import numpy.typing as npt
 
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.risk.executions import Executions
-from omniservo.risk.link_margin import LEAST_SAMPLES, RARE, plan_links_at_risk
-from omniservo.risk.plan_with_risk import followed_rows, plan_with_risk, problem_of_estimate
+from omniservo.risk.link_margin import judged_links, missing_for_links, plan_links_at_risk
+from omniservo.risk.plan_with_risk import (
+    LEAST_RISK,
+    MOST_RISK,
+    STRICTER,
+    followed_rows,
+    plan_with_risk,
+    problem_of_estimate,
+    searched,
+)
 from omniservo.risk.risk_plan import LinkMargin, RiskPlan
+from omniservo.risk.samples import Samples
+from omniservo.whole_arm.arm_plan import ArmPlan
 from omniservo.whole_arm.arm_setting import ArmSetting
 from omniservo.whole_arm.plan_with_arm import plan_with_arm
 
@@ -56,20 +64,63 @@ def plan_arm_with_risk(
             problem, estimate, risk=risk, points=points, seed=seed,
             planner=lambda asked, seed: plan_with_arm(asked, setting, seed=seed).plan,
         )  # fmt: skip
-    rows = followed_rows(estimate, points)
-    links = LINKS_PART * risk
-    count = max(LEAST_SAMPLES, math.ceil(RARE / links)) if 0.0 < links < 1.0 else LEAST_SAMPLES
-    samples = estimate.sample(np.random.default_rng([seed, 3]), count, camera=problem.camera)
-    executions = Executions.of(problem_of_estimate(problem, estimate, rows), samples, rows)
-    margins: list[tuple[Plan, LinkMargin]] = []
+    begin = time.perf_counter()
+    finite_number("risk", risk, minimum=LEAST_RISK / (1.0 - LINKS_PART), maximum=MOST_RISK)
+    rows, links = followed_rows(estimate, points), LINKS_PART * risk
+    samples = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk - links, seed)
+    planner = _LinksAtRisk(samples, setting, links, mount_covariance)
+    answer = searched(samples, begin, planner.plan, planner.missing)
+    return replace(answer, links=planner.margin_of(answer.plan))
 
-    def with_arm(asked: PlanningProblem, seed: int) -> Plan:
+
+class _LinksAtRisk:
+    """Plans whose gaps allow for what is uncertain; it begins with the clearance that it added last."""
+
+    def __init__(
+        self, samples: Samples, setting: ArmSetting, risk: float, mount_covariance: FloatArray | None
+    ) -> None:
+        """Add nothing yet."""
+        self._samples, self._setting, self._risk, self._mounts = samples, setting, risk, mount_covariance
+        self._stricter, self._added = iter(STRICTER), 0.0
+        self._draw, self._share = samples.draws[0], risk * next(self._stricter)
+        self._found: list[tuple[ArmPlan, LinkMargin]] = []
+
+    def plan(self, asked: PlanningProblem, seed: int) -> Plan:
+        """Return a plan that the samples of the search allow."""
         found, margin = plan_links_at_risk(
-            asked, setting, links, mount_covariance=mount_covariance, executions=executions, seed=seed
-        )
-        margins.append((found.plan, margin))
+            asked, self._setting, self._share,
+            mount_covariance=self._mounts, draw=self._draw, seed=seed, begin=self._added,
+        )  # fmt: skip
+        if found.certified:
+            self._added = margin.added
+        self._found.append((found, margin))
         return found.plan
 
-    answer = plan_with_risk(problem, estimate, risk=risk - links, points=points, seed=seed, planner=with_arm)
-    of_plan = [m for plan, m in margins if plan.path is not None and plan.path is answer.plan.path]
-    return replace(answer, links=of_plan[-1] if of_plan else None)
+    def missing(self, plan: Plan) -> str:
+        """Return what the gaps of a plan miss by samples that had no part in the search; "": nothing.
+
+        What is planned from then on is searched with more samples, for less risk.
+        """
+        at = self._at(plan)
+        if at is None or not self._found[at][0].certified:
+            return ""
+        found, searched_for = self._found[at]
+        margin, needed = judged_links(
+            found, self._setting, self._risk, self._mounts, self._samples.check, self._samples.seed + 1
+        )
+        self._found[at] = found, replace(margin, added=searched_for.added)
+        if needed <= 0.0:
+            return ""
+        self._draw = self._samples.draws[-1]
+        self._share = self._risk * next(self._stricter, STRICTER[-1])
+        return missing_for_links(needed, searched_for.added)
+
+    def margin_of(self, plan: Plan) -> LinkMargin | None:
+        """Return what was found with a plan; None: it is none of these."""
+        at = self._at(plan)
+        return None if at is None else self._found[at][1]
+
+    def _at(self, plan: Plan) -> int | None:
+        paths = [found.plan.path for found, _ in self._found]
+        same = [i for i, path in enumerate(paths) if path is not None and path is plan.path]
+        return same[-1] if same else None

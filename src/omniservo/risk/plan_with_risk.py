@@ -4,34 +4,28 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
-from omniservo.estimation.uncertainty.joint_uncertainty import SOURCES, Source
+from omniservo.estimation.uncertainty.joint_uncertainty import Source
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
 from omniservo.planning.camera_path import CameraPath
+from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.advice import sources_of, what_dominates, what_would_help
-from omniservo.risk.executions import IMAGE, Executions
+from omniservo.risk.executions import IMAGE, Executions, constraints_of
 from omniservo.risk.problem_around import NOT_METRIC
 from omniservo.risk.risk_plan import RiskPlan, UncertainMargin
 from omniservo.risk.safe_path import Planner, SafePath, camera_alone, critical_places, safe_path, upper_bound
+from omniservo.risk.samples import Samples
 
 LEAST_RISK = 1e-4
 MOST_RISK = 0.5
-
-SAMPLES = 2000
-RARE = 20
-"""At least so many samples are drawn for one expected violation."""
-
-FEW_SAMPLES = 400
-"""for the part that each source has"""
 
 PLANNED_PLACES = 101
 """Places where the planned margins are looked at."""
@@ -72,39 +66,58 @@ def plan_with_risk(
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
     rows = followed_rows(estimate, points)
-    asked = problem_of_estimate(problem, estimate, rows)
-    count = max(SAMPLES, math.ceil(RARE / risk))
-    draw = partial(_executions, asked, estimate, rows)
-    search, check = draw(count, seed), draw(count, seed + 1)
+    samples = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk, seed)
+    return searched(samples, begin, planner)
+
+
+def searched(
+    samples: Samples, begin: float, planner: Planner, keeps: Callable[[Plan], str] = lambda plan: ""
+) -> RiskPlan:
+    """Return the plan that samples are searched for, at their risk.
+
+    Args:
+        samples: of what is uncertain.
+        begin: when planning began [s].
+        planner: what plans.
+        keeps: says what a plan misses by samples that had no part in the search; "": nothing.
+    """
+    risk, count, draws, extra = samples.risk, samples.count, samples.draws, None
     for share in STRICTER:
-        found = safe_path(search, share * risk, seed, planner)
+        found = safe_path(samples.problem, draws, share * risk, samples.seed, planner, extra)
         path = found.plan.path
         if path is None or not len(found.margins):
             advice = "there is none without uncertainty either"
             return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, {}, advice, _since(begin))
-        margins = check.margins(path, critical_places(found.plan))
+        margins = samples.check.margins(path, critical_places(found.plan))
         predicted = float((margins < 0.0).any(axis=1).mean())
         bound = upper_bound(round(predicted * count), count)
-        ok = bound <= risk
+        missing = keeps(found.plan)
+        ok = bound <= risk and not missing
         if ok or not found.ok:
             break
-    parts = {s: draw(FEW_SAMPLES, seed + 2, (s,)) for s in sources_of(estimate)}
-    report = _uncertain_margins(check, path, found, margins, parts, risk) if path else {}
+        draws, extra = draws[-1:], found.extra
+    estimate = samples.estimate
+    parts = {s: samples.alone(s) for s in sources_of(estimate)}
+    report = _uncertain_margins(samples.check, path, found, margins, parts, risk) if path else {}
     plan, advice = found.plan, what_dominates(report)
     if not ok:
-        advice = what_would_help(
-            sources_of(estimate),
-            report,
-            lambda kept: safe_path(draw(count // 2, seed, kept), risk, seed, planner).ok,
-        )
-        plan = replace(plan, status="not_found", reason=f"{_reason(report, predicted, risk)}; {advice}")
-    most, image = _most_added(search, found)
+        if not missing:
+            advice = what_would_help(
+                sources_of(estimate),
+                report,
+                lambda kept: (
+                    safe_path(samples.problem, samples.draws_of(kept), risk, samples.seed, planner).ok
+                ),
+            )
+        reason = missing or _reason(report, predicted, risk)
+        plan = replace(plan, status="not_found", reason=f"{reason}; {advice}")
+    most, image = _most_added(found)
     return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
 
 
-def _most_added(search: Executions, found: SafePath) -> tuple[float, float]:
+def _most_added(found: SafePath) -> tuple[float, float]:
     """Return the most that was added to a distance [m], and what was to the image's margin [px]."""
-    extra = dict(zip(search.constraints, found.extra.tolist(), strict=True))
+    extra = dict(zip(constraints_of(found.plan.problem), found.extra.tolist(), strict=True))
     image = extra.pop(IMAGE)
     return max(extra.values(), default=0.0), image
 
@@ -152,18 +165,6 @@ def problem_of_estimate(
     if not estimate.is_metric:
         raise InputError(NOT_METRIC)
     return replace(problem, points=estimate.points[rows], initial_T_goal=estimate.initial_T_goal)
-
-
-def _executions(
-    problem: PlanningProblem,
-    estimate: TwoViewEstimate,
-    rows: IntArray,
-    count: int,
-    seed: int,
-    sources: tuple[Source, ...] = SOURCES,
-) -> Executions:
-    samples = estimate.sample(np.random.default_rng(seed), count, sources, problem.camera)
-    return Executions.of(problem, samples, rows)
 
 
 def _uncertain_margins(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -10,18 +10,22 @@ import numpy as np
 from scipy.special import betaincinv
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.widened import widened
-from omniservo.risk.executions import IMAGE, Executions
+from omniservo.risk.executions import IMAGE, Executions, constraints_of
 
 CONFIDENCE = 0.95
 """of the bound on the share of violations that so many samples allow"""
 
 ROUNDS = 8
 """of planning; two or three are usual"""
+
+WORST = 16
+"""So many times the violations that are allowed are kept of the worst samples of each demand."""
 
 AHEAD = 1.05
 """A margin is widened by this part of what was missing: the next path is another one."""
@@ -65,42 +69,60 @@ def allowed_violations(risk: float, samples: int) -> int:
 Planner: TypeAlias = Callable[[PlanningProblem, int], Plan]
 """From a problem and a seed to a plan."""
 
+Draw: TypeAlias = Callable[[], Executions]
+"""What gives samples when they are first needed, and the same ones from then on."""
+
 
 def camera_alone(problem: PlanningProblem, seed: int) -> Plan:
     """Plan without an arm."""
     return plan_path(problem, seed=seed)
 
 
-def safe_path(executions: Executions, risk: float, seed: int, planner: Planner = camera_alone) -> SafePath:
+def safe_path(
+    problem: PlanningProblem,
+    draws: Sequence[Draw],
+    risk: float,
+    seed: int,
+    planner: Planner = camera_alone,
+    begin: FloatArray | None = None,
+) -> SafePath:
     """Return a certified plan whose executions violate a demand with at most ``risk``, or the best attempt.
 
     Margins are only widened for what the samples jointly need, and by no more than the end poses leave.
 
+    Args:
+        problem: as the estimate has it.
+        draws: samples to search with. Where the first ones already allow a plan the next are not drawn.
+        risk: the bound on the share of violations among them.
+        seed: of planning.
+        planner: what plans.
+        begin: what is added to each demand at first (d,) [m], [px]; None: nothing.
+
     Raises:
         InputError: what planning refuses in the problem itself.
     """
-    constraints = executions.constraints
-    allowed = allowed_violations(risk, len(executions.points))
-    extra, proven = np.zeros(len(constraints)), np.zeros(len(constraints))
+    constraints = constraints_of(problem)
+    extra = np.zeros(len(constraints)) if begin is None else begin
+    proven, search = np.zeros(len(constraints)), _Search(draws, risk)
     best = SafePath(
         False,
-        Plan(executions.problem, "not_found", None, None, 0.0, "certified"),
+        Plan(problem, "not_found", None, None, 0.0, "certified"),
         extra,
         np.empty((0, len(constraints))),
     )
     for _ in range(ROUNDS):
-        plan = _plan(executions, extra, seed, planner)
+        plan = _plan(problem, extra, seed, planner)
         if plan is None or plan.status != "certified" or plan.path is None:
-            if best.plan.path is None:
-                return replace(best, plan=plan or planner(executions.problem, seed))
+            if best.plan.path is None and not extra.any():
+                return replace(best, plan=plan or planner(problem, seed))
             if np.abs(extra - proven).max() < 1e-6:
                 break
-            extra = 0.5 * (extra + proven)
+            extra = proven if best.plan.path is None else 0.5 * (extra + proven)
             continue
-        margins = executions.margins(plan.path, critical_places(plan))
-        found = SafePath(False, plan, extra, margins)
-        if found.violations <= allowed:
-            return SafePath(True, plan, extra, margins)
+        ok, allowed, executions, margins = search.judged(plan, plan.path)
+        found = SafePath(ok, plan, extra, margins)
+        if ok:
+            return found
         if best.plan.path is None or found.violations <= best.violations:
             best = found
         proven = extra
@@ -109,6 +131,49 @@ def safe_path(executions: Executions, risk: float, seed: int, planner: Planner =
         if np.abs(extra - proven).max() < 1e-9:
             break
     return best
+
+
+class _Search:
+    """Samples that plans are judged by: at first the few, then all, from then on the worst of all first."""
+
+    def __init__(self, draws: Sequence[Draw], risk: float) -> None:
+        """Draw nothing yet."""
+        self._few, self._every, self._risk = list(draws[:-1]), draws[-1], risk
+        self._worst: Executions | None = None
+
+    def judged(self, plan: Plan, path: CameraPath) -> tuple[bool, int, Executions, FloatArray]:
+        """Return whether few enough samples violate a demand, how many may, and their margins (k, d).
+
+        The worst alone can say that too many do, but not that few enough do.
+        """
+        places = critical_places(plan)
+        while self._few:
+            found = self._of(self._few[0](), len(self._few[0]().points), path, places)
+            if found[0]:
+                return found
+            self._few.pop(0)
+        every = self._every()
+        if self._worst is not None:
+            found = self._of(self._worst, len(every.points), path, places)
+            if not found[0]:
+                return found
+        found = self._of(every, len(every.points), path, places)
+        self._worst = every.of_samples(worst_samples(found[3], WORST * (found[1] + 1)))
+        return found
+
+    def _of(
+        self, executions: Executions, count: int, path: CameraPath, places: FloatArray
+    ) -> tuple[bool, int, Executions, FloatArray]:
+        """Return that for samples out of so many."""
+        margins, allowed = executions.margins(path, places), allowed_violations(self._risk, count)
+        return int((margins < 0.0).any(axis=1).sum()) <= allowed, allowed, executions, margins
+
+
+def worst_samples(margins: FloatArray, count: int) -> IntArray:
+    """Return the samples that have one of the ``count`` smallest margins of any demand, margins (K, d)."""
+    if count >= len(margins):
+        return np.arange(len(margins))
+    return np.unique(np.argpartition(margins, count - 1, axis=0)[:count])
 
 
 def critical_places(plan: Plan) -> FloatArray:
@@ -132,10 +197,10 @@ def joint_shift(margins: FloatArray, allowed: int) -> FloatArray:
     return np.where(np.isfinite(shift), shift, 0.0)
 
 
-def _plan(executions: Executions, extra: FloatArray, seed: int, planner: Planner) -> Plan | None:
+def _plan(problem: PlanningProblem, extra: FloatArray, seed: int, planner: Planner) -> Plan | None:
     """Return the plan of the widened problem; None where nothing of image or workspace is left."""
-    metres = dict(zip(executions.constraints, extra.tolist(), strict=True))
+    metres = dict(zip(constraints_of(problem), extra.tolist(), strict=True))
     try:
-        return planner(widened(executions.problem, metres, metres.pop(IMAGE)), seed)
+        return planner(widened(problem, metres, metres.pop(IMAGE)), seed)
     except InputError:
         return None

@@ -24,6 +24,8 @@ class ServoResponse(NamedTuple):
     """(W,) w"""
     quaternions: FloatArray
     """(W, 4) planned, (x, y, z, w)"""
+    rotations: FloatArray
+    """(W, 3, 3) the same"""
     translations: FloatArray
     """(W, 3) planned [m]"""
     planned: FloatArray
@@ -41,7 +43,8 @@ def servo_response(
     """Return the response at ``places`` (W,) for points (n, 3) and so many uncertain camera parameters."""
     poses = path(places)
     turns, centres = poses.rotation, poses.translation
-    seen = np.einsum("wji,wnj->wni", turns.as_matrix(), points[None] - centres[:, None])
+    rotations = turns.as_matrix()
+    seen = np.einsum("wji,wnj->wni", rotations, points[None] - centres[:, None])
     distances = np.linalg.norm(seen, axis=2, keepdims=True)
     bearings = seen / distances
     n = len(points)
@@ -57,6 +60,7 @@ def servo_response(
     return ServoResponse(
         np.ascontiguousarray(places),
         np.ascontiguousarray(turns.as_quat()),
+        np.ascontiguousarray(rotations),
         np.ascontiguousarray(centres),
         np.ascontiguousarray(bearings),
         np.ascontiguousarray(inverse),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
 
 Source = Literal["noise", "scale", "calibration"]
 SOURCES: tuple[Source, ...] = get_args(Source)
@@ -71,6 +71,13 @@ class JointUncertainty:
         each = self.inflation * self.own + points @ np.swapaxes(points, 1, 2)
         return rows[:, :6].T @ rows[:, :6], each
 
+    def of_points(self, chosen: IntArray) -> JointUncertainty:
+        """Return the law of the motion and of these (k,) of the m points alone."""
+        columns = np.concatenate((np.arange(6), (6 + 3 * chosen[:, None] + np.arange(3)).ravel()))
+        sigma = None if self.pixel_sigma is None else self.pixel_sigma[chosen]
+        noise, calibration = self.noise[:, columns], self.calibration[:, columns]
+        return replace(self, noise=noise, own=self.own[chosen], calibration=calibration, pixel_sigma=sigma)
+
     def taus(self, rng: np.random.Generator, count: int) -> FloatArray:
         """Return samples of τ (count,)."""
         if math.isinf(self.freedom):
@@ -88,7 +95,8 @@ class JointUncertainty:
         values, vectors = np.linalg.eigh(self.own)
         half = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
         normal = rng.standard_normal((len(tau), len(self.own), 3))
-        return np.asarray(tau[:, None, None] * np.einsum("kmi,mji->kmj", normal, half))
+        drawn = np.matmul(normal.transpose(1, 0, 2), half.transpose(0, 2, 1)).transpose(1, 0, 2)
+        return np.asarray(tau[:, None, None] * drawn)
 
     def draw_calibration(self, rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray]:
         """Return what the camera does to x (count, 6 + 3m), and its parameters' deviations (count, p)."""
@@ -156,6 +164,6 @@ class EstimateSamples:
     initial_T_goal: RigidTransform
     """(count,)"""
     points: FloatArray
-    """(count, n, 3) [m], initial camera frame; NaN for a rejected match"""
+    """(count, n, 3) [m], initial camera frame; NaN for a rejected match; of the rows asked for, if any"""
     camera: FloatArray
     """(count, p) by how much the camera's parameters differ from the stated ones, p = 0, 5 or 9"""

@@ -37,16 +37,18 @@ def likelihood_samples(
     law: JointUncertainty,
     tau: FloatArray,
     rng: np.random.Generator,
+    shown: IntArray,
 ) -> FloatArray:
-    """Return samples of dx (K, 6 + 3n) by the likelihood.
+    """Return samples of dx (K, 6 + 3m) by the likelihood.
 
     Args:
         matches: the inliers' measured pixels, weighted by their σ.
         pose: initial_T_goal, the optimum.
         points: (n, 3) [m], the optimum.
-        law: the stretched law.
+        law: the stretched law of the points that are shown.
         tau: (K,) proposed factors of σ.
         rng: where the numbers come from.
+        shown: (m,) of the n points, whose samples are wanted.
     """
     rotation, translation = np.ascontiguousarray(pose.rotation.as_matrix()), pose.translation
     rows, sigma = law.noise[:, :6], matches.noise_px or 1.0
@@ -73,19 +75,19 @@ def likelihood_samples(
     )
     gains = 0.5 * (squares - (costs[:-1] - costs[-1]) / sigma**2) / factors**2
     chosen = _resampled(rng, gains, count)
-    found = np.empty((count, *points.shape))
+    found = np.empty((count, len(shown), 3))
     structures(
         matches.parameters,
-        matches.pixels,
-        matches.weights,
-        matches.bearings,
+        matches.pixels[shown],
+        matches.weights[shown],
+        matches.bearings[shown],
         turns[chosen],
         towards[chosen],
         found,
     )
     lengths = length + along[chosen]
     shifts = lengths[:, None] * towards[chosen] - translation
-    moved = lengths[:, None, None] * found + law.draw_own(rng, factors[chosen]) - points
+    moved = lengths[:, None, None] * found + law.draw_own(rng, factors[chosen]) - points[shown]
     return np.concatenate((shifts, proposed[chosen, 3:], moved.reshape(count, -1)), axis=1)
 
 

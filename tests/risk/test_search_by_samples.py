@@ -1,0 +1,133 @@
+"""Plans are searched with few samples and the worst ones; what is said of a risk rests on all others."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.risk.test_plan_with_risk import estimated
+
+from omniservo.risk import Executions, plan_with_risk
+from omniservo.risk.plan_with_risk import problem_of_estimate
+from omniservo.risk.safe_path import (
+    WORST,
+    _Search,
+    allowed_violations,
+    critical_places,
+    joint_shift,
+    safe_path,
+    upper_bound,
+    worst_samples,
+)
+from omniservo.risk.samples import Samples
+
+
+@pytest.fixture
+def samples(paper):
+    """Of an estimate whose scale is 3% off (1σ): some margins have to be widened."""
+    problem = paper(1)
+    estimate = estimated(problem, scale_sigma=0.03)
+    rows = np.flatnonzero(estimate.inliers)
+    return Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0)
+
+
+def test_no_sample_is_drawn_where_there_is_no_plan(samples, monkeypatch):
+    monkeypatch.setattr(type(samples), "_drawn", lambda *_: pytest.fail("drawn"))
+    blocked = replace(samples.problem, clearance=1.0)
+    assert safe_path(blocked, samples.draws, 0.01, 0).plan.status == "infeasible"
+
+
+def test_all_samples_are_drawn_only_where_a_few_miss_something(samples):
+    alike = replace(samples.few, points=np.repeat(samples.problem.points[None], 500, axis=0))
+    draws = (lambda: alike, lambda: pytest.fail("drawn"))
+    found = safe_path(samples.problem, draws, 0.01, 0)
+    assert found.ok
+    assert not found.extra.any()
+    assert safe_path(samples.problem, samples.draws, 0.01, 0).extra.any()
+
+
+def test_the_worst_samples_give_the_shift_and_the_verdict_of_all(samples):
+    """As long as each constraint's worst are among them; here those of another path."""
+    plan = safe_path(samples.problem, samples.draws, 0.3, 0).plan
+    tighter = safe_path(samples.problem, samples.draws, 0.01, 0).plan
+    every = samples.every
+    allowed = allowed_violations(0.01, samples.count)
+    of_other = every.margins(plan.path, critical_places(plan))
+    rows = worst_samples(of_other, WORST * (allowed + 1))
+    assert len(rows) < 0.5 * samples.count
+    margins = every.margins(tighter.path, critical_places(tighter))
+    misses = np.flatnonzero((margins < 0.0).any(axis=1))
+    assert np.isin(misses, rows).all()
+    np.testing.assert_array_equal(joint_shift(margins[rows], allowed), joint_shift(margins, allowed))
+
+
+def test_the_worst_samples_are_the_lowest_of_every_constraint():
+    margins = np.random.default_rng(95).standard_normal((300, 3))
+    rows = worst_samples(margins, 20)
+    for column in margins.T:
+        assert np.isin(np.argsort(column)[:20], rows).all()
+    np.testing.assert_array_equal(worst_samples(margins, 300), np.arange(300))
+
+
+def test_a_plan_that_the_worst_samples_allow_is_judged_by_all(samples, monkeypatch):
+    """Samples that miss, but were not among the worst of the path before, are not passed over."""
+    plan = safe_path(samples.problem, samples.draws, 0.01, 0).plan
+    search = _Search(samples.draws[-1:], 0.01)
+    assert search.judged(plan, plan.path)[0]
+    shares = []
+
+    def other(executions, path, places):
+        missing = np.ones((len(executions.points), len(executions.constraints)))
+        if executions is samples.every:
+            missing[:100] = -1.0
+        shares.append(len(missing))
+        return missing
+
+    monkeypatch.setattr(Executions, "margins", other)
+    ok, allowed, _, margins = search.judged(plan, plan.path)
+    assert not ok
+    assert allowed == allowed_violations(0.01, samples.count)
+    assert (margins < 0.0).any(axis=1).sum() == 100
+    assert shares[0] < shares[1] == samples.count
+
+
+def test_what_is_said_of_the_risk_rests_on_all_samples_that_have_no_part_in_the_search(paper, monkeypatch):
+    """Drawn with a seed of their own; what they show is all that counts."""
+    problem, drawn = paper(1), []
+    estimate = estimated(problem, scale_sigma=0.03)
+    sample = type(estimate).sample
+
+    def spied(self, random, count, *others):
+        state = repr(random.bit_generator.state["state"])
+        drawn.append((state, count))
+        return sample(self, random, count, *others)
+
+    monkeypatch.setattr(type(estimate), "sample", spied)
+    found = plan_with_risk(problem, estimate, risk=0.01)
+    assert found.ok
+    assert [count for _, count in drawn[:3]] == [500, 2000, 2000]
+    assert len({state for state, _ in drawn[:3]}) == 3
+    rows = np.flatnonzero(estimate.inliers)
+    check = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0).check
+    margins = check.margins(found.plan.path, critical_places(found.plan))
+    violations = int((margins < 0.0).any(axis=1).sum())
+    assert found.predicted == violations / 2000
+    assert found.predicted_bound == upper_bound(violations, 2000)
+
+
+def test_after_a_verdict_against_it_a_plan_begins_with_the_margins_it_had(paper, monkeypatch):
+    searched, module = [], sys.modules["omniservo.risk.plan_with_risk"]
+
+    def spied(problem, draws, risk, seed, planner, begin=None):
+        found = safe_path(problem, draws, risk, seed, planner, begin)
+        searched.append((len(draws), risk, begin, found))
+        return found
+
+    monkeypatch.setattr(module, "safe_path", spied)
+    monkeypatch.setattr(module, "upper_bound", lambda *_: 0.0101 if len(searched) < 2 else 0.0099)
+    assert plan_with_risk(paper(1), estimated(paper(1), scale_sigma=0.03), risk=0.01).ok
+    (few, risk, begin, first), (every, less, again, _) = searched
+    assert (few, every, begin) == (2, 1, None)
+    assert less < risk
+    np.testing.assert_array_equal(again, first.extra)
+    assert first.extra.any()
