@@ -4,7 +4,8 @@ Run: ``python -m benchmarks.risk_speed [--tasks 10] [--arm NAME]``. `textured-ob
 `omniservo run`, its estimate from one look. The arms' tasks are those of `benchmarks.arm_loops`, from the
 first seed on, that have a plan where everything is known, and an estimate. "Rounds" are plans of the whole
 arm that were searched for, "samples" how many were executed, "sampling", "executing", "gaps" and "planning"
-where the time went [ms]. Warm: the first answer is not counted; the shorter of two.
+where the time went [ms], of one processor, without what it waits for others. Warm: the first answer is not
+counted; the shorter of two.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -69,11 +70,11 @@ def watched(spent: Spent) -> Iterator[None]:
 
     def timed(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def wrapped(*given: Any, **options: Any) -> Any:
-            before = perf_counter()
+            before = process_time()
             try:
                 return call(*given, **options)
             finally:
-                spent.parts[name] += perf_counter() - before
+                spent.parts[name] += process_time() - before
                 spent.rounds += name == "planning"
                 spent.executed += len(given[0].points) if name == "executing" else 0
 
@@ -94,10 +95,10 @@ def spent_on(answer: Callable[[], RiskPlan]) -> tuple[RiskPlan, Spent]:
     answer()
     calls = []
     for _ in range(2):
-        spent, before = Spent(), perf_counter()
+        spent, before = Spent(), process_time()
         with watched(spent):
             found = answer()
-        spent.seconds = perf_counter() - before
+        spent.seconds = process_time() - before
         calls.append(spent)
     return found, min(calls, key=lambda spent: spent.seconds)
 

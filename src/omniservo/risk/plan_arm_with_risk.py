@@ -43,15 +43,16 @@ def plan_arm_with_risk(
 ) -> RiskPlan:
     """Return what `plan_with_risk` does, for the whole arm; half of the risk is the links'.
 
-    The camera's demands are widened as there; of the arm's gaps see `plan_links_at_risk`. The two halves are
-    added up (Boole), whatever mounts and estimates violate both. Where the setting asks for no clearance to
-    obstacles the camera has all of the risk.
+    The camera's demands are widened as there; the arm's gaps as `plan_links_at_risk` does, and judged by the
+    samples that had no part in the search, as the camera's are. The two halves are added up (Boole), whatever
+    mounts and estimates violate both. Where the setting asks for no clearance to obstacles the camera has all
+    of the risk.
 
     Args:
         problem: see `plan_with_risk`.
         setting: see `plan_with_arm`.
         estimate: see `plan_with_risk`.
-        risk: likewise.
+        risk: 0.0002 to 0.5, or as there where the camera has all of it.
         points: likewise.
         mount_covariance: see `plan_links_at_risk`.
         seed: of all samples, and of planning.
