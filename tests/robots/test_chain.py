@@ -11,7 +11,16 @@ from omniservo.robots.kinematics.chain import least_motion
 from omniservo.robots.kinematics.numeric_inverse import descend_all, solutions
 from omniservo.robots.kinematics.posture import sensitivities
 from omniservo.robots.kinematics.twist_matrix import twist_matrix
-from omniservo.robots.path_following.step_kernels import LEAST, SLOPE, TAKEN, VALUE, Aim, Rule, State, advance
+from omniservo.robots.path_following.step_kernels import (
+    LEAST,
+    SLOPE,
+    TAKEN,
+    VALUE,
+    Aim,
+    JointState,
+    Rule,
+    advance,
+)
 
 FLANGE_T_CAMERA = RigidTransform.from_components([0.03, -0.02, 0.09], Rotation.from_rotvec([0.3, -0.8, 1.1]))
 TO_CAMERA = twist_matrix(FLANGE_T_CAMERA, LENGTH_SCALE)
@@ -158,8 +167,8 @@ def test_a_step_tells_how_the_smallest_singular_value_changes_on_its_way(load):
             np.concatenate([motion[0, 3:], LENGTH_SCALE * motion[0, :3]]) * w
         )
         goal, joints, values = (pose * turn).as_matrix(), np.empty((3, 6)), np.empty(3)
-        now = State(np.array([begin, np.zeros(6), np.zeros(6)]), np.array([np.inf, 0.0, 0.0]))
-        aim, end = Aim(goal, motion, goal), State(joints, values)
+        now = JointState(np.array([begin, np.zeros(6), np.zeros(6)]), np.array([np.inf, 0.0, 0.0]))
+        aim, end = Aim(goal, motion, goal), JointState(joints, values)
         assert advance(arm.chain, rule, 0.0, 0.0, now, aim, end) == TAKEN
         return joints, values
 

@@ -44,7 +44,7 @@ class Limits(NamedTuple):
     """(polygons,) where the rows of each polygon end"""
 
 
-class Seen(NamedTuple):
+class KeptPoints(NamedTuple):
     """The points that are kept in view."""
 
     points: FloatArray
@@ -76,13 +76,13 @@ def keep_in_view(
         parameters: the camera's.
         limits: the fields of `Limits`; a plain tuple, since to read a named one's type takes Numba longer.
         settings: (4,), see RATE and the rest.
-        seen: the fields of `Seen`, likewise.
+        seen: the fields of `KeptPoints`, likewise.
         last: (6,) the twist that acts until the new one does.
         wanted: (6,) finite.
         twist: (6,) out.
         evidence: (4,) out, see LEAST and the rest.
     """
-    bounds, target = Limits(*limits), Seen(*seen)
+    bounds, target = Limits(*limits), KeptPoints(*seen)
     most = target.points.shape[0] * (6 + len(bounds.ends))
     rows, right, heights = np.empty((most, 6)), np.empty(most), np.empty(most)
     count, distance = _write_rows(parameters, bounds, target, settings[DELAY], last, rows, heights)
@@ -113,7 +113,7 @@ def keep_in_view(
 def _write_rows(
     parameters: FloatArray,
     limits: Limits,
-    seen: Seen,
+    seen: KeptPoints,
     delay: float,
     last: FloatArray,
     rows: FloatArray,

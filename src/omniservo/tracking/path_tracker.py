@@ -233,7 +233,7 @@ class PathTracker:
         w, _, plan_seen, _ = self._planned(time)
         w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
         now, growth = self._goal_blend.at(w_now)
-        offsets = np.stack([self._goal_blend.at(w)[0], now])
+        offsets = np.array([self._goal_blend.at(w)[0], now])
         estimated_pose, covariance = self._predicted(time, plan_seen)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(

@@ -67,7 +67,7 @@ class Estimate(NamedTuple):
     """(6, 6) likewise"""
 
 
-class Step(NamedTuple):
+class StepResult(NamedTuple):
     """What a step writes."""
 
     pose: FloatArray
@@ -101,9 +101,9 @@ def track_step(
         sight: the fields of `Sight`.
         plan: the fields of `Planned`.
         estimate: the fields of `Estimate`, changed.
-        step: the fields of `Step`, out.
+        step: the fields of `StepResult`, out.
     """
-    image, motion, filtered, written = Sight(*sight), Planned(*plan), Estimate(*estimate), Step(*step)
+    image, motion, filtered, written = Sight(*sight), Planned(*plan), Estimate(*estimate), StepResult(*step)
     bearings, evidence = np.zeros(image.points.shape), written.evidence
     written.twist[:], evidence[:] = 0.0, 0.0
     status = _read_pixels(parameters, kind, settings, image, bearings, evidence)
@@ -192,7 +192,7 @@ def _see_pose(
     sight: Sight,
     plan_seen: FloatArray,
     estimate: Estimate,
-    step: Step,
+    step: StepResult,
 ) -> bool:
     """Write the pose of this image, from the estimated one as guess or else the plan's; False: neither works.
 
@@ -222,7 +222,7 @@ def _see_pose(
 
 
 @kernel
-def _measure_gaps(parameters: FloatArray, kind: int, sight: Sight, plan: Planned, step: Step) -> None:
+def _measure_gaps(parameters: FloatArray, kind: int, sight: Sight, plan: Planned, step: StepResult) -> None:
     """Write the reference's pixels and the rms distances to them and to the goal image [px].
 
     A point whose reference lies outside the camera's domain counts in the second alone.

@@ -10,7 +10,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel
 from omniservo.robots.kinematics.chain import Chain
-from omniservo.robots.path_following.step_kernels import TAKEN, Aim, Rule, State, advance
+from omniservo.robots.path_following.step_kernels import TAKEN, Aim, JointState, Rule, advance
 
 LONGEST = 1.0 / 16.0
 """step of w"""
@@ -76,9 +76,9 @@ def march(chain: Chain, rule: Rule, table: Table, states: States, step: FloatArr
             rule,
             w,
             step[0],
-            State(states.joints[last], states.values[last]),
+            JointState(states.joints[last], states.values[last]),
             Aim(table.goals[ahead], table.motions[ahead], table.goals[middle]),
-            State(states.joints[last + 1], states.values[last + 1]),
+            JointState(states.joints[last + 1], states.values[last + 1]),
         )
         if result == TAKEN:
             last += 1

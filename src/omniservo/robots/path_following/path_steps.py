@@ -19,8 +19,8 @@ from omniservo.robots.path_following.step_kernels import (
     SINGULAR,
     TAKEN,
     Aim,
+    JointState,
     Rule,
-    State,
     advance,
 )
 
@@ -102,9 +102,9 @@ class PathSteps:
             self._rule,
             0.0,
             0.0,
-            State(_standing(q), np.array([np.inf, 0.0, 0.0])),
+            JointState(_standing(q), np.array([np.inf, 0.0, 0.0])),
             Aim(table.goals[0], table.motions[0], table.goals[0]),
-            State(room.joints[0], room.values[0]),
+            JointState(room.joints[0], room.values[0]),
         )
         return result, room
 

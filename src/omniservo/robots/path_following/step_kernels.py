@@ -65,7 +65,7 @@ class Rule(NamedTuple):
     """(n,) dq/dw that what the camera leaves free has beside all that at w = 0; it fades away"""
 
 
-class State(NamedTuple):
+class JointState(NamedTuple):
     """The joints at a place of the path."""
 
     joints: FloatArray
@@ -86,7 +86,9 @@ class Aim(NamedTuple):
 
 
 @kernel
-def advance(chain: Chain, rule: Rule, w: float, step: float, begin: State, aim: Aim, end: State) -> int:
+def advance(
+    chain: Chain, rule: Rule, w: float, step: float, begin: JointState, aim: Aim, end: JointState
+) -> int:
     """Take a step of w from one state to the next; return what became of it.
 
     Args:
