@@ -10,6 +10,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.camera_files import load_camera
 from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.planning import Degrees, PlanningProblem, Sphere, Workspace
@@ -95,7 +96,7 @@ def test_a_camera_path_is_relative_to_the_file_and_embedded_when_saved(tmp_path)
     (tmp_path / "cameras" / "lens.json").write_text(json.dumps(own))
     (tmp_path / "p.json").write_text(json.dumps(fields() | {"camera": "cameras/lens.json"}))
     problem = PlanningProblem.load(tmp_path / "p.json")
-    assert problem.camera == preset("fe185")
+    assert problem.camera == load_camera(tmp_path / "cameras" / "lens.json")
     assert problem.to_dict()["camera"]["model"] == "unified"
 
 

@@ -19,7 +19,7 @@ from omniservo.risk.safe_path import (
     upper_bound,
     worst_samples,
 )
-from omniservo.risk.samples import Samples
+from omniservo.risk.samples import RiskSamples
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def samples(paper):
     problem = paper(1)
     estimate = estimated(problem, scale_sigma=0.03)
     rows = np.flatnonzero(estimate.inliers)
-    return Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0)
+    return RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0)
 
 
 def test_no_sample_is_drawn_where_there_is_no_plan(samples, monkeypatch):
@@ -70,7 +70,7 @@ def test_the_worst_samples_are_the_lowest_of_every_constraint():
 
 
 def test_a_plan_that_the_worst_samples_allow_is_judged_by_all(samples, monkeypatch):
-    """Samples that miss, but were not among the worst of the path before, are not passed over."""
+    """RiskSamples that miss, but were not among the worst of the path before, are not passed over."""
     plan = safe_path(samples.problem, samples.draws, 0.01, 0).plan
     search = _Search(samples.draws[-1:], 0.01)
     assert search.judged(plan, plan.path)[0]
@@ -108,7 +108,7 @@ def test_what_is_said_of_the_risk_rests_on_all_samples_that_have_no_part_in_the_
     assert [count for _, count in drawn[:3]] == [500, 2000, 2000]
     assert len({state for state, _ in drawn[:3]}) == 3
     rows = np.flatnonzero(estimate.inliers)
-    check = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0).check
+    check = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, 0.01, 0).check
     margins = check.margins(found.plan.path, critical_places(found.plan))
     violations = int((margins < 0.0).any(axis=1).sum())
     assert found.predicted == violations / 2000

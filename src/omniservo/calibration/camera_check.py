@@ -56,7 +56,7 @@ class CameraCheck:
     """Whether a camera moved between two images; of `check_camera`."""
 
     moved: bool | None
-    """None: it cannot be told, for `reason`"""
+    """None: it cannot be decided, for `reason`"""
     rotation: FloatArray
     """(3,) [rad] rotation vector of the camera's frame of now in the one it had; NaN where moved is None"""
     translation: FloatArray

@@ -26,7 +26,7 @@ def check(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Tell whether a camera that watches a scene was moved: exit 0 if not, 1 if it was or cannot be told."""
+    """Tell whether a camera that watches a scene was moved: exit 0 if not, 1 if it was or nobody can say."""
     output = Output(as_json, quiet)
     for path in (reference, now):
         require_file(path)
@@ -40,7 +40,7 @@ def check(
         found = check_camera(opened, *images)
     output.result(found.to_dict())
     if found.moved is None:
-        raise answer_is_no(f"whether the camera moved cannot be told: {found.reason}")
+        raise answer_is_no(f"whether the camera moved cannot be decided: {found.reason}")
     for line in _lines(found):
         output.line(line)
     if found.moved:

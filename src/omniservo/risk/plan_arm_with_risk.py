@@ -22,7 +22,7 @@ from omniservo.risk.plan_with_risk import (
     searched,
 )
 from omniservo.risk.risk_plan import LinkMargin, RiskPlan
-from omniservo.risk.samples import Samples
+from omniservo.risk.samples import RiskSamples
 from omniservo.whole_arm.arm_plan import ArmPlan
 from omniservo.whole_arm.arm_setting import ArmSetting
 from omniservo.whole_arm.plan_with_arm import plan_with_arm
@@ -68,7 +68,7 @@ def plan_arm_with_risk(
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK / (1.0 - LINKS_PART), maximum=MOST_RISK)
     rows, links = followed_rows(estimate, points), LINKS_PART * risk
-    samples = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk - links, seed)
+    samples = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk - links, seed)
     planner = _LinksAtRisk(samples, setting, links, mount_covariance)
     answer = searched(samples, begin, planner.plan, planner.missing)
     return replace(answer, links=planner.margin_of(answer.plan))
@@ -78,7 +78,7 @@ class _LinksAtRisk:
     """Plans whose gaps allow for what is uncertain; it begins with the clearance that it added last."""
 
     def __init__(
-        self, samples: Samples, setting: ArmSetting, risk: float, mount_covariance: FloatArray | None
+        self, samples: RiskSamples, setting: ArmSetting, risk: float, mount_covariance: FloatArray | None
     ) -> None:
         """Add nothing yet."""
         self._samples, self._setting, self._risk, self._mounts = samples, setting, risk, mount_covariance

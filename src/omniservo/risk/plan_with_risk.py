@@ -22,7 +22,7 @@ from omniservo.risk.executions import IMAGE, Executions, constraints_of
 from omniservo.risk.problem_around import NOT_METRIC
 from omniservo.risk.risk_plan import RiskPlan, UncertainMargin
 from omniservo.risk.safe_path import Planner, SafePath, camera_alone, critical_places, safe_path, upper_bound
-from omniservo.risk.samples import Samples
+from omniservo.risk.samples import RiskSamples
 
 LEAST_RISK = 1e-4
 MOST_RISK = 0.5
@@ -66,12 +66,12 @@ def plan_with_risk(
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
     rows = followed_rows(estimate, points)
-    samples = Samples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk, seed)
+    samples = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk, seed)
     return searched(samples, begin, planner)
 
 
 def searched(
-    samples: Samples, begin: float, planner: Planner, keeps: Callable[[Plan], str] = lambda plan: ""
+    samples: RiskSamples, begin: float, planner: Planner, keeps: Callable[[Plan], str] = lambda plan: ""
 ) -> RiskPlan:
     """Return the plan that samples are searched for, at their risk.
 

@@ -28,7 +28,7 @@ ALONE = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class RiskSamples:
     """Executions of the estimate's problem: ``few`` and ``every`` to search with, ``check`` to judge by."""
 
     problem: PlanningProblem
