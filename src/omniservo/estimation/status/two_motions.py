@@ -112,7 +112,7 @@ def judge_others(
             (one.minima[0], other.minima[0]),
         )
     chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
-    if count < matches.size and chance > SIGNIFICANCE:
+    if 2 * count < matches.size and chance > SIGNIFICANCE:  # where most agree, most matches are right
         words = f"{count} of {matches.size} matches agree with a motion: chance gathers as many"
         return "too_few_points", words, ()
     return "ok", "", ()
