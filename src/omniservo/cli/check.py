@@ -26,7 +26,7 @@ def check(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Tell whether a camera that watches a scene was moved: exit 0 if not, 1 if it was or nobody can say."""
+    """Tell whether a camera that watches a scene was moved: exit 0 if not, 1 if it was or is unknown."""
     output = Output(as_json, quiet)
     for path in (reference, now):
         require_file(path)
