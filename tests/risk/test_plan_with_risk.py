@@ -14,7 +14,14 @@ from omniservo.estimation import EstimateSamples, estimate_two_view
 from omniservo.planning import PlanningProblem, Sphere, plan_path
 from omniservo.risk import plan_with_risk
 from omniservo.risk.executions import IMAGE, Executions, _columns
-from omniservo.risk.safe_path import allowed_violations, joint_shift, upper_bound
+from omniservo.risk.safe_path import (
+    CONFIDENCE,
+    EACH,
+    STRICTER,
+    allowed_violations,
+    joint_shift,
+    upper_bound,
+)
 from omniservo.risk.servo_response import servo_response
 from omniservo.servoing import RestToRestLaw
 from omniservo.tracking import PathTracker, TrackerOptions
@@ -185,10 +192,19 @@ def test_the_bound_is_that_of_clopper_and_pearson():
     from scipy.stats import binomtest
 
     for bad, count in ((0, 2000), (12, 2000), (30, 400)):
-        interval = binomtest(bad, count, alternative="less").proportion_ci(0.95, method="exact")
+        interval = binomtest(bad, count, alternative="less").proportion_ci(EACH, method="exact")
         assert upper_bound(bad, count) == pytest.approx(interval.high, rel=1e-9)
     assert upper_bound(allowed_violations(0.01, 2000), 2000) <= 0.01
     assert upper_bound(allowed_violations(0.01, 2000) + 1, 2000) > 0.01
+
+
+def test_a_plan_whose_risk_is_too_large_passes_any_of_all_verdicts_with_at_most_the_stated_chance():
+    """A search that begins anew after a verdict is judged by the same samples again, and so are the links."""
+    from scipy.stats import binom
+
+    for risk, count in ((0.01, 2000), (0.05, 2000), (0.001, 20_000)):
+        passes = binom.cdf(allowed_violations(risk, count), count, risk)
+        assert 2 * len(STRICTER) * passes <= 1.0 - CONFIDENCE
 
 
 def test_margins_that_fail_together_are_paid_for_once():

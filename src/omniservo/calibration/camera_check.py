@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
 from omniservo.perception import find_features
@@ -44,6 +44,8 @@ DEPTH_SPREAD = 0.5
 """standard deviation of what is seen's inverse distances over their mean, alike over `ALIKE_OVER` too"""
 STRAY = 0.05
 """standard deviation of the displacement over the distance of what is seen: bumps are small"""
+_PRIOR = np.diag([0.0] * 3 + [1.0 / STRAY**2] * 3)
+"""information on rotation and displacement before anything is seen"""
 _TUKEY = 4.685
 _MEDIAN_LENGTH = 1.1774
 """of two normal coordinates of standard deviation 1"""
@@ -248,31 +250,36 @@ def _fit(
     frames = TangentFrames(start.apply(old.bearings), start.apply(old.first))
     n = len(old)
     found = align(camera, image, templates, frames, np.zeros((n, 2)), np.broadcast_to(np.eye(2), (n, 2, 2)))
-    near = np.linalg.norm(found.places, axis=1) < FARTHEST * pixel
-    good = found.converged & (found.correlation > LEAST_CORRELATION) & near
-    seen, inside = camera.project(frames.directions(found.places[:, None])[:, 0])
-    good &= inside
-    if good.sum() < LEAST_FEATURES:
+    seen, good = camera.project(frames.directions(found.places[:, None])[:, 0])
+    good &= found.converged & (found.correlation > LEAST_CORRELATION)
+    good &= np.linalg.norm(found.places, axis=1) < FARTHEST * pixel
+    return _robust_motion(camera, old.bearings[good], seen[good], start.inv().as_rotvec())
+
+
+def _robust_motion(
+    camera: UnifiedCamera, bearings: FloatArray, found_at: FloatArray, turn: FloatArray
+) -> _Motion | None:
+    """Return the motion that takes bearings (n, 3) to pixels (n, 2), by Tukey's weights, from a rotation on.
+
+    None: fewer than `LEAST_FEATURES` agree.
+    """
+    if len(bearings) < LEAST_FEATURES:
         return None
-    bearings, found_at = old.bearings[good], seen[good]
     expected = camera.project(bearings)[0]
-    twist = np.concatenate((start.inv().as_rotvec(), np.zeros(3)))
-    weight, prior = np.ones(len(bearings)), np.diag([0.0] * 3 + [1.0 / STRAY**2] * 3)
-    jacobian = np.zeros((len(bearings), 2, 6))
+    shift = float(np.median(np.linalg.norm(found_at - expected, axis=1)))
+    twist, weight = np.concatenate((turn, np.zeros(3))), np.ones(len(bearings))
     for _ in range(_ROUNDS):
         jacobian = _jacobian(camera, bearings, twist)
         left = found_at - _moved_pixels(camera, bearings, twist)
         length = np.linalg.norm(left, axis=1)
-        shift = float(np.median(np.linalg.norm(found_at - expected, axis=1)))
         scale = float(np.median(length[weight > 0.0])) / _MEDIAN_LENGTH
         scale = min(max(scale, SCATTER[0]), SCATTER[1] + SCATTER[2] * shift)
         u = length / (_TUKEY * scale)
         weight = np.where(u < 1.0, (1.0 - u**2) ** 2, 0.0) / scale**2
         if (weight > 0.0).sum() < LEAST_FEATURES:
             return None
-        normal = np.einsum("nij,n,nik->jk", jacobian, weight, jacobian) + prior
-        pull = np.einsum("nij,n,ni->j", jacobian, weight, left) - prior @ twist
-        step = np.linalg.solve(normal, pull)
+        pull = np.einsum("nij,n,ni->j", jacobian, weight, left) - _PRIOR @ twist
+        step = np.linalg.solve(np.einsum("nij,n,nik->jk", jacobian, weight, jacobian) + _PRIOR, pull)
         twist = _composed(twist, step)
         if np.linalg.norm(step) < 1e-9:
             break
@@ -330,17 +337,15 @@ def _covariance(camera: UnifiedCamera, motion: _Motion) -> FloatArray:
     """Return the covariance (6, 6) of a fitted motion: scatter clustered by parts of the image, and light."""
     agree = motion.agree
     jacobian, weight, pixels = motion.jacobian[agree], motion.weight[agree], motion.pixels[agree]
-    prior = np.diag([0.0] * 3 + [1.0 / STRAY**2] * 3)
-    inverse = np.linalg.inv(np.einsum("nij,n,nik->jk", jacobian, weight, jacobian) + prior)
+    inverse = np.linalg.inv(np.einsum("nij,n,nik->jk", jacobian, weight, jacobian) + _PRIOR)
     pulls = weight[:, None] * np.einsum("nij,ni->nj", jacobian, motion.left[agree])
     number = _cell(camera, pixels)
     sums = np.stack([pulls[number == c].sum(0) for c in np.unique(number)])
     count = len(sums)
     scatter = sums.T @ sums * count / max(1, count - 1)
-    apart = ((pixels[:, None] - pixels[None]) ** 2).sum(2)
-    alike = SHARED_ERROR**2 * np.exp(-0.5 * apart / (ALIKE_OVER * camera.width) ** 2)
+    alike = ModelError(1.0, ALIKE_OVER * camera.width).covariance(pixels, pixels)
     weighted = weight[:, None, None] * jacobian
-    shared = np.einsum("nij,nm,mik->jk", weighted, alike, weighted)
+    shared = SHARED_ERROR**2 * np.einsum("nij,nm,mik->jk", weighted, alike, weighted)
     parallax = DEPTH_SPREAD * np.einsum("nij,ni->nj", weighted, jacobian[:, :, 3:] @ motion.twist[3:])
-    shared += parallax.T @ (alike / SHARED_ERROR**2) @ parallax
-    return np.asarray(inverse @ (scatter + shared + prior) @ inverse)
+    shared += parallax.T @ alike @ parallax
+    return np.asarray(inverse @ (scatter + shared + _PRIOR) @ inverse)

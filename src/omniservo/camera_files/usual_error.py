@@ -1,9 +1,10 @@
 """The model error of a camera that was read from a file: as the file or the caller says, or the usual one.
 
 Calibrations leave an error that is alike over regions of the image. What `omniservo camera calibrate` finds
-of it on boards seen by six lenses (docs/uncertainty.md) is, over the image's longer side, between 1.5 and
-4.5 · 10⁻⁴ where the model has coefficients of distortion or of a polynomial, and between 3 and 14 · 10⁻⁴
-where it has none; 0.5 to 1.8 times the rms distance of corners that the calibration left.
+of it on boards seen by six lenses (`python -m benchmarks.real_coverage`, docs/uncertainty.md) is, over the
+image's longer side, 1.5 to 3.8 · 10⁻⁴ where the model has coefficients of distortion (four lenses), 2.9 and
+4.5 · 10⁻⁴ where it has none (two); 0.5 to 1.8 times the rms distance of corners that calibration left. For
+files without coefficients a third more than the larger is taken: whether their lens needs some is not known.
 """
 
 from __future__ import annotations

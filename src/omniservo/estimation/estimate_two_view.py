@@ -60,8 +60,9 @@ NO_MINIMUM = "the refinement on the virtual plane found no minimum"
 CONTRADICTED = "the residuals contradict the stated errors of pixels and camera"
 
 FEW_TO_RAISE = 3 * MOTION_PARAMETERS
-ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
 """Of fewer matches noise is not raised: the residuals do not tell a wrong match from noise."""
+
+ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
 
 ASSUMED_NOISE_PX = 0.5
 """of fewer than eight matches where none is stated: they leave too few residuals to tell."""

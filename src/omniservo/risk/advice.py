@@ -29,7 +29,7 @@ def sources_of(estimate: TwoViewEstimate) -> tuple[Source, ...]:
 
 
 def what_dominates(margins: Mapping[str, UncertainMargin]) -> str:
-    """Say which source takes most of the tightest demand in metres, and in px."""
+    """Say which source takes most of the tightest constraint in metres, and in px."""
     words = []
     for unit, factor, spelled in (("m", 1e3, "mm"), ("px", 1.0, "px")):
         rows = [(m.executed, name) for name, m in margins.items() if m.unit == unit and m.parts]
@@ -47,7 +47,7 @@ def what_would_help(
     margins: Mapping[str, UncertainMargin],
     plans_with: Callable[[tuple[Source, ...]], bool],
 ) -> str:
-    """Return which sources must go for a path, the one that takes most of the tightest demand first.
+    """Return which sources must go for a path, the one that takes most of the tightest constraint first.
 
     ``plans_with`` tells whether there is a path with only these sources.
     """

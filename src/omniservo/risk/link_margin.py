@@ -15,7 +15,7 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.executions import Executions
 from omniservo.risk.gap_slopes import gap_slopes
 from omniservo.risk.risk_plan import LinkMargin
-from omniservo.risk.safe_path import CONFIDENCE, Draw, allowed_violations
+from omniservo.risk.safe_path import EACH, Draw, allowed_violations
 from omniservo.risk.sample_blocks import resting_twists
 from omniservo.risk.servo_response import servo_response
 from omniservo.robots import ArmBodies, JointPath
@@ -124,7 +124,7 @@ def judged_links(
     count = max(LEAST_SAMPLES, math.ceil(RARE / risk)) if executions is None else len(executions.points)
     most = allowed_violations(risk, count)
     if most < 0:
-        least = math.ceil(math.log(1.0 - CONFIDENCE) / math.log1p(-risk))
+        least = math.ceil(math.log(1.0 - EACH) / math.log1p(-risk))
         raise InputError(f"executions: {count} given; a risk of {risk:g} needs at least {least} of them")
     if found.branch is None or found.plan.path is None:
         return LinkMargin(risk, 1.0, 0.0, 0.0, 0.0), math.inf

@@ -15,20 +15,20 @@ from omniservo.risk.link_margin import judged_links, missing_for_links, plan_lin
 from omniservo.risk.plan_with_risk import (
     LEAST_RISK,
     MOST_RISK,
-    STRICTER,
     followed_rows,
     plan_with_risk,
     problem_of_estimate,
     searched,
 )
 from omniservo.risk.risk_plan import LinkMargin, RiskPlan
+from omniservo.risk.safe_path import STRICTER
 from omniservo.risk.samples import RiskSamples
 from omniservo.whole_arm.arm_plan import ArmPlan
 from omniservo.whole_arm.arm_setting import ArmSetting
 from omniservo.whole_arm.plan_with_arm import plan_with_arm
 
 LINKS_PART = 0.5
-"""of the risk: that a gap of the arm is too narrow. The rest is the camera's demands'."""
+"""of the risk: that a gap of the arm is too narrow. The rest is the camera's constraints'."""
 
 
 def plan_arm_with_risk(
@@ -43,10 +43,10 @@ def plan_arm_with_risk(
 ) -> RiskPlan:
     """Return what `plan_with_risk` does, for the whole arm; half of the risk is the links'.
 
-    The camera's demands are widened as there; the arm's gaps as `plan_links_at_risk` does, and judged by the
-    samples that had no part in the search, as the camera's are. The two halves are added up (Boole), whatever
-    mounts and estimates violate both. Where the setting asks for no clearance to obstacles the camera has all
-    of the risk.
+    The camera's constraints are widened as there; the arm's gaps as `plan_links_at_risk` does, and judged by
+    the samples that had no part in the search, as the camera's are. The two halves are added up (Boole),
+    whatever mounts and estimates violate both. Where the setting asks for no clearance to obstacles the
+    camera has all of the risk.
 
     Args:
         problem: see `plan_with_risk`.

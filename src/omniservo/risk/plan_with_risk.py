@@ -21,7 +21,15 @@ from omniservo.risk.advice import sources_of, what_dominates, what_would_help
 from omniservo.risk.executions import IMAGE, Executions, constraints_of
 from omniservo.risk.problem_around import NOT_METRIC
 from omniservo.risk.risk_plan import RiskPlan, UncertainMargin
-from omniservo.risk.safe_path import Planner, SafePath, camera_alone, critical_places, safe_path, upper_bound
+from omniservo.risk.safe_path import (
+    STRICTER,
+    Planner,
+    SafePath,
+    camera_alone,
+    critical_places,
+    safe_path,
+    upper_bound,
+)
 from omniservo.risk.samples import RiskSamples
 
 LEAST_RISK = 1e-4
@@ -29,9 +37,6 @@ MOST_RISK = 0.5
 
 PLANNED_PLACES = 101
 """Places where the planned margins are looked at."""
-
-STRICTER = (1.0, 0.75, 0.5)
-"""Parts of the risk that are searched for, until fresh samples agree that it is small enough."""
 
 
 def plan_with_risk(

@@ -18,14 +18,21 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.widened import widened
 from omniservo.risk.executions import IMAGE, Executions, constraints_of
 
+STRICTER = (1.0, 0.75, 0.5)
+"""Parts of the risk that are searched for, until samples that had no part in the search agree."""
+
 CONFIDENCE = 0.95
-"""of the bound on the share of violations that so many samples allow"""
+"""of the bound on the share of violations, over all verdicts that may be given on the same samples"""
+
+EACH = 1.0 - (1.0 - CONFIDENCE) / (2 * len(STRICTER))
+"""of each of them (Bonferroni), on the camera's constraints and on the links' in each of the searches: one
+that begins anew because of a verdict has learnt from its samples"""
 
 ROUNDS = 8
 """of planning; two or three are usual"""
 
 WORST = 16
-"""So many times the violations that are allowed are kept of the worst samples of each demand."""
+"""So many times the violations that are allowed are kept of the worst samples of each constraint."""
 
 AHEAD = 1.05
 """A margin is widened by this part of what was missing: the next path is another one."""
@@ -41,21 +48,24 @@ class SafePath:
     ok: bool
     plan: Plan
     extra: FloatArray
-    """(d,) what was added to each demand [m], [px]"""
+    """(d,) what was added to each constraint [m], [px]"""
     margins: FloatArray
     """(K, d) of the plan's executions; empty where there is no path"""
 
     @property
     def violations(self) -> int:
-        """How many samples violate a demand."""
+        """How many samples violate a constraint."""
         return int((self.margins < 0.0).any(axis=1).sum())
 
 
 def upper_bound(violations: int, samples: int) -> float:
-    """Return the probability that so many violations in so many samples leave possible (Clopper-Pearson)."""
+    """Return the probability that so many violations in so many samples leave possible (Clopper-Pearson).
+
+    With `EACH`, so that all verdicts on the same samples together have `CONFIDENCE`.
+    """
     if violations >= samples:
         return 1.0
-    return float(betaincinv(violations + 1, samples - violations, CONFIDENCE))
+    return float(betaincinv(violations + 1, samples - violations, EACH))
 
 
 def allowed_violations(risk: float, samples: int) -> int:
@@ -86,7 +96,7 @@ def safe_path(
     planner: Planner = camera_alone,
     begin: FloatArray | None = None,
 ) -> SafePath:
-    """Return a certified plan whose executions violate a demand with at most ``risk``, or the best attempt.
+    """Return a certified plan whose executions violate it with at most ``risk``, or the best attempt.
 
     Margins are only widened for what the samples jointly need, and by no more than the end poses leave.
 
@@ -96,7 +106,7 @@ def safe_path(
         risk: the bound on the share of violations among them.
         seed: of planning.
         planner: what plans.
-        begin: what is added to each demand at first (d,) [m], [px]; None: nothing.
+        begin: what is added to each constraint at first (d,) [m], [px]; None: nothing.
 
     Raises:
         InputError: what planning refuses in the problem itself.
@@ -142,7 +152,7 @@ class _Search:
         self._worst: Executions | None = None
 
     def judged(self, plan: Plan, path: CameraPath) -> tuple[bool, int, Executions, FloatArray]:
-        """Return whether few enough samples violate a demand, how many may, and their margins (k, d).
+        """Return whether few enough samples violate a constraint, how many may, and their margins (k, d).
 
         The worst alone can say that too many do, but not that few enough do.
         """
@@ -170,7 +180,7 @@ class _Search:
 
 
 def worst_samples(margins: FloatArray, count: int) -> IntArray:
-    """Return the samples that have one of the ``count`` smallest margins of any demand, margins (K, d)."""
+    """Return the samples that have one of the ``count`` smallest margins of a constraint, margins (K, d)."""
     if count >= len(margins):
         return np.arange(len(margins))
     return np.unique(np.argpartition(margins, count - 1, axis=0)[:count])
@@ -184,9 +194,9 @@ def critical_places(plan: Plan) -> FloatArray:
 
 
 def joint_shift(margins: FloatArray, allowed: int) -> FloatArray:
-    """Return what each demand misses (d,), < 0 to spare, that at most ``allowed`` samples may violate any.
+    """Return what each constraint misses (d,), < 0 to spare; at most ``allowed`` samples may violate any.
 
-    Every demand gives up equally many of its own worst samples, as many as go together: one region of the
+    Every constraint gives up equally many of its own worst samples, as many as go together: one region of the
     samples, and no sum of separate risks.
     """
     ordered = np.sort(margins, axis=0)
