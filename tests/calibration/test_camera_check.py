@@ -1,5 +1,6 @@
 """A camera that watches a scene: moved or not, whatever else has changed."""
 
+import itertools
 import json
 
 import cv2
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.camera_check import LENSES, WALLS, boards, bump, face, other_light, pair
 from benchmarks.pictured_scenes import OTHER_LENS, picture_of
+from benchmarks.real_coverage import RealSet
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from tests.cli.calling import call
@@ -76,6 +78,42 @@ def test_images_that_show_nothing_in_common_say_nothing_of_the_camera(room):
     found = check_camera(OTHER_LENS, grey, room[0])
     assert (found.moved, found.features) == (None, 0)
     assert "0 features" in found.reason
+
+
+@pytest.fixture(scope="module")
+def photographs(shared_data):
+    """A calibrated fisheye and three of its photographs of a room."""
+    data = RealSet.read("fisheye2")
+    return data.calibrated().camera, list(data.images.values())[:3]
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_photographs_under_other_light_and_with_another_third_are_not_moved_and_turned_ones_are(
+    photographs, index
+):
+    camera, images = photographs
+    was, other = images[index], images[2]
+    v, u = np.mgrid[: camera.height, : camera.width].astype(float)
+    bearings, valid = camera.unproject(np.stack((u, v), axis=-1))
+    turn = Rotation.from_rotvec([0.003, -0.004, 0.002])
+    seen = camera.project(turn.apply(np.where(valid[..., None], bearings, 1.0).reshape(-1, 3)))[0]
+    places = seen.reshape(*was.shape, 2).astype(np.float32)
+    turned = cv2.remap(was, places[..., 0], places[..., 1], cv2.INTER_CUBIC)
+    for image, moved, motion in ((was, False, Rotation.identity()), (turned, True, turn)):
+        now = other_light(image, np.random.default_rng(index))
+        now[:, : camera.width // 3] = other[:, : camera.width // 3]
+        found = check_camera(camera, was, now)
+        assert found.moved is moved
+        off = (
+            Rotation.from_rotvec(found.rotation).inv() * (turn if moved else Rotation.identity())
+        ).as_rotvec()
+        assert off @ np.linalg.solve(found.covariance[:3, :3], off) < chi2.ppf(0.999, 3)
+
+
+def test_photographs_from_places_apart_are_never_said_to_stand_still(photographs):
+    camera, images = photographs
+    for one, other in itertools.permutations(images, 2):
+        assert check_camera(camera, one, other).moved is not False
 
 
 def test_the_derivative_is_that_of_points_at_distance_one_seen_from_where_the_camera_is():

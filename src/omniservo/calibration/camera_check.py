@@ -142,9 +142,10 @@ def check_camera(camera: UnifiedCamera, reference: ByteArray, now: ByteArray) ->
     from two starts: where they were, and where the rotation on which most similar features agree brings
     them. A small motion (rotation, and displacement over one common distance) is fitted to each robustly
     (Tukey's weights); the one that explains more of the image is the camera's. What moves in the scene fills
-    less of it, or both are given up: ``moved`` None. The motion is tested against none at all
-    (χ², 6 degrees of freedom) with the scatter of what was found, clustered by parts of the image, with
-    `SHARED_ERROR` alike over `ALIKE_OVER`, for light that shifts edges, and with distances that differ.
+    less of it, or both are given up: ``moved`` None, unless neither leaves anything where it was. The motion
+    is tested against none at all (χ², 6 degrees of freedom) with the scatter of what was found, clustered by
+    parts of the image, with `SHARED_ERROR` alike over `ALIKE_OVER`, for light that shifts edges, and with
+    distances that differ.
 
     Args:
         camera: took both images.
@@ -176,18 +177,19 @@ def check_camera(camera: UnifiedCamera, reference: ByteArray, now: ByteArray) ->
         return _unknown(agree, again, f"{agree} of {len(rows)} features of the reference agree on {words}")
     left = np.linalg.norm(_seen_from(best.twist, pairs[0]) - pairs[1], axis=1) > near
     rival = _fit(camera, image, templates, pixel, _common(pairs[0][left], pairs[1][left], near))
-    if rival is not None and _apart(best, rival) and _cells(camera, rival) > RIVAL * _cells(camera, best):
+    if rival is None or not _apart(best, rival) or _cells(camera, rival) <= RIVAL * _cells(camera, best):
+        return _judged(best, _covariance(camera, best), again)
+    if min(_size(best), _size(rival)) < FARTHEST:
         return _unknown(agree, again, "two motions explain as much of the image each")
-    return _judged(camera, best, again)
+    off = best.twist - rival.twist  # near and far move apart, and nothing stands still
+    return _judged(best, _covariance(camera, best) + np.outer(off, off), again)
 
 
-def _judged(camera: UnifiedCamera, motion: _Motion, again: int) -> CameraCheck:
-    agree, covariance = motion.agree, _covariance(camera, motion)
+def _judged(motion: _Motion, covariance: FloatArray, again: int) -> CameraCheck:
     square = float(motion.twist @ np.linalg.solve(covariance, motion.twist))
     probability = float(chi2.sf(square, 6))
     moved = probability < FALSE_ALARM_RATE
-    rms = math.sqrt(float((motion.shift[agree] ** 2).sum(1).mean()))
-    count = int(agree.sum())
+    rms, count = _size(motion), int(motion.agree.sum())
     words = f"{count} of {again} features found again agree: "
     words += f"the image moved by {rms:.2f} px" if moved else "none that is more than chance"
     return CameraCheck(
@@ -325,6 +327,11 @@ def _cell(camera: UnifiedCamera, pixels: FloatArray) -> IntArray:
 def _cells(camera: UnifiedCamera, motion: _Motion) -> int:
     """Return how many parts of the image have a feature that agrees."""
     return len(np.unique(_cell(camera, motion.pixels[motion.agree])))
+
+
+def _size(motion: _Motion) -> float:
+    """Return by how much a motion moves what agrees with it, root mean square [px]."""
+    return math.sqrt(float((motion.shift[motion.agree] ** 2).sum(1).mean()))
 
 
 def _apart(one: _Motion, other: _Motion) -> bool:

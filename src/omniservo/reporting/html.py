@@ -59,7 +59,7 @@ def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:
 
 
 @dataclass(frozen=True)
-class Demand:
+class ConstraintCard:
     """One quantity: what is required of it, what was certified of the planned path, what was measured."""
 
     label: str
@@ -70,12 +70,12 @@ class Demand:
     note: str = ""
 
 
-def demands(values: Iterable[Demand]) -> Markup:
+def constraint_cards(values: Iterable[ConstraintCard]) -> Markup:
     """Return tiles in which each number stands beside the word that says whose it is."""
-    return tag("div", *(_demand(value) for value in values), class_="demands")
+    return tag("div", *(_constraint_card(value) for value in values), class_="constraints")
 
 
-def _demand(value: Demand) -> Markup:
+def _constraint_card(value: ConstraintCard) -> Markup:
     lines = [(EXECUTED, value.executed), (CERTIFIED, value.certified), (ASKED, value.asked)]
     rows = (tag("div", tag("dt", word), tag("dd", said)) for word, said in lines if said is not None)
     note = [tag("p", _unparted(value.note), class_="quiet")] if value.note else []

@@ -6,7 +6,18 @@ import platform
 from collections.abc import Sequence
 from importlib.metadata import version
 
-from omniservo.reporting.html import Cell, Demand, Markup, demands, inlined, joined, judged, table, tag, tiles
+from omniservo.reporting.html import (
+    Cell,
+    ConstraintCard,
+    Markup,
+    constraint_cards,
+    inlined,
+    joined,
+    judged,
+    table,
+    tag,
+    tiles,
+)
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
@@ -44,7 +55,7 @@ def key_numbers(result: RunResult) -> Markup:
     metrics = result.metrics
     return joined(
         [
-            demands([*_distances(result), _in_view(result)]),
+            constraint_cards([*_distances(result), _in_view(result)]),
             tiles(
                 [
                     (
@@ -74,14 +85,14 @@ def _code(result: RunResult) -> str:
     return f"; {spell(spent, 's')} of both was loading or compiling code" if spent else ""
 
 
-def _distances(result: RunResult) -> list[Demand]:
+def _distances(result: RunResult) -> list[ConstraintCard]:
     """Return the tiles of distances: the one that is required, and that of any link to any real body."""
     whole, planning, metrics = result.whole_arm, result.task.planning, result.metrics
     found = []
     if whole is not None and whole.asked is not None:
         proven = whole.proof.clearance if whole.proof.status == "clear" else None
         found.append(
-            Demand(
+            ConstraintCard(
                 "Any link to what the planner knows",
                 spell_metric("link_clearance_executed_m", metrics.get("link_clearance_executed_m")),
                 spell_bound(proven, "m"),
@@ -93,7 +104,7 @@ def _distances(result: RunResult) -> list[Demand]:
     elif planning.common_obstacles:
         proven = certified_clearance(result)
         found.append(
-            Demand(
+            ConstraintCard(
                 "Camera's centre to the obstacles",
                 spell_metric("clearance_executed_m", metrics.get("clearance_executed_m")),
                 spell_bound(proven, "m"),
@@ -104,7 +115,7 @@ def _distances(result: RunResult) -> list[Demand]:
     gap = metrics.get("arm_clearance_executed_m")
     if isinstance(gap, int | float):
         found.append(
-            Demand(
+            ConstraintCard(
                 "Any link to any obstacle's body",
                 spell(float(gap), "m"),
                 note="Against the real bodies, as the simulator knows them; the planner knows what the task "
@@ -114,9 +125,9 @@ def _distances(result: RunResult) -> list[Demand]:
     return found
 
 
-def _in_view(result: RunResult) -> Demand:
+def _in_view(result: RunResult) -> ConstraintCard:
     proven = certified_visibility(result)
-    return Demand(
+    return ConstraintCard(
         "Points to the image's limits",
         spell_metric("visibility_executed_px", result.metrics.get("visibility_executed_px")),
         spell_bound(proven, "px"),

@@ -59,7 +59,7 @@ class ArmDescent:
         joint_demands: JointDemands,
         seen: PostureGaps,
     ) -> None:
-        """Join a problem's arrays and the arm's demands; ``seen`` knows postures near the first ones."""
+        """Join a problem's arrays and the arm's constraints; ``seen`` knows postures near the first ones."""
         self._constraints, self._family, self._setting, self._joint_demands = (
             constraints,
             family,

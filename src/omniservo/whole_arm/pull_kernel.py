@@ -1,4 +1,4 @@
-"""The rows of the arm's demands at postures, compiled."""
+"""The rows of the arm's constraints at postures, compiled."""
 
 from __future__ import annotations
 
