@@ -104,9 +104,7 @@ def test_photographs_under_other_light_and_with_another_third_are_not_moved_and_
         now[:, : camera.width // 3] = other[:, : camera.width // 3]
         found = check_camera(camera, was, now)
         assert found.moved is moved
-        off = (
-            Rotation.from_rotvec(found.rotation).inv() * (turn if moved else Rotation.identity())
-        ).as_rotvec()
+        off = (Rotation.from_rotvec(found.rotation).inv() * motion).as_rotvec()
         assert off @ np.linalg.solve(found.covariance[:3, :3], off) < chi2.ppf(0.999, 3)
 
 
