@@ -20,6 +20,7 @@ import numba
 from numba.core.types.misc import unliteral
 
 from omniservo.geometry.kernel_cache import KernelCache
+from omniservo.geometry.late import called_late
 
 BLOCK = 512
 """numbers: all arrays of such a loop stay in the nearest cache"""
@@ -45,15 +46,30 @@ def leaf(function: F) -> F:
     An array that is made inside is an error of the compiler; one that is returned would be freed while
     in use, and is refused here.
     """
-    returned = str(function.__annotations__["return"])
-    if not re.fullmatch(_NUMBERS, returned):
-        raise TypeError(f"{function.__qualname__}: returns {returned}; a leaf returns numbers alone")
+    _numbers_alone(function)
     return _compiled(function, _nrt=False)
 
 
 def inlined(function: F) -> F:
     """Compile like `kernel`, but as a part of the kernel that calls it: not for itself, and never twice."""
     return _compiled(function, inline="always")
+
+
+def late(function: F) -> F:
+    """Compile like `kernel`, but at the first call, not with what calls it: what most problems do not need.
+
+    It takes its arguments by place and returns numbers alone.
+    """
+    _numbers_alone(function)
+    return called_late(_compiled(function, _nrt=True), function)
+
+
+def _numbers_alone(function: Callable[..., Any]) -> None:
+    returned = str(function.__annotations__["return"])
+    if not re.fullmatch(_NUMBERS, returned):
+        raise TypeError(
+            f"{function.__qualname__}: returns {returned}; a leaf, and what is late, returns numbers alone"
+        )
 
 
 def _compiled(function: F, **options: Any) -> F:

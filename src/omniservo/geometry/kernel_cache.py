@@ -15,7 +15,8 @@ file its code under the other's signature. Here neither can happen:
 
 Numba links a kernel into each of its callers and compiles it there again, which takes half of all the time.
 Here a large kernel is compiled once. Its callers call it by a symbol, the name of its file; who loads a
-caller loads first what it calls, and where that is missing, the caller is compiled again.
+caller loads first what it calls, and where that is missing, the caller is compiled again. What is called late
+(`late`) is known by the file of its caller, which makes its cell.
 
 A wheel brings a folder of its own, for a generic processor, which is only read; the user's comes after it.
 Private parts of Numba, tried with 0.68.1: `Dispatcher._cache` and what it calls of a cache,
@@ -40,6 +41,8 @@ from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+from omniservo.geometry.late import CELL_ENDING, late_kernels, symbol_of
 
 PACKAGE = Path(__file__).parents[1]
 
@@ -102,12 +105,12 @@ class KernelCache:
         name, library = self._file(signature), compiled.library
         if library.has_dynamic_globals:
             return
-        symbols, called = _symbols(library._final_module)
+        symbols, called, cells = _symbols(library._final_module)
         if len(str(library._final_module)) > LARGEST_LINKED:
             _stand_apart(name, signature, compiled)
         if _stamps(kernel_files()) != _sources()[1]:
             return  # a file was edited while this process ran, and is not what was compiled
-        content = dumps((signature, called, symbols, compiled._reduce()))
+        content = dumps((signature, called, late_kernels(cells), symbols, compiled._reduce()))
         folder = user_folder()
         try:
             _begin(folder)
@@ -142,7 +145,9 @@ def _load(name: str, target_context: Any) -> tuple[Any, Any]:
         digest, content = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
         if hashlib.sha256(content).digest() != digest:
             continue
-        signature, called, symbols, code = pickle.loads(content)  # noqa: S301 — compiled by this user, or installed
+        signature, called, late, symbols, code = pickle.loads(content)  # noqa: S301 — compiled by this user, or installed
+        for one in late:
+            symbol_of(one)
         if all(_load(callee, target_context)[1] is not None for callee in called):
             return _give_symbol(name, signature, _rebuilt(target_context, symbols, *code))
     return None, None
@@ -180,11 +185,13 @@ def _stand_apart(name: str, signature: Any, compiled: Any) -> None:
     _give_symbol(name, signature, compiled)
 
 
-def _symbols(module: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what a module defines, and the names of the files that it calls."""
+def _symbols(module: Any) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return what a module defines, and the names of the files and of the cells that it calls."""
     both = [*module.functions, *module.global_variables]
-    called = (f.name for f in module.functions if f.is_declaration and f.name.endswith(_ENDING))
-    return tuple(symbol.name for symbol in both if not symbol.is_declaration), tuple(called)
+    elsewhere = [symbol.name for symbol in both if symbol.is_declaration]
+    called = (name for name in elsewhere if name.endswith(_ENDING))
+    cells = (name for name in elsewhere if name.endswith(CELL_ENDING))
+    return tuple(symbol.name for symbol in both if not symbol.is_declaration), tuple(called), tuple(cells)
 
 
 def _rebuilt(target_context: Any, symbols: tuple[str, ...], library: Any, *rest: Any) -> Any:

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from omniservo.calibration.boards import Checkerboard, find_board
+from omniservo.geometry.late import fill_all
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.robot_cell import OpenCell
@@ -43,6 +44,7 @@ def warm_up(open_cell: OpenCell, progress: Progress = lambda job, done: None) ->
         ),
         ("more plans", 20.0, _plans),
         ("a calibration board", 10.0, _board),
+        ("what none of these called", 20.0, fill_all),
     ]
     behind, whole = 0.0, sum(time for _, time, _ in jobs)
     for name, time, job in jobs:

@@ -19,7 +19,7 @@ from omniservo.planning import CameraPath, Plan, PlanningProblem
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.problem_arrays import searched_constraints
-from omniservo.planning.search.prove_path import prove_path
+from omniservo.planning.search.prove_path import prove_whole_path
 from omniservo.replanning import replan, replan_with_arm
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
 from omniservo.servoing import RestOfLaw
@@ -339,7 +339,7 @@ class Replanner:
         self, known: _Known, path: CameraPath, joints: JointPath | None, begin: float, end: float
     ) -> bool:
         """Return whether a part of a way is proven for what is known."""
-        if prove_path(known.constraints, *path.part(begin, end).powers)[0] != PROVEN:
+        if prove_whole_path(known.constraints, *path.part(begin, end).powers)[0] != PROVEN:
             return False
         if self._arm is None or known.bodies is None or joints is None:
             return True

@@ -23,7 +23,7 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.path_family import offsets, path_family, unknowns
 from omniservo.planning.search.problem_search import ProblemSearch, ends_like
-from omniservo.planning.search.prove_path import prove_path
+from omniservo.planning.search.prove_path import prove_whole_path
 from omniservo.planning.search.settle import power_path
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.robots import ArmBodies, FollowedPath, JointPath, follow_path
@@ -378,7 +378,7 @@ class ArmPlanner:
             path = CameraPath(*power_path(family, self._ell, x))
             followed = self._follow(path, start, aim)
             now = _Attempt(path, self._judged(followed.best), followed, aim)
-            status, w = prove_path(self._constraints, *path.powers)
+            status, w = prove_whole_path(self._constraints, *path.powers)
             before, until = until, now.judged.until
             if status == PROVEN and until >= (begin.until if best is None else best.judged.until):
                 best = now

@@ -10,16 +10,17 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import inlined, kernel
-from omniservo.geometry.polynomial import bernstein_from_power, magnitude, set_basis
+from omniservo.geometry.polynomial import bernstein_from_power, set_basis
 from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
-from omniservo.planning.bernstein_path import camera_controls, camera_count, squares
+from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.certificate.margin_kinds import (
     CLEARANCE,
     MASK,
 )
-from omniservo.planning.certificate.proven_margins import PathForms, prove_space, prove_view
+from omniservo.planning.certificate.proven_margins import prove_space, prove_view
 from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
 from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.path_forms import ViewForms, path_forms
 from omniservo.planning.constraints.place import AT, place
 
 LOOKS = 32
@@ -124,12 +125,11 @@ def path_margins(
     """
     constraints = held(constraints)
     table = np.empty((entries.shape[0], 4))
-    phi, centre = bernstein_from_power(rotation), bernstein_from_power(translation)
+    path, phi = path_forms(rotation, translation), bernstein_from_power(rotation)
+    centre = path.centre
     look(constraints, optics, entries, phi, centre, table)
-    square, raised = squares(translation)
-    path = PathForms(rotation, translation, centre, square, raised, magnitude(translation))
     controls, errors = camera_controls(rotation, translation, constraints.points)
-    count = float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1))
+    view = ViewForms(controls, errors, float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1)))
     for e in range(entries.shape[0]):
         entry, row = entries[e], table[e]
         row[3] = UNDECIDED
@@ -143,7 +143,7 @@ def path_margins(
             else:
                 step *= 4.0
             if entry[0] <= MASK:
-                status, w, j = prove_view(entry, target, constraints, optics, controls, errors, count)
+                status, w, j = prove_view(entry, target, constraints, optics, view)
             else:
                 status, w, j = prove_space(entry, target, constraints, path)
             if status == PROVEN:

@@ -1,7 +1,6 @@
 """Whether a constraint holds on the whole path with a margin to spare (docs/certificate.md)."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,19 +23,17 @@ from omniservo.planning.certificate.margin_kinds import (
     SIGHT,
     WALL,
 )
-from omniservo.planning.certificate.seen_margins import mask_polygon
-from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.cloud import prove_cloud_clear
 from omniservo.planning.constraints.cloud_sight import prove_cloud_sights
 from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.constraints.free_side import prove_free_side
-from omniservo.planning.constraints.image_mask import moved_outward, prove_outside_mask
+from omniservo.planning.constraints.free_side import prove_free_side_of
+from omniservo.planning.constraints.image_mask import prove_mask_margin
 from omniservo.planning.constraints.least_distance import prove_least_distance
-from omniservo.planning.constraints.motion import point_from_body, seen_from_body
-from omniservo.planning.constraints.occlusion import prove_clear_sights
+from omniservo.planning.constraints.occlusion import prove_sights
+from omniservo.planning.constraints.path_forms import PathForms, ViewForms
 from omniservo.planning.constraints.rotation import prove_rotation
-from omniservo.planning.constraints.separation import separate
+from omniservo.planning.constraints.separation import prove_body_clear, prove_sights_past_body
 from omniservo.planning.constraints.visibility import prove_visible
 from omniservo.planning.constraints.workspace import prove_wall
 
@@ -45,23 +42,6 @@ SLACK_PX = 1e-7
 
 SLACK_RAD = 1e-12
 """The same for the domain's angle."""
-
-
-class PathForms(NamedTuple):
-    """A path in the forms that proofs want."""
-
-    rotation: FloatArray
-    """φ by powers (4, σ+1), highest first"""
-    translation: FloatArray
-    """t by powers (3, τ+1) [m], highest first"""
-    centre: FloatArray
-    """t by Bernstein coefficients (3, τ+1) [m]"""
-    square: FloatArray
-    """‖t‖² (1, 2τ+1) [m²], see `squares`"""
-    raised: FloatArray
-    """t of the same degree (3, 2τ+1) [m]"""
-    size: float
-    """the magnitude of t [m]"""
 
 
 @leaf
@@ -74,19 +54,12 @@ def circle_cosine(xi: float, radius: float) -> float:
 
 @inlined
 def prove_view(
-    entry: FloatArray,
-    margin: float,
-    constraints: Constraints,
-    optics: FloatArray,
-    controls: FloatArray,
-    errors: FloatArray,
-    count: float,
+    entry: FloatArray, margin: float, constraints: Constraints, optics: FloatArray, view: ViewForms
 ) -> tuple[int, float, int]:
     """Decide an EDGE, CIRCLE, DOMAIN, DISC or MASK entry moved inward by ``margin``: status, w, point."""
     kind = int(entry[0])
     if kind == MASK:
-        grown = moved_outward(mask_polygon(constraints, int(entry[1])), margin + SLACK_PX, optics[0])
-        return prove_outside_mask(controls, errors, count, grown)
+        return prove_mask_margin(constraints, int(entry[1]), margin + SLACK_PX, optics[0], view)
     limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
     if kind == DISC:
         for i in range(7):
@@ -114,72 +87,40 @@ def prove_view(
             if angle < 0.0:
                 return UNDECIDED, 0.0, 0
             limits[0, 3] = -math.cos(min(angle, math.pi)) - 1e-15
-    status, w, j, _ = prove_visible(controls, errors, count, limits, disc)
+    status, w, j, _ = prove_visible(view.controls, view.errors, view.roundings, limits, disc)
     return status, w, j
 
 
 @inlined
 def prove_space(
-    entry: FloatArray,
-    margin: float,
-    constraints: Constraints,
-    path: PathForms,
+    entry: FloatArray, margin: float, constraints: Constraints, path: PathForms
 ) -> tuple[int, float, int]:
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
-    rotation, translation, centre, square, raised, size = path
     kind, index = int(entry[0]), int(entry[1])
     if kind == CLOUD_SIGHT:
-        return prove_cloud_sights(constraints, index, margin, translation, centre, size)
-    if kind in (FREE_SIDE, BODY, BODY_SIGHT):
-        return prove_solid(kind, index, margin, constraints, centre, translation, size)
-    if kind == LEAST:
-        return prove_least_distance(
-            square, raised, size, constraints.points, constraints.least_distance + margin
-        )
-    if kind == SIGHT:
-        o = constraints.obstacles[index]
-        return prove_clear_sights(centre, size, constraints.points, o, o[3] + margin)
-    status, w = PROVEN, 0.0
+        return prove_cloud_sights(constraints, index, margin, path)
     if kind == CLOUD:
-        status, w = prove_cloud_clear(constraints, index, margin, translation, square, raised, size)
-    elif kind == CLEARANCE:
+        return prove_cloud_clear(constraints, index, margin, path)
+    if kind == FREE_SIDE:
+        return prove_free_side_of(constraints, index, margin, path)
+    if kind == BODY:
+        return prove_body_clear(constraints, index, margin, path)
+    if kind == BODY_SIGHT:
+        return prove_sights_past_body(constraints, index, margin, path)
+    if kind == SIGHT:
+        return prove_sights(constraints, index, margin, path)
+    if kind == LEAST:
+        least = constraints.least_distance + margin
+        return prove_least_distance(path.square, path.raised, path.size, constraints.points, least)
+    status, w = PROVEN, 0.0
+    if kind == CLEARANCE:
         o = constraints.obstacles[index]
         if o[4] + margin > 0.0:
-            status, w = prove_outside_ball(square, raised, size, o, o[4] + margin)
+            status, w = prove_outside_ball(path.square, path.raised, path.size, o, o[4] + margin)
     elif kind == WALL:
         side, axis = index // 3, index % 3
         bound = constraints.box[side, axis] + (margin if side == 0 else -margin)
-        status, w = prove_wall(centre, size, side, axis, bound)
+        status, w = prove_wall(path.centre, path.size, side, axis, bound)
     else:
-        status, w = prove_rotation(rotation, ROTATION_FLOOR + margin)
+        status, w = prove_rotation(path.rotation, ROTATION_FLOOR + margin)
     return status, w, 0
-
-
-@inlined
-def prove_solid(
-    kind: int,
-    index: int,
-    margin: float,
-    constraints: Constraints,
-    centre: FloatArray,
-    translation: FloatArray,
-    size: float,
-) -> tuple[int, float, int]:
-    """Decide a FREE_SIDE, BODY or BODY_SIGHT entry with ``margin`` to spare: status, w, point."""
-    motions = constraints.motions
-    if kind == FREE_SIDE:
-        plane = constraints.planes[index]
-        path, largest = seen_from_body(centre, translation, size, motions, plane[5])
-        status, w = prove_free_side(path, largest, plane, margin)
-        return status, w, 0
-    body, hulls, planes = constraints.bodies[index], constraints.hulls, np.empty((0, 5))
-    path, largest = seen_from_body(centre, translation, size, motions, body[MOTION])
-    if kind == BODY:
-        status, w, _ = separate(path, largest, np.empty((3, 0)), body, hulls, body[REACH] + margin, planes)
-        return status, w, 0
-    for j in range(constraints.points.shape[0]):
-        h = point_from_body(constraints.points[j], motions, body[MOTION])
-        status, w, _ = separate(path, largest, h, body, hulls, body[RADIUS] + margin, planes)
-        if status != PROVEN:
-            return status, w, j
-    return PROVEN, 0.0, 0

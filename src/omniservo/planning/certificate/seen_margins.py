@@ -21,24 +21,16 @@ from omniservo.planning.certificate.margin_kinds import (
     SIGHT,
     WALL,
 )
-from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.cloud import cloud_margin
 from omniservo.planning.constraints.cloud_sight import cloud_sight_margin
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.dead_zone import disc_margin
-from omniservo.planning.constraints.free_side import free_side_gap
+from omniservo.planning.constraints.free_side import free_side_margin
 from omniservo.planning.constraints.image_mask import mask_margin
-from omniservo.planning.constraints.motion import displacement
-from omniservo.planning.constraints.occlusion import sight_offset
-from omniservo.planning.constraints.place import AT, NORM, TX, TY, TZ
-from omniservo.planning.constraints.solid_gap import hull_of, solid_gap
+from omniservo.planning.constraints.occlusion import sight_margin
+from omniservo.planning.constraints.place import NORM, TX, TY, TZ
+from omniservo.planning.constraints.separation import body_margin, body_sight_margin
 from omniservo.planning.constraints.visibility import OUTSIDE
-
-
-@kernel
-def mask_polygon(constraints: Constraints, index: int) -> FloatArray:
-    """Return the edges (k, 5) of one polygon of the mask."""
-    return constraints.mask_edges[constraints.mask_firsts[index] : constraints.mask_firsts[index + 1]]
 
 
 @kernel
@@ -77,12 +69,9 @@ def centre_margin(kind: int, index: int, constraints: Constraints, pose: FloatAr
         gap = float(pose[TX + axis] - constraints.box[side, axis])
         return gap if side == 0 else -gap
     if kind == FREE_SIDE:
-        x, y, z = centre_from_body(pose, constraints.motions, constraints.planes[index, 5])
-        return free_side_gap(x, y, z, constraints.planes[index])
+        return free_side_margin(constraints, index, pose)
     if kind == BODY:
-        body = constraints.bodies[index]
-        x, y, z = centre_from_body(pose, constraints.motions, body[MOTION])
-        return float(solid_gap(body, hull_of(body, constraints.hulls), x, y, z, x, y, z)[3] - body[REACH])
+        return body_margin(constraints, index, pose)
     if kind == CLOUD:
         return cloud_margin(constraints, index, pose)
     return sphere_margin(constraints.obstacles, index, pose)
@@ -93,13 +82,6 @@ def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
     """Return what the clearance of a sphere leaves at a pose (13,)."""
     x, y, z = pose[TX] - obstacles[index, 0], pose[TY] - obstacles[index, 1], pose[TZ] - obstacles[index, 2]
     return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
-
-
-@leaf
-def centre_from_body(pose: FloatArray, motions: FloatArray, motion: float) -> tuple[float, float, float]:
-    """Return t − m of a pose (14,)."""
-    x, y, z = displacement(motions, motion, pose[AT])
-    return pose[TX] - x, pose[TY] - y, pose[TZ] - z
 
 
 @kernel
@@ -118,29 +100,15 @@ def smallest_at(
     kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
     if kind >= CLEARANCE:
         return centre_margin(kind, index, constraints, pose), 0
-    least, about = math.inf, 0
     if kind == SIGHT:
-        o = constraints.obstacles[index]
-        for j in range(points.shape[0]):
-            value = sight_offset(pose[TX], pose[TY], pose[TZ], points[j], o)[3]
-            if value < least:
-                least, about = value, j
-        return least - float(o[3]), about
+        return sight_margin(constraints, index, pose, points)
     if kind == BODY_SIGHT:
-        body = constraints.bodies[index]
-        hull = hull_of(body, constraints.hulls)
-        mx, my, mz = displacement(constraints.motions, body[MOTION], pose[AT])
-        x, y, z = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
-        for j in range(points.shape[0]):
-            hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
-            value = solid_gap(body, hull, x, y, z, hx, hy, hz)[3]
-            if value < least:
-                least, about = value, j
-        return least - float(body[RADIUS]), about
+        return body_sight_margin(constraints, index, pose, points)
     if kind == CLOUD_SIGHT:
         return cloud_sight_margin(constraints, index, pose, points)
     if kind == MASK:
-        return mask_margin(mask_polygon(constraints, index), optics[0], c)
+        return mask_margin(constraints, index, optics[0], c)
+    least, about = math.inf, 0
     limit = constraints.limits[index]
     for j in range(points.shape[0]):
         value = camera_margin(kind, limit, scale, constraints, optics, c, j)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import UNIT, magnitude
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -29,6 +29,7 @@ from omniservo.geometry.vectors import copy_into
 from omniservo.planning.bernstein_path import squares
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
+from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
@@ -131,7 +132,7 @@ def _off_balls(piece: Piece, balls: _Balls) -> tuple[int, int]:
     return (FAILS_AT_END if at_end < -piece.bound else OPEN), 0
 
 
-@kernel
+@late
 def cloud_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
     """Return what the clearance of cloud ``index`` leaves at a pose (14,)."""
     mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[AT])
@@ -140,44 +141,39 @@ def cloud_margin(constraints: Constraints, index: int, pose: FloatArray) -> floa
     return float(nearest_point(points, nodes, t, t, math.inf)[1] - constraints.clouds[index, 5])
 
 
-@kernel
+@late
 def prove_cloud_clear(
-    constraints: Constraints,
-    index: int,
-    margin: float,
-    translation: FloatArray,
-    square: FloatArray,
-    raised: FloatArray,
-    size: float,
-) -> tuple[int, float]:
-    """Decide the clearance of cloud ``index`` with ``margin`` to spare; a reach of 0 asks for nothing.
+    constraints: Constraints, index: int, margin: float, path: PathForms
+) -> tuple[int, float, int]:
+    """Decide the clearance of cloud ``index`` with ``margin`` to spare: status, w, 0.
 
-    Where the cloud moves, of t − m: its powers round once more, and their squares twice.
+    A reach of 0 asks for nothing. Where the cloud moves, of t − m: its powers round once more, and their
+    squares twice.
     """
     reach, motion = constraints.clouds[index, 5] + margin, int(constraints.clouds[index, 6])
     if reach <= 0.0:
-        return PROVEN, 0.0
+        return PROVEN, 0.0, 0
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
+    square, raised, size = path.square, path.raised, path.size
     if motion >= 0:
-        powers = less_motion(translation, constraints.motions[motion])
+        powers = less_motion(path.translation, constraints.motions[motion])
         square, raised = squares(powers)
         size = magnitude(powers)
-    return prove_off_cloud(square, raised, size, points, nodes, reach)
+    status, w = prove_off_cloud(square, raised, size, points, nodes, reach)
+    return status, w, 0
 
 
-@inlined
-def prove_clouds_clear(
-    constraints: Constraints, translation: FloatArray, square: FloatArray, raised: FloatArray, size: float
-) -> tuple[int, float]:
+@late
+def prove_clouds_clear(constraints: Constraints, path: PathForms) -> tuple[int, float]:
     """Decide the clearance of every cloud."""
     for i in range(constraints.clouds.shape[0]):
-        status, w = prove_cloud_clear(constraints, i, 0.0, translation, square, raised, size)
+        status, w, _ = prove_cloud_clear(constraints, i, 0.0, path)
         if status != PROVEN:
             return status, w
     return PROVEN, 0.0
 
 
-@kernel
+@late
 def push_off_clouds(constraints: Constraints, samples: Samples) -> None:
     """Push the centre off the nearest point: g = (‖t − p‖ − reach)/max(reach, ℓ/20) (see `push`)."""
     poses, targets, least = samples.poses, samples.targets, samples.least

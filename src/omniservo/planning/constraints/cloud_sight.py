@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import UNIT, bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -32,6 +32,7 @@ from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, fart
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
+from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.obstacles.ball_tree import END, FIRST, NEXT, RADIUS, nearest_point
@@ -186,7 +187,7 @@ def _sees_past_moving(piece: Piece, sights: _Sights) -> tuple[int, int]:
     return (FAILS_AT_END if at_end < least else OPEN), 0
 
 
-@kernel
+@late
 def cloud_sight_margin(
     constraints: Constraints, index: int, pose: FloatArray, targets: FloatArray
 ) -> tuple[float, int]:
@@ -203,42 +204,37 @@ def cloud_sight_margin(
     return least - float(constraints.clouds[index, 4]), about
 
 
-@inlined
+@late
 def prove_cloud_sights(
-    constraints: Constraints,
-    index: int,
-    margin: float,
-    translation: FloatArray,
-    centre: FloatArray,
-    size: float,
+    constraints: Constraints, index: int, margin: float, path: PathForms
 ) -> tuple[int, float, int]:
     """Decide the lines of sight past cloud ``index`` with ``margin`` to spare: status, w, target point."""
     radius, motion = constraints.clouds[index, 4] + margin, int(constraints.clouds[index, 6])
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     if motion < 0:
-        return prove_sights_past_cloud(centre, size, constraints.points, points, nodes, radius)
+        return prove_sights_past_cloud(path.centre, path.size, constraints.points, points, nodes, radius)
     for j in range(constraints.points.shape[0]):
         h = constraints.points[j]
-        status, w = _prove_moving_sight(translation, constraints.motions[motion], h, points, nodes, radius)
+        status, w = _prove_moving_sight(
+            path.translation, constraints.motions[motion], h, points, nodes, radius
+        )
         if status != PROVEN:
             return status, w, j
     return PROVEN, 0.0, 0
 
 
-@inlined
-def prove_unclouded(
-    constraints: Constraints, translation: FloatArray, centre: FloatArray, size: float
-) -> tuple[int, float]:
+@late
+def prove_unclouded(constraints: Constraints, path: PathForms) -> tuple[int, float]:
     """Decide every line of sight past every cloud; a cloud of radius 0 hides nothing."""
     for i in range(constraints.clouds.shape[0]):
         if constraints.clouds[i, 4] > 0.0:
-            status, w, _ = prove_cloud_sights(constraints, i, 0.0, translation, centre, size)
+            status, w, _ = prove_cloud_sights(constraints, i, 0.0, path)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
 
 
-@kernel
+@late
 def push_sights_off_clouds(constraints: Constraints, samples: Samples) -> None:
     """Push every line of sight off the point nearest to it: g = (distance − r)/max(r, ℓ/20) (see `push`)."""
     poses, targets, least = samples.poses, samples.targets, samples.least

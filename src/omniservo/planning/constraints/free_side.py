@@ -3,9 +3,11 @@
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import displacement, seen_from_body
+from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
@@ -29,24 +31,44 @@ def prove_free_side(controls: FloatArray, size: float, plane: FloatArray, margin
     return prove_nonnegative(gap, n + 24.0, 3.0 * size + abs(plane[3]) + abs(margin))
 
 
-@inlined
-def prove_free_sides(
-    controls: FloatArray, translation: FloatArray, size: float, planes: FloatArray, motions: FloatArray
-) -> tuple[int, float]:
-    """Decide every half-space (p, 6); control points and powers of t (3, τ+1)."""
-    for i in range(planes.shape[0]):
-        path, largest = seen_from_body(controls, translation, size, motions, planes[i, 5])
-        status, w = prove_free_side(path, largest, planes[i], 0.0)
+@late
+def prove_free_side_of(
+    constraints: Constraints, index: int, margin: float, path: PathForms
+) -> tuple[int, float, int]:
+    """Decide half-space ``index`` with ``margin`` to spare: status, w, 0."""
+    plane = constraints.planes[index]
+    centre, size = seen_from_body(path.centre, path.translation, path.size, constraints.motions, plane[5])
+    status, w = prove_free_side(centre, size, plane, margin)
+    return status, w, 0
+
+
+@late
+def prove_free_sides(constraints: Constraints, path: PathForms) -> tuple[int, float]:
+    """Decide every half-space."""
+    for i in range(constraints.planes.shape[0]):
+        status, w, _ = prove_free_side_of(constraints, i, 0.0, path)
         if status != PROVEN:
             return status, w
     return PROVEN, 0.0
 
 
-@leaf
-def push_to_free_side(
-    planes: FloatArray, motions: FloatArray, ell: float, samples: Samples, first: int
-) -> None:
+@late
+def free_side_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
+    """Return what half-space ``index`` leaves at a pose (14,)."""
+    plane = constraints.planes[index]
+    mx, my, mz = displacement(constraints.motions, plane[5], pose[AT])
+    return free_side_gap(pose[TX] - mx, pose[TY] - my, pose[TZ] - mz, plane)
+
+
+@late
+def push_to_free_side(constraints: Constraints, samples: Samples) -> None:
     """Push the centre out of the solids: g = (n·t − b − d)/max(d, ℓ/20) (see `push`)."""
+    planes, motions, ell, first = (
+        constraints.planes,
+        constraints.motions,
+        constraints.ell,
+        constraints.slots.planes,
+    )
     poses, targets, least = samples.poses, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(planes.shape[0]):

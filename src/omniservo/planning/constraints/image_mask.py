@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import TINY
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -28,6 +28,8 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.geometry.vectors import copy_into
+from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.path_forms import ViewForms
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 from omniservo.planning.constraints.visibility import (
     OUTSIDE,
@@ -52,9 +54,16 @@ def best_edge(edges: FloatArray, x: float, y: float, z: float) -> tuple[int, flo
     return best, most
 
 
-@leaf
-def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, int]:
-    """Return how far [px] the camera points c (n, 4) are beyond one polygon, and which point the least."""
+@kernel
+def mask_polygon(constraints: Constraints, index: int) -> FloatArray:
+    """Return the edges (k, 5) of polygon ``index``."""
+    return constraints.mask_edges[constraints.mask_firsts[index] : constraints.mask_firsts[index + 1]]
+
+
+@late
+def mask_margin(constraints: Constraints, index: int, xi: float, c: FloatArray) -> tuple[float, int]:
+    """Return how far [px] the camera points c (n, 4) are beyond polygon ``index``, and which the least."""
+    polygon = mask_polygon(constraints, index)
     least, about = math.inf, 0
     for j in range(c.shape[0]):
         d = c[j, 2] + xi / c[j, 3]
@@ -64,7 +73,7 @@ def mask_margin(polygon: FloatArray, xi: float, c: FloatArray) -> tuple[float, i
     return least, about
 
 
-@leaf
+@late
 def prove_outside_masks(
     controls: FloatArray, errors: FloatArray, count: float, edges: FloatArray, firsts: IntArray
 ) -> tuple[int, float, int]:
@@ -152,9 +161,19 @@ def moved_outward(edges: FloatArray, margin: float, xi: float) -> FloatArray:
     return moved
 
 
-@leaf
-def push_off_masks(edges: FloatArray, firsts: IntArray, samples: Samples, first: int) -> None:
+@late
+def prove_mask_margin(
+    constraints: Constraints, index: int, margin: float, xi: float, view: ViewForms
+) -> tuple[int, float, int]:
+    """Decide polygon ``index``, moved outward by ``margin`` px, for every point: status, w, point."""
+    grown = moved_outward(mask_polygon(constraints, index), margin, xi)
+    return prove_outside_mask(view.controls, view.errors, view.roundings, grown)
+
+
+@late
+def push_off_masks(constraints: Constraints, samples: Samples) -> None:
     """Push every point out of every polygon, by the edge it is farthest beyond: g = κ − n·b (see `push`)."""
+    edges, firsts, first = constraints.mask_edges, constraints.mask_firsts, constraints.slots.masks
     camera_points, targets, least = samples.camera_points, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(firsts.shape[0] - 1):

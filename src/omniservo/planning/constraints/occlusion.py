@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import UNIT
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -28,6 +28,8 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
+from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre_often
 from omniservo.planning.constraints.visibility import sum_of_controls
@@ -172,25 +174,52 @@ def plane_past_ball(
     return False, 0.0, 0.0, 0.0
 
 
-@inlined
-def prove_unoccluded(
-    centre: FloatArray, size: float, points: FloatArray, obstacles: FloatArray
-) -> tuple[int, float]:
+@late
+def sight_margin(
+    constraints: Constraints, index: int, pose: FloatArray, points: FloatArray
+) -> tuple[float, int]:
+    """Return what sphere ``index`` leaves to the lines of sight at a pose (14,), and to which point least."""
+    o = constraints.obstacles[index]
+    least, about = math.inf, 0
+    for j in range(points.shape[0]):
+        value = sight_offset(pose[TX], pose[TY], pose[TZ], points[j], o)[3]
+        if value < least:
+            least, about = value, j
+    return least - float(o[3]), about
+
+
+@late
+def prove_sights(
+    constraints: Constraints, index: int, margin: float, path: PathForms
+) -> tuple[int, float, int]:
+    """Decide the lines of sight past sphere ``index`` with ``margin`` to spare: status, w, point."""
+    o = constraints.obstacles[index]
+    return prove_clear_sights(path.centre, path.size, constraints.points, o, o[3] + margin)
+
+
+@late
+def prove_unoccluded(constraints: Constraints, path: PathForms) -> tuple[int, float]:
     """Decide every line of sight past every sphere; a sphere of radius 0 hides nothing."""
-    for i in range(obstacles.shape[0]):
-        if obstacles[i, 3] > 0.0:
-            status, w, _ = prove_clear_sights(centre, size, points, obstacles[i], obstacles[i, 3])
+    for i in range(constraints.obstacles.shape[0]):
+        if constraints.obstacles[i, 3] > 0.0:
+            status, w, _ = prove_sights(constraints, i, 0.0, path)
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
 
 
-@leaf
-def push_sight(points: FloatArray, obstacles: FloatArray, ell: float, samples: Samples, first: int) -> None:
+@late
+def push_sights(constraints: Constraints, samples: Samples) -> None:
     """Push the lines of sight off the spheres: g = (distance − r)/max(r, ℓ/20) (see `push`).
 
     With the nearest point q = t + k(h − t): ∂‖q − o‖/∂t = (1 − k)(q − o)/‖q − o‖.
     """
+    points, obstacles, ell, first = (
+        constraints.points,
+        constraints.obstacles,
+        constraints.ell,
+        constraints.slots.sights,
+    )
     poses, targets, least = samples.poses, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(obstacles.shape[0]):

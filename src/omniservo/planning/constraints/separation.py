@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.kernel import inlined, kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import UNIT
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -33,6 +33,7 @@ from omniservo.planning.constraints.body_gap import EXTENT, MOTION, RADIUS, REAC
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.hull_gap import Hull
 from omniservo.planning.constraints.motion import displacement, point_from_body, seen_from_body
+from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 from omniservo.planning.constraints.solid_gap import core_support, hull_of, solid_gap
@@ -181,36 +182,74 @@ def distance_at(piece: FloatArray, h: FloatArray, end: int, body: FloatArray, hu
     return float(solid_gap(body, hull, x, y, z, x, y, z)[3])
 
 
-@inlined
-def prove_bodies_clear(
-    centre: FloatArray,
-    translation: FloatArray,
-    size: float,
-    bodies: FloatArray,
-    hulls: Hull,
-    motions: FloatArray,
-    points: FloatArray,
-) -> tuple[int, float]:
-    """Decide the clearance of every body and, past each body, the lines of sight to ``points``.
+@late
+def prove_body_clear(
+    constraints: Constraints, index: int, margin: float, path: PathForms
+) -> tuple[int, float, int]:
+    """Decide the clearance of body ``index`` with ``margin`` to spare: status, w, 0."""
+    body, planes = constraints.bodies[index], np.empty((0, 5))
+    centre, size = seen_from_body(path.centre, path.translation, path.size, constraints.motions, body[MOTION])
+    status, w, _ = separate(
+        centre, size, np.empty((3, 0)), body, constraints.hulls, body[REACH] + margin, planes
+    )
+    return status, w, 0
 
-    ``centre`` are the control points of t, ``translation`` its powers, ``size`` the magnitude of both.
-    """
-    planes, nothing = np.empty((0, 5)), np.empty((3, 0))
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        path, largest = seen_from_body(centre, translation, size, motions, body[MOTION])
-        status, w, _ = separate(path, largest, nothing, body, hulls, body[REACH], planes)
+
+@late
+def prove_sights_past_body(
+    constraints: Constraints, index: int, margin: float, path: PathForms
+) -> tuple[int, float, int]:
+    """Decide the lines of sight past body ``index`` with ``margin`` to spare: status, w, target point."""
+    body, motions, planes = constraints.bodies[index], constraints.motions, np.empty((0, 5))
+    centre, size = seen_from_body(path.centre, path.translation, path.size, motions, body[MOTION])
+    for j in range(constraints.points.shape[0]):
+        h = point_from_body(constraints.points[j], motions, body[MOTION])
+        status, w, _ = separate(centre, size, h, body, constraints.hulls, body[RADIUS] + margin, planes)
+        if status != PROVEN:
+            return status, w, j
+    return PROVEN, 0.0, 0
+
+
+@late
+def prove_bodies_clear(constraints: Constraints, path: PathForms) -> tuple[int, float]:
+    """Decide the clearance of every body and, where obstacles hide points, the lines of sight past it."""
+    for i in range(constraints.bodies.shape[0]):
+        status, w, _ = prove_body_clear(constraints, i, 0.0, path)
+        if status == PROVEN and constraints.occlusion:
+            status, w, _ = prove_sights_past_body(constraints, i, 0.0, path)
         if status != PROVEN:
             return status, w
-        for j in range(points.shape[0]):
-            h = point_from_body(points[j], motions, body[MOTION])
-            status, w, _ = separate(path, largest, h, body, hulls, body[RADIUS], planes)
-            if status != PROVEN:
-                return status, w
     return PROVEN, 0.0
 
 
-@kernel
+@late
+def body_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
+    """Return what the clearance of body ``index`` leaves at a pose (14,)."""
+    body = constraints.bodies[index]
+    mx, my, mz = displacement(constraints.motions, body[MOTION], pose[AT])
+    x, y, z = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
+    return float(solid_gap(body, hull_of(body, constraints.hulls), x, y, z, x, y, z)[3] - body[REACH])
+
+
+@late
+def body_sight_margin(
+    constraints: Constraints, index: int, pose: FloatArray, points: FloatArray
+) -> tuple[float, int]:
+    """Return what body ``index`` leaves to the lines of sight at a pose (14,), and to which point least."""
+    body = constraints.bodies[index]
+    hull = hull_of(body, constraints.hulls)
+    mx, my, mz = displacement(constraints.motions, body[MOTION], pose[AT])
+    x, y, z = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
+    least, about = math.inf, 0
+    for j in range(points.shape[0]):
+        hx, hy, hz = points[j, 0] - mx, points[j, 1] - my, points[j, 2] - mz
+        value = solid_gap(body, hull, x, y, z, hx, hy, hz)[3]
+        if value < least:
+            least, about = value, j
+    return least - float(body[RADIUS]), about
+
+
+@late
 def push_off_bodies(constraints: Constraints, samples: Samples) -> None:
     """Push the centre off the bodies, and its lines of sight to the target points (see `push`).
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.kernel import kernel, leaf
+from omniservo.geometry.kernel import kernel, late, leaf
 from omniservo.geometry.polynomial import TINY
 from omniservo.geometry.subdivision import (
     FAILS_AT_END,
@@ -33,6 +33,7 @@ from omniservo.geometry.subdivision import (
     subdivide,
 )
 from omniservo.geometry.vectors import copy_into
+from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.dead_zone import Limit, disc_size, tangent_limit
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_camera_point
 
@@ -205,9 +206,10 @@ def push_into_image(limits: FloatArray, samples: Samples, first: int) -> None:
         least[group] = lowest
 
 
-@kernel
-def push_off_disc(disc: FloatArray, samples: Samples, group: int) -> None:
+@late
+def push_off_disc(constraints: Constraints, samples: Samples) -> None:
     """Push every point off the dead zone, by the tangent that faces it, its normal of length 1."""
+    disc, group = constraints.disc, constraints.slots.dead_zone
     camera_points, targets, least = samples.camera_points, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     if targets[group] == ASLEEP:

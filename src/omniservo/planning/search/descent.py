@@ -20,7 +20,7 @@ from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.free_side import push_to_free_side
 from omniservo.planning.constraints.image_mask import push_off_masks
 from omniservo.planning.constraints.least_distance import push_from_points
-from omniservo.planning.constraints.occlusion import push_sight
+from omniservo.planning.constraints.occlusion import push_sights
 from omniservo.planning.constraints.place import AT, place
 from omniservo.planning.constraints.push import ASLEEP, Samples
 from omniservo.planning.constraints.separation import push_off_bodies
@@ -77,25 +77,22 @@ def room_for(samples: int, points: int) -> Room:
 
 @inlined
 def push_all(constraints: Constraints, samples: Samples) -> None:
-    """Let every family push at all samples."""
-    points, obstacles, ell, slots = (
-        constraints.points,
-        constraints.obstacles,
-        constraints.ell,
-        constraints.slots,
-    )
+    """Let every family push at all samples; those that a problem lacks are not even compiled."""
+    ell, slots = constraints.ell, constraints.slots
     push_into_image(constraints.limits, samples, slots.limits)
     if constraints.disc.shape[0] > 0:
-        push_off_disc(constraints.disc, samples, slots.dead_zone)
-    push_from_points(points, constraints.least_distance, ell, samples, slots.least_distance)
-    push_from_obstacles(obstacles, ell, samples, slots.obstacles)
-    if constraints.occlusion:
-        push_sight(points, obstacles, ell, samples, slots.sights)
+        push_off_disc(constraints, samples)
+    push_from_points(constraints.points, constraints.least_distance, ell, samples, slots.least_distance)
+    push_from_obstacles(constraints.obstacles, ell, samples, slots.obstacles)
+    if constraints.occlusion and constraints.obstacles.shape[0] > 0:
+        push_sights(constraints, samples)
     push_into_box(constraints.box, ell, samples, slots.walls)
     if constraints.bodies.shape[0] > 0:
         push_off_bodies(constraints, samples)
-    push_to_free_side(constraints.planes, constraints.motions, ell, samples, slots.planes)
-    push_off_masks(constraints.mask_edges, constraints.mask_firsts, samples, slots.masks)
+    if constraints.planes.shape[0] > 0:
+        push_to_free_side(constraints, samples)
+    if constraints.mask_edges.shape[0] > 0:
+        push_off_masks(constraints, samples)
     if constraints.clouds.shape[0] > 0:
         push_off_clouds(constraints, samples)
         if constraints.occlusion:

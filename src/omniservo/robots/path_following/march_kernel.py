@@ -45,6 +45,23 @@ class States(NamedTuple):
 
 
 @kernel
+def set_off(chain: Chain, rule: Rule, table: Table, q: FloatArray, states: States) -> int:
+    """Lead joints ``q`` (n,) at or near the path's start onto it, the first of the states; see `advance`."""
+    standing = np.zeros((3, q.shape[0]))
+    for j in range(q.shape[0]):
+        standing[0, j] = q[j]
+    return advance(
+        held(chain),
+        held(rule),
+        0.0,
+        0.0,
+        JointState(standing, np.array([np.inf, 0.0, 0.0])),
+        Aim(table.goals[0], table.motions[0], table.goals[0]),
+        JointState(states.joints[0], states.values[0]),
+    )
+
+
+@kernel
 def march(chain: Chain, rule: Rule, table: Table, states: States, step: FloatArray) -> tuple[int, int]:
     """Go on from the first state; return why it ends, and how many states there are then.
 

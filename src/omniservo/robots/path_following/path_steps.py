@@ -12,17 +12,8 @@ from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE, Arm
 from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.robots.path_following.joint_path import FailureKind
-from omniservo.robots.path_following.march_kernel import LONGEST, MORE, States, Table, march
-from omniservo.robots.path_following.step_kernels import (
-    LEAST,
-    LOST,
-    SINGULAR,
-    TAKEN,
-    Aim,
-    JointState,
-    Rule,
-    advance,
-)
+from omniservo.robots.path_following.march_kernel import LONGEST, MORE, States, Table, march, set_off
+from omniservo.robots.path_following.step_kernels import LEAST, LOST, SINGULAR, TAKEN, Rule
 
 _SCALE = np.array([1.0 / LENGTH_SCALE] * 3 + [1.0] * 3)
 
@@ -97,15 +88,7 @@ class PathSteps:
     def _begun(self, q: FloatArray) -> tuple[int, States]:
         """Return how the joints begin that stand at or near the path's start, in the first of many states."""
         table, room = self._whole, _room(len(q))
-        result = advance(
-            self._arm.chain,
-            self._rule,
-            0.0,
-            0.0,
-            JointState(_standing(q), np.array([np.inf, 0.0, 0.0])),
-            Aim(table.goals[0], table.motions[0], table.goals[0]),
-            JointState(room.joints[0], room.values[0]),
-        )
+        result = set_off(self._arm.chain, self._rule, table, q, room)
         return result, room
 
     def follow(self, q: FloatArray) -> tuple[States, Stop | None]:
@@ -157,12 +140,6 @@ class PathSteps:
         poses = finite_array("path: poses", poses, (len(w), 4, 4))
         motions = finite_array("path: motions", motions, (len(w), 2, 6))
         return self._base_T_initial @ poses @ self._camera_T_flange, _SCALE * motions
-
-
-def _standing(q: FloatArray) -> FloatArray:
-    joints = np.zeros((3, len(q)))
-    joints[0] = q
-    return joints
 
 
 def _room(dof: int) -> States:

@@ -8,24 +8,17 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 
 
-@kernel
 def quintic_pieces(w: FloatArray, q: FloatArray, slope: FloatArray, bend: FloatArray) -> FloatArray:
     """Return Bernstein coefficients (m − 1, 6, n) of the motion with q, q′, q″ (m, n) at w (m,), m ≥ 2.
 
     From either end of a piece h long: q, q ± h q′/5, q ± 2h q′/5 + h² q″/20.
     """
-    n = q.shape[1]
-    pieces = np.empty((w.shape[0] - 1, 6, n))
-    for i in range(w.shape[0] - 1):
-        h = w[i + 1] - w[i]
-        for j in range(n):
-            a, b = h * slope[i, j], h * slope[i + 1, j]
-            c, d = h * h * bend[i, j], h * h * bend[i + 1, j]
-            pieces[i, 0, j], pieces[i, 5, j] = q[i, j], q[i + 1, j]
-            pieces[i, 1, j], pieces[i, 4, j] = q[i, j] + a / 5.0, q[i + 1, j] - b / 5.0
-            pieces[i, 2, j] = q[i, j] + 0.4 * a + c / 20.0
-            pieces[i, 3, j] = q[i + 1, j] - 0.4 * b + d / 20.0
-    return pieces
+    h = np.diff(w)[:, None]
+    begin, end = q[:-1], q[1:]
+    a, b = h * slope[:-1], h * slope[1:]
+    c, d = h * h * bend[:-1], h * h * bend[1:]
+    after, before = begin + 0.4 * a + c / 20.0, end - 0.4 * b + d / 20.0
+    return np.stack([begin, begin + a / 5.0, after, before, end - b / 5.0, end], axis=1)
 
 
 @kernel
