@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.field_docs import with_field_docs
@@ -187,7 +187,7 @@ def check_camera(camera: UnifiedCamera, reference: ByteArray, now: ByteArray) ->
 
 def _judged(motion: _Motion, covariance: FloatArray, again: int) -> CameraCheck:
     square = float(motion.twist @ np.linalg.solve(covariance, motion.twist))
-    probability = float(chi2.sf(square, 6))
+    probability = float(chdtrc(6, square))
     moved = probability < FALSE_ALARM_RATE
     rms, count = _size(motion), int(motion.agree.sum())
     words = f"{count} of {again} features found again agree: "
