@@ -29,7 +29,6 @@ from omniservo.cli.main import main
 from omniservo.errors import InputError
 from omniservo.files.image_files import read_grey_image
 from omniservo.perception import tag_cells, tag_picture
-from omniservo.perception.tag_picture import QUIET_CELLS
 from omniservo.reporting.hand_eye_report import hand_eye_html
 from omniservo.scenes.scene import Panel
 from omniservo.targets import Tag, Target
@@ -124,7 +123,7 @@ def test_tags_of_a_target_do_as_well(tmp_path):
         target_T_tag = RigidTransform.from_translation([x, y, 0.0])
         tags.append(Tag("tag36h11", number, 0.08, target_T_tag))
         cells = tag_picture("tag36h11", number, pixels_per_cell=1) > 0
-        side = 0.08 * (1.0 + 2.0 * QUIET_CELLS / tag_cells("tag36h11"))
+        side = 0.08 * len(cells) / tag_cells("tag36h11")
         picture = np.where(cells, 0.85, 0.03)
         panels.append(Panel(f"tag {number}", BASE_T_BOARD * target_T_tag, np.array([side, side]), picture))
     base_T_flange, pictures, _ = render_views(2, 4, noise=2.0, panels=tuple(panels))

@@ -1,6 +1,6 @@
 """Pictures of tags at known places: each pixel is the mean of many rays, then blur and noise.
 
-A tag's pattern is OpenCV's own drawing, not ours.
+A tag's pattern is OpenCV's own drawing, not ours; of an AprilTag 3 family ours (test_april_tags.py).
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
 from omniservo.cameras import UnifiedCamera, preset
-from omniservo.tag_dictionaries import opencv_name
+from omniservo.perception import tag_cells, tag_picture
+from omniservo.tag_dictionaries import APRIL_TAGS_3, opencv_name
 
 Array = npt.NDArray[np.float64]
 RAYS = 6
@@ -49,18 +50,24 @@ class PlacedTag:
     axes: Array
     """(3, 3) columns: right and down as printed, into the paper"""
     side: float
-    """of the black square [m]"""
+    """of the square whose corners count [m]"""
     quiet: float = 1.0
     """white cells around it"""
 
     def corners(self) -> Array:
-        """(4, 3) of the black square [m], in the order of the code."""
+        """(4, 3) of the square [m], in the order of the code."""
         return self.centre + 0.5 * self.side * CORNERS @ self.axes[:, :2].T
 
     def pattern(self) -> npt.NDArray[np.bool_]:
         """(cells, cells) where it is dark."""
+        if self.name in APRIL_TAGS_3:
+            return tag_picture(self.name, self.number, pixels_per_cell=1) < 128
         known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, opencv_name(self.name)))
         return cv2.aruco.generateImageMarker(known, self.number, known.markerSize + 2) < 128
+
+    def reach(self) -> float:
+        """Half the side of the print with what is white around it, over that of the square."""
+        return (len(self.pattern()) + 2.0 * self.quiet) / tag_cells(self.name)
 
 
 def facing(
@@ -128,7 +135,7 @@ def _greys(camera, tags, pixels, behind):
     for tag in tags:
         pattern = tag.pattern()
         cells = len(pattern)
-        reach = 1.0 + 2.0 * tag.quiet / cells
+        reach, wider = tag.reach(), cells / tag_cells(tag.name)
         outline = tag.centre + 0.5 * tag.side * reach * CORNERS @ tag.axes[:, :2].T
         axis = tag.centre / np.linalg.norm(tag.centre)
         least = (outline @ axis / np.linalg.norm(outline, axis=1)).min()
@@ -139,7 +146,7 @@ def _greys(camera, tags, pixels, behind):
         hit = (distance > 0) & (distance < nearest[near]) & (np.abs(place) <= reach).all(1)
         near, place = near[hit], place[hit]
         nearest[near] = distance[hit]
-        column, row = (np.floor((place[:, k] + 1.0) * cells / 2).astype(int) for k in range(2))
+        column, row = (np.floor((place[:, k] / wider + 1.0) * cells / 2).astype(int) for k in range(2))
         inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < cells)
         dark = inside & pattern[np.clip(row, 0, cells - 1), np.clip(column, 0, cells - 1)]
         greys[near] = np.where(dark, DARK, BRIGHT)
@@ -148,7 +155,7 @@ def _greys(camera, tags, pixels, behind):
 
 def whole(camera: UnifiedCamera, tag: PlacedTag) -> bool:
     """Whether the tag is in the picture with its white border, at least a pixel from the picture's."""
-    reach = 1.0 + 2.0 * tag.quiet / len(tag.pattern())
+    reach = tag.reach()
     places = np.stack(np.meshgrid(*[np.linspace(-reach, reach, 9)] * 2), -1).reshape(-1, 2)
     pixels, valid = camera.project(tag.centre + 0.5 * tag.side * places @ tag.axes[:, :2].T)
     if not valid.all():

@@ -14,6 +14,7 @@ from omniservo.errors import InputError
 from omniservo.perception import find_tags, tag_cells
 from omniservo.perception.tag_candidates import candidate_planes
 from omniservo.perception.tag_kernels import PARAMETERS, POSE, normal_equations
+from omniservo.tag_dictionaries import APRIL_TAGS_3, tag_layout
 
 CAMERAS = tag_scenes.cameras()
 FISHEYE = CAMERAS["fe185"]
@@ -58,9 +59,12 @@ def test_tags_are_located_to_hundredths_of_a_pixel_out_to_the_rim(name):
         assert errors(camera, tags, find_tags(render(camera, tags, seed=seed), camera)).max() < 0.08
 
 
-@pytest.mark.parametrize("name", ["tag16h5", "tag25h9", "tag36h10", "4x4_50", "7x7_1000", "aruco_original"])
+@pytest.mark.parametrize(
+    "name", ["tag16h5", "tag25h9", "tag36h10", "4x4_50", "7x7_1000", "aruco_original", *APRIL_TAGS_3]
+)
 def test_every_family_is_read_with_its_corners_in_order(name):
-    tags = scene(FISHEYE, np.random.default_rng(5), name)
+    side = 0.26 * tag_cells(name) / 8 if name in APRIL_TAGS_3 else 0.26
+    tags = scene(FISHEYE, np.random.default_rng(5), name, side=side)
     assert errors(FISHEYE, tags, find_tags(render(FISHEYE, tags), FISHEYE, name)).max() < 0.08
 
 
@@ -129,7 +133,7 @@ def test_noise_has_no_tags_and_a_bounded_number_of_squares_to_read(name):
     for image in pictures_without_tags():
         found = find_tags(image, FISHEYE, name)
         assert len(found) == len(found.repeated) == 0
-        assert len(candidate_planes(image, FISHEYE, tag_cells(name), ())) <= 400
+        assert len(candidate_planes(image, FISHEYE, tag_layout(name), ())) <= 400
 
 
 def test_clutter_and_tags_of_other_dictionaries_are_not_read():

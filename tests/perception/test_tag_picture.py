@@ -6,7 +6,13 @@ import pytest
 
 from omniservo.errors import InputError
 from omniservo.perception import ImagePoints, tag_cells, tag_picture, tag_picture_corners
-from omniservo.tag_dictionaries import dictionary_names, dictionary_size, opencv_name
+from omniservo.tag_dictionaries import (
+    APRIL_TAGS_3,
+    dictionary_name,
+    dictionary_names,
+    dictionary_size,
+    opencv_name,
+)
 
 
 @pytest.mark.parametrize("name", ["tag16h5", "tag25h9", "tag36h10", "tag36h11", "4x4_50", "7x7_1000"])
@@ -33,8 +39,10 @@ def test_dictionaries_have_short_names_and_opencvs():
     assert {"tag16h5", "tag25h9", "tag36h10", "tag36h11", "4x4_50", "aruco_original"} <= set(
         dictionary_names()
     )
-    for name in dictionary_names():
+    assert len(set(dictionary_names())) == len(dictionary_names())
+    for name in set(dictionary_names()) - set(APRIL_TAGS_3):
         assert opencv_name(opencv_name(name)) == opencv_name(name)
+        assert dictionary_name(opencv_name(name)) == name
     with pytest.raises(InputError, match="dictionary: 'tag99' given; legal: 4x4_100"):
         opencv_name("tag99")
 

@@ -35,7 +35,7 @@ FeaturesOption = Annotated[
     Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
 ]
 DictionaryOption = Annotated[
-    str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11 or 4x4_50.")
+    str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11, 4x4_50 or tagStandard41h12.")
 ]
 CameraOption = Annotated[
     str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")

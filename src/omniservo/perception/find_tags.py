@@ -29,7 +29,7 @@ class FoundTags:
     ids: IntArray
     """(k,) ascending"""
     corners: FloatArray
-    """(k, 4, 2) [px] of the black square: top left, top right, bottom right, bottom left as printed"""
+    """(k, 4, 2) [px] of the square: top left, top right, bottom right, bottom left as printed"""
     covariance: FloatArray
     """(k, 4, 2, 2) [px²] of the corners' errors"""
     repeated: IntArray
@@ -48,22 +48,23 @@ class FoundTags:
 def find_tags(image: ByteArray, camera: CentralModel, dictionary: str = "tag36h11") -> FoundTags:
     """Find every whole tag of a dictionary.
 
-    Dark squares are looked for in the raw image and, with a wide field, in perspective views that cover it;
+    Squares are looked for in the raw image and, with a wide field, in perspective views that cover it;
     each is fitted to the raw image's grey values, first by its rim, then with its code (`tag_fit`). A tag
     counts where every cell of its code agrees at the fitted place, blur taken into account; one that the
-    image's border, the lens's rim or a dead zone cuts is none.
+    image's border, the lens's rim or a dead zone cuts is none. The corners are those of the square between
+    the dark ring and the bright one, in which or round which the code stands.
 
     Args:
         image: (height, width) grey values, uint8.
         camera: the camera that took it, of any model. One whose image is a mirror's needs a focal length < 0.
-        dictionary: tag16h5, tag25h9, tag36h10, tag36h11, 4x4_50 … 7x7_1000, or OpenCV's name of one.
+        dictionary: tag16h5 … tag36h11, 4x4_50 … 7x7_1000, tagStandard41h12 …; see `dictionary_names`.
 
     Raises:
         InputError: not such an image, not of the camera's size, or no such dictionary.
     """
     check_image(image, camera)
     codes = tag_codes(dictionary)
-    planes = candidate_planes(image, camera, codes.cells, field_views(camera))
+    planes = candidate_planes(image, camera, codes.layout, field_views(camera))
     return tags_of(camera, read_tags(np.ascontiguousarray(image), camera, codes, planes))
 
 
@@ -98,17 +99,17 @@ def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> FoundTags:
 def _read(
     image: ByteArray, camera: CentralModel, codes: TagCodes, plane: FloatArray, noise: float
 ) -> tuple[int, TagFit] | None:
-    greys = read_cells(image, camera, plane, codes.cells)
+    greys = read_cells(image, camera, plane, codes.layout)
     if greys is None or np.ptp(greys) < LEAST_CONTRAST:
         return None
-    border = fit_border(image, camera, plane, codes.cells)
-    greys = None if border is None else read_cells(image, camera, border.plane, codes.cells)
+    border = fit_border(image, camera, plane, codes.layout)
+    greys = None if border is None else read_cells(image, camera, border.plane, codes.layout)
     code = None if greys is None else likeliest_code(codes, greys)
     if border is None or code is None:
         return None
     number, turn = code
-    fit = fit_code(image, camera, turned(border.plane, turn), codes.dark[number])
-    return (number, fit) if fit is not None and fit.agrees(codes.dark[number], noise) else None
+    fit = fit_code(image, camera, turned(border.plane, turn), codes, number)
+    return (number, fit) if fit is not None and fit.agrees(noise) else None
 
 
 def turned(plane: FloatArray, turn: int) -> FloatArray:

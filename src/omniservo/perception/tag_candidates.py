@@ -1,4 +1,4 @@
-"""Where tags may be: dark squares in the raw image and in views without bent sides, as bearings."""
+"""Where tags may be: squares, dark or ringed by dark, in the raw image and in views without bent sides."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from omniservo.cameras.models.central_model import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.tag_fit import CORNERS, LEAST_CONTRAST, bearings_of, planes_of
 from omniservo.perception.tag_views import TagView
+from omniservo.tag_dictionaries import TagLayout
 
 _BLOCKS = (7, 15, 31, 63)
 """sides of the squares whose mean is the threshold [px]: about a cell, for tags of every size"""
@@ -35,24 +36,26 @@ _RIM = np.linspace(-0.8, 0.8, 9)
 def candidate_planes(
     image: ByteArray,
     camera: CentralModel,
-    cells: int,
+    layout: TagLayout,
     views: tuple[TagView, ...],
     *,
     raw: bool = True,
 ) -> FloatArray:
-    """Return planes G (n, 3, 3) (see `tag_fit`) of squares dark inside their rim, the clearest first.
+    """Return planes G (n, 3, 3) (see `tag_fit`) of prints whose square has its rim, the clearest first.
 
     Args:
         image: (height, width) grey values.
         camera: the camera that took it.
-        cells: along a tag's side.
+        layout: of the tags.
         views: to be searched as well.
         raw: search the raw image.
     """
     found = [view.bearings(_squares(view.resampled(image), _STRAIGHT)) for view in views]
     if raw:
         found.append(_raw_squares(image, camera))
-    return _clearest(image, camera, planes_of(np.concatenate([np.zeros((0, 4, 3)), *found])), cells)
+    edge = layout.border / layout.cells
+    planes = planes_of(np.concatenate([np.zeros((0, 4, 3)), *found]), edge)
+    return _clearest(image, camera, planes, layout)
 
 
 def _raw_squares(image: ByteArray, camera: CentralModel) -> FloatArray:
@@ -92,12 +95,13 @@ def _squares(image: ByteArray, accuracy: float) -> FloatArray:
     return np.asarray(np.where(clockwise[:, None, None], squares, squares[:, ::-1]))
 
 
-def _clearest(image: ByteArray, camera: CentralModel, planes: FloatArray, cells: int) -> FloatArray:
-    """The planes whose square has a dark rim inside a bright one, by contrast."""
+def _clearest(image: ByteArray, camera: CentralModel, planes: FloatArray, layout: TagLayout) -> FloatArray:
+    """The planes whose square has a dark rim inside a bright one, or the other way round, by contrast."""
     if not len(planes):
         return planes
-    step = 1.0 / cells
-    rim = [_ring(1.0 - step), _ring(1.0 + step)]
+    rim = [_ring((layout.border - 1.0) / layout.cells), _ring((layout.border + 1.0) / layout.cells)]
+    if layout.bright_inside:
+        rim.reverse()
     places = np.column_stack([np.concatenate(rim), np.ones(2 * len(rim[0]))])
     rays = np.linalg.solve(planes, np.broadcast_to(places.T, (len(planes), 3, len(places)))).swapaxes(1, 2)
     pixels, valid = camera.project(rays)
@@ -134,12 +138,13 @@ def _ring(half: float) -> FloatArray:
     return half * np.concatenate(list(sides))
 
 
-def read_cells(image: ByteArray, camera: CentralModel, plane: FloatArray, cells: int) -> FloatArray | None:
-    """Return the grey values ((cells−2)²,) of the code's cells of a square, None where one is not seen."""
-    middle = (2.0 * np.arange(1, cells - 1) + 1.0) / cells - 1.0
-    y, x = np.meshgrid(middle, middle, indexing="ij")
-    offset = 0.4 / cells * np.array([[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    places = (np.stack([x, y], axis=-1)[:, :, None] + offset).reshape(-1, 2)
+def read_cells(
+    image: ByteArray, camera: CentralModel, plane: FloatArray, layout: TagLayout
+) -> FloatArray | None:
+    """Return the grey values (bits,) of the code's cells of a print, None where one is not seen."""
+    middle = (2.0 * np.argwhere(layout.code)[:, ::-1] + 1.0) / layout.cells - 1.0
+    offset = 0.4 / layout.cells * np.array([[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    places = (middle[:, None] + offset).reshape(-1, 2)
     pixels, valid = camera.project(bearings_of(plane, places))
     if not valid.all():
         return None

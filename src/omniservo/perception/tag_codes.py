@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
+import numpy.typing as npt
 
-from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.perception.tag_picture import tag_cells
-from omniservo.tag_dictionaries import dictionary, dictionary_size, opencv_name
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.tag_dictionaries import TagLayout, dark_cells, dictionary_name, dictionary_size, tag_layout
 
 _LEAST_AGREEMENT = 0.5
 """correlation of grey values with their code; a random pattern of 16 cells has 0.5 with the best of 50"""
@@ -20,13 +19,19 @@ _LEAST_AGREEMENT = 0.5
 class TagCodes:
     """Every tag of a dictionary."""
 
-    cells: int
-    """along a side, with the dark border"""
+    layout: TagLayout
     dark: BoolArray
     """(tags, cells, cells) rows from the top of the tag as printed"""
-    signs: FloatArray
-    """(4·tags, (cells−2)²) of the code's cells, +1 bright and −1 dark, less their mean and of length 1; row
-    4·id + k is the tag turned k times by 90° so that its corner k comes first"""
+    signs: npt.NDArray[np.float32]
+    """(tags, bits) of the code's cells, row by row, +1 bright and −1 dark, less their mean and of length 1"""
+    turns: IntArray
+    """(4, bits) turned k times by 90°, so that its corner k comes first, the tag has in its j-th cell what it
+    had in the cell ``turns[k, j]``"""
+
+    @property
+    def edge(self) -> float:
+        """Half the side of the square whose corners count, where that of the whole print is 1."""
+        return self.layout.border / self.layout.cells
 
 
 def tag_codes(name: str) -> TagCodes:
@@ -35,23 +40,22 @@ def tag_codes(name: str) -> TagCodes:
     Raises:
         InputError: no such dictionary.
     """
-    return _codes(opencv_name(name))
+    return _codes(dictionary_name(name))
 
 
 @lru_cache(maxsize=8)
 def _codes(name: str) -> TagCodes:
-    cells = tag_cells(name)
-    known = dictionary(name)
-    tags = [cv2.aruco.generateImageMarker(known, k, cells) < 128 for k in range(dictionary_size(name))]
-    dark = np.stack(tags)
-    # np.rot90 turns counter-clockwise: the top right corner comes to the top left
-    turned = np.stack([np.rot90(dark, k, axes=(1, 2)) for k in range(4)], axis=1)
-    inner = turned[:, :, 1:-1, 1:-1].reshape(4 * len(dark), -1)
-    signs = 1.0 - 2.0 * inner
+    layout = tag_layout(name)
+    dark = dark_cells(name, np.arange(dictionary_size(name)))
+    signs = 1.0 - 2.0 * dark[:, layout.code].astype(np.float32)
     signs -= signs.mean(axis=1, keepdims=True)
     # a code of one grey cannot be told from a blank
     length = np.linalg.norm(signs, axis=1, keepdims=True)
-    return TagCodes(cells, dark, np.where(length > 0.0, signs / np.maximum(length, 1e-9), 0.0))
+    places = np.full(layout.code.shape, -1)
+    places[layout.code] = np.arange(signs.shape[1])
+    # np.rot90 turns counter-clockwise: the top right corner comes to the top left
+    turns = np.stack([np.rot90(places, k)[layout.code] for k in range(4)])
+    return TagCodes(layout, dark, np.where(length > 0.0, signs / np.maximum(length, 1e-9), 0.0), turns)
 
 
 def likeliest_code(codes: TagCodes, greys: FloatArray) -> tuple[int, int] | None:
@@ -59,13 +63,16 @@ def likeliest_code(codes: TagCodes, greys: FloatArray) -> tuple[int, int] | None
 
     Args:
         codes: of the dictionary.
-        greys: ((cells−2)²,) grey values of the code's cells, row by row from a square's first corner. That
+        greys: (bits,) grey values of the code's cells, row by row from a square's first corner. That
             corner is corner k of the tag.
     """
     varied = greys - greys.mean()
     length = float(np.linalg.norm(varied))
     if length < 1e-9:
         return None
-    agreement = codes.signs @ (varied / length)
+    seen = np.empty((len(greys), 4), dtype=np.float32)
+    for k, turn in enumerate(codes.turns):
+        seen[turn, k] = varied / length
+    agreement = codes.signs @ seen
     best = int(agreement.argmax())
-    return divmod(best, 4) if agreement[best] >= _LEAST_AGREEMENT else None
+    return divmod(best, 4) if agreement.flat[best] >= _LEAST_AGREEMENT else None

@@ -15,18 +15,14 @@ import numpy as np
 
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
-from omniservo.perception.tag_kernels import (
-    PARAMETERS,
-    POSE,
-    cell_darkness,
-    normal_equations,
-)
+from omniservo.perception.tag_codes import TagCodes
+from omniservo.perception.tag_kernels import PARAMETERS, POSE, cell_darkness, normal_equations
+from omniservo.tag_dictionaries import TagLayout
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-"""of the black square on its plane: top left, top right, bottom right, bottom left as printed"""
-_PLACES = np.column_stack([CORNERS, np.ones(4)])
-WHITE_CELLS = 0.6
-"""of the white border that counts: what lies beyond one cell is unknown and blurs in"""
+"""of the print on its plane: top left, top right, bottom right, bottom left"""
+_UNKNOWN_CELLS = 0.4
+"""pixels so near to what the tag does not print do not count: what is there is unknown and blurs in"""
 LEAST_CONTRAST = 10.0
 """grey values from dark to bright"""
 _LEAST_VOLUME = 1e-9
@@ -42,7 +38,7 @@ _VARIANCE_OF_CODES = 0.2
 """of darkness 0 … 1 over a tag with its border"""
 _CLEAR = 0.65
 """least darkness of a dark cell, and least brightness of a bright one, given all others"""
-_UNCERTAIN = 0.2
+_UNCERTAIN = 0.1
 """largest standard deviation of a cell's darkness"""
 _MOST_BLUR_CELLS = 0.75
 _MODEL_ERROR = 0.005
@@ -67,6 +63,9 @@ _CODE_EFFORT = _Effort(0.01, 12, 2000)
 class TagFit:
     """A square fitted to an image."""
 
+    layout: TagLayout
+    dark: BoolArray
+    """(cells, cells) that was fitted"""
     plane: FloatArray
     """G (3, 3): takes bearings to places (x, y, 1) on the tag, up to length"""
     others: FloatArray
@@ -80,52 +79,50 @@ class TagFit:
     rays: FloatArray
     """(n, 3, 3) of the same pixels"""
     side_px: float
-    """mean side of the black square [px]"""
+    """mean side of the print [px]"""
 
-    def corner_bearings(self) -> FloatArray:
-        """(4, 3) unit vectors."""
-        return corner_bearings(self.plane)
+    def corner_places(self) -> FloatArray:
+        """Where on the tag (4, 3) its corners are, (x, y, 1)."""
+        return np.column_stack([self.layout.border / self.layout.cells * CORNERS, np.ones(4)])
 
-    def agrees(self, dark: BoolArray, noise: float) -> bool:
+    def agrees(self, noise: float) -> bool:
         """Whether every cell has its colour, given the others, and the tag explains the grey values.
 
         A cell that the image does not show, because it is too small for blur or noise, is not agreed with.
 
         Args:
-            dark: (cells, cells) the code that was fitted.
             noise: standard deviation of the image's grey values; it need not be explained.
         """
-        if np.exp(self.others[0]) > _MOST_BLUR_CELLS * self.side_px / len(dark):
+        cells = len(self.dark)
+        if np.exp(self.others[0]) > _MOST_BLUR_CELLS * self.side_px / cells:
             return False
-        darkness, information = np.empty(dark.shape), np.empty(dark.shape)
+        darkness, information = np.empty(self.dark.shape), np.empty(self.dark.shape)
         state = (self.plane, self.others)
         part = cell_darkness(
-            self.greys, self.rays, dark, outer_window(len(dark)), state, darkness, information
+            self.greys, self.rays, self.dark, _outer_window(self.layout), state, darkness, information
         )
-        contrast = self.others[4]
-        deviation = self.rms / contrast / np.sqrt(np.maximum(information, 1e-9))
-        right = np.where(dark, darkness, 1.0 - darkness)
+        contrast, read = self.others[4], self.layout.read
+        deviation = self.rms / contrast / np.sqrt(np.maximum(information[read], 1e-9))
+        right = np.where(self.dark, darkness, 1.0 - darkness)[read]
         by_noise = (noise / contrast) ** 2 / _VARIANCE_OF_CODES
         return bool(
             1.0 - part <= _UNEXPLAINED + by_noise and right.min() >= _CLEAR and deviation.max() <= _UNCERTAIN
         )
 
 
-def planes_of(corners: FloatArray) -> FloatArray:
-    """Return G (m, 3, 3) of squares with these corner bearings (n, 4, 3), without those that are none."""
+def planes_of(corners: FloatArray, edge: float) -> FloatArray:
+    """Return G (m, 3, 3) of prints by their corner bearings (n, 4, 3), without those that are none.
+
+    The corners are those of the square |x|, |y| ≤ edge.
+    """
     sides = np.stack([corners[:, 0], -corners[:, 1], corners[:, 2]], axis=2)
     sides = sides[good := np.abs(np.linalg.det(sides)) > _LEAST_VOLUME]
     corners = corners[good]
     length = np.linalg.solve(sides, corners[:, 3, :, None])[:, :, 0]
     good = (length > 1e-3).all(axis=1) & (length < 1e3).all(axis=1)
-    to_bearing = (corners[:, :3] * length[:, :, None]).swapaxes(1, 2)[good] @ np.linalg.inv(_PLACES[:3].T)
+    places = np.column_stack([edge * CORNERS[:3], np.ones(3)])
+    to_bearing = (corners[:, :3] * length[:, :, None]).swapaxes(1, 2)[good] @ np.linalg.inv(places.T)
     return np.asarray(np.linalg.inv(to_bearing))
-
-
-def corner_bearings(plane: FloatArray) -> FloatArray:
-    """Return the bearings (4, 3) of the square's corners."""
-    rays = np.linalg.solve(plane, _PLACES.T).T
-    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def bearings_of(plane: FloatArray, places: FloatArray) -> FloatArray:
@@ -133,25 +130,33 @@ def bearings_of(plane: FloatArray, places: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(plane, np.column_stack([places, np.ones(len(places))]).T).T)
 
 
-def outer_window(cells: int) -> float:
-    """Largest |x|, |y| of a pixel that counts, on a tag of so many cells."""
-    return 1.0 + 2.0 * WHITE_CELLS / cells
+def _outer_window(layout: TagLayout) -> float:
+    """Largest |x|, |y| of a pixel that counts."""
+    return 1.0 - 2.0 * _UNKNOWN_CELLS / layout.cells
 
 
-def fit_border(image: ByteArray, camera: CentralModel, plane: FloatArray, cells: int) -> TagFit | None:
-    """Fit the black square's rim alone, whatever the code; None where there is no such square."""
-    dark = np.ones((cells, cells), dtype=np.bool_)
-    return _fit(image, camera, plane, dark, 1.0 - 2.0 * WHITE_CELLS / cells, _RIM_EFFORT)
+def fit_border(image: ByteArray, camera: CentralModel, plane: FloatArray, layout: TagLayout) -> TagFit | None:
+    """Fit the square's rim alone, whatever the code; None where there is no such square."""
+    nearer = 1.0 - _UNKNOWN_CELLS
+    window = np.array([layout.border - 2.0 * nearer, layout.border + 2.0 * nearer]) / layout.cells
+    return _fit(
+        _Print(image, camera, layout), plane, layout.square ^ layout.bright_inside, window, _RIM_EFFORT
+    )
 
 
-def fit_code(image: ByteArray, camera: CentralModel, plane: FloatArray, dark: BoolArray) -> TagFit | None:
-    """Fit the whole tag with this code (cells, cells); None where the image shows no such square."""
-    return _fit(image, camera, plane, dark, 0.0, _CODE_EFFORT)
+def fit_code(
+    image: ByteArray, camera: CentralModel, plane: FloatArray, codes: TagCodes, number: int
+) -> TagFit | None:
+    """Fit the whole tag with the code of this number; None where the image shows no such square."""
+    window = np.array([0.0, _outer_window(codes.layout)])
+    return _fit(_Print(image, camera, codes.layout), plane, codes.dark[number], window, _CODE_EFFORT)
 
 
 def corner_pixels(camera: CentralModel, fit: TagFit) -> tuple[FloatArray, FloatArray] | None:
     """Return pixels (4, 2) of the corners and their covariance (4, 2, 2), or None where one is not seen."""
-    bearings = fit.corner_bearings()
+    corners = fit.corner_places()
+    bearings = np.linalg.solve(fit.plane, corners.T).T
+    bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
     pixels, valid = camera.project(bearings)
     if not (valid.all() and camera.in_image(pixels).all()):
         return None
@@ -162,39 +167,41 @@ def corner_pixels(camera: CentralModel, fit: TagFit) -> tuple[FloatArray, FloatA
     q, dq = bearings @ fit.plane.T, fit.plane @ along
     x = q[:, :2] / q[:, 2:]
     places = (dq[:, :2] - x[:, :, None] * dq[:, 2:3]) / q[:, 2, None, None]
-    moved = -np.linalg.solve(places, _corner_motion())
+    moved = -np.linalg.solve(places, _corner_motion(corners))
     covariance = moved @ fit.covariance @ moved.swapaxes(1, 2)
     return pixels, 0.5 * (covariance + covariance.swapaxes(1, 2)) + _MODEL_ERROR**2 * np.eye(2)
 
 
-def _corner_motion() -> FloatArray:
-    """∂(x, y)/∂δ (4, 2, 8) at the corners, for G ← (1 + δ) G."""
+def _corner_motion(places: FloatArray) -> FloatArray:
+    """∂(x, y)/∂δ (4, 2, 8) at places (4, 3) on the tag, for G ← (1 + δ) G."""
     motion = np.zeros((4, 2, POSE))
-    motion[:, 0, :3] = motion[:, 1, 3:6] = _PLACES
-    motion[:, :, 6:] = -CORNERS[:, :, None] * CORNERS[:, None, :]
+    motion[:, 0, :3] = motion[:, 1, 3:6] = places
+    motion[:, :, 6:] = -places[:, :2, None] * places[:, None, :2]
     return motion
 
 
+class _Print(NamedTuple):
+    """A tag in an image, wherever it may be."""
+
+    image: ByteArray
+    camera: CentralModel
+    layout: TagLayout
+
+
 def _fit(
-    image: ByteArray,
-    camera: CentralModel,
-    plane: FloatArray,
-    dark: BoolArray,
-    inner: float,
-    effort: _Effort,
+    seen: _Print, plane: FloatArray, dark: BoolArray, window: FloatArray, effort: _Effort
 ) -> TagFit | None:
-    outer = outer_window(len(dark))
-    collected = _pixels_around(image, camera, plane, (inner, outer), effort.pixels)
+    collected = _pixels_around(seen, plane, window, effort.pixels)
     if collected is None:
         return None
     greys, rays, side_px = collected
-    window = np.array([inner, outer])
     low, high = np.percentile(greys, [10, 90])
     if high - low < LEAST_CONTRAST:
         return None
     others = np.array([np.log(_FIRST_BLUR), high, 0.0, 0.0, high - low, 0.0, 0.0])
     plane, rms, damping = plane.copy(), high - low, 1e-3
     matrix, vector = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
+    motion = _corner_motion(np.column_stack([CORNERS, np.ones(4)]))
     trial_matrix, trial_vector = matrix.copy(), vector.copy()
     count, cost = normal_equations(greys, rays, dark, window, (plane, others), rms, matrix, vector)
     for _ in range(effort.steps):
@@ -202,7 +209,7 @@ def _fit(
             return None
         rms = max(float(np.sqrt(cost)), 0.5)
         step = _step(matrix, vector, damping)
-        shift = 0.5 * side_px * float(np.abs(_corner_motion() @ step[:POSE]).max())
+        shift = 0.5 * side_px * float(np.abs(motion @ step[:POSE]).max())
         step *= min(1.0, 0.2 * side_px / max(shift, 1e-9))
         trial, trial_others = _turned(plane, step), others + step[POSE:]
         trial_others[0] = np.clip(trial_others[0], np.log(_BLUR[0]), np.log(_BLUR[1]))
@@ -220,7 +227,8 @@ def _fit(
     if not others[4] - abs(others[5]) - abs(others[6]) > LEAST_CONTRAST:
         return None
     covariance = np.linalg.pinv(matrix)[:POSE, :POSE] * max(cost, 1.0 / 12.0) * count / (count - PARAMETERS)
-    return TagFit(plane, others, covariance, max(float(np.sqrt(cost)), 0.3), greys, rays, side_px)
+    rms = max(float(np.sqrt(cost)), 0.3)
+    return TagFit(seen.layout, dark, plane, others, covariance, rms, greys, rays, side_px)
 
 
 def _step(matrix: FloatArray, vector: FloatArray, damping: float) -> FloatArray:
@@ -238,36 +246,51 @@ def _turned(plane: FloatArray, step: FloatArray) -> FloatArray:
 
 
 def _pixels_around(
-    image: ByteArray, camera: CentralModel, plane: FloatArray, window: tuple[float, float], most: int
+    seen: _Print, plane: FloatArray, window: FloatArray, most: int
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Grey values and rays of at most ``most`` pixels between two squares on the tag, and its mean side [px].
 
-    None where the tag is cut by the image's border, the lens's rim, a dead zone or a mask.
+    None where what is read of the tag is cut by the image's border, the lens's rim, a dead zone or a mask.
     """
+    image, camera, layout = seen
     inner, outer = window
-    outline, valid = camera.project(bearings_of(plane, _OUTLINE))
+    reach = 1.0 if layout.bright_inside else layout.border / layout.cells
+    outline, valid = camera.project(bearings_of(plane, reach * _OUTLINE))
     if not (valid.all() and camera.in_image(outline).all()):
         return None
-    side_px = float(np.linalg.norm(np.diff(outline, axis=0, append=outline[:1]), axis=1).sum() / 4.0)
-    if not 6.0 < side_px < _LARGEST_SIDE_PX:
+    around_px = float(np.linalg.norm(np.diff(outline, axis=0, append=outline[:1]), axis=1).sum() / 4.0)
+    if not 6.0 < around_px < _LARGEST_SIDE_PX:
         return None
-    spread = 0.5 * (outer - 1.0) * np.ptp(outline, axis=0) + 3.0
+    spread = 0.5 * max(outer / reach - 1.0, 0.0) * np.ptp(outline, axis=0) + 3.0
     size = np.array([image.shape[1], image.shape[0]])
     low = np.maximum(np.floor(outline.min(axis=0) - spread), 0.0)
     high = np.minimum(np.ceil(outline.max(axis=0) + spread), size - 1.0)
     pixels = _some_pixels(low, high)
-    bearings, seen = camera.unproject(pixels)
-    q = np.where(seen[:, None], bearings, 0.0) @ plane.T
-    ahead = seen & (q[:, 2] > 1e-12)
-    out = np.abs(q[:, :2]).max(axis=1) / np.where(ahead, q[:, 2], 1.0)
-    near = np.flatnonzero(ahead & (out <= outer + 0.1) & (out >= inner - 0.1))
-    near = near[:most]
+    bearings, has_ray = camera.unproject(pixels)
+    q = np.where(has_ray[:, None], bearings, 0.0) @ plane.T
+    ahead = has_ray & (q[:, 2] > 1e-12)
+    places = q[:, :2] / np.where(ahead, q[:, 2], 1.0)[:, None]
+    out = np.abs(places).max(axis=1)
+    ahead &= (out <= outer + 0.1) & (out >= inner - 0.1)
+    near = np.flatnonzero(ahead & _is_known(layout, places))[:most]
     around, known = camera.unproject(pixels[near, None] + _STEPS_ROUND)
     good = known.all(axis=1) & camera.in_image(pixels[near])
     pixels, bearings, around = pixels[near][good], bearings[near][good], around[good]
     rays = np.stack([bearings, around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]], axis=1)
     u, v = pixels.astype(np.int64).T
-    return image[v, u].astype(np.float64), rays, side_px
+    return image[v, u].astype(np.float64), rays, around_px / reach
+
+
+def _is_known(layout: TagLayout, places: FloatArray) -> BoolArray:
+    """Which places (n, 2) on the tag are far enough from cells that are not printed."""
+    known = np.ones(len(places), dtype=np.bool_)
+    if layout.printed.all():
+        return known
+    cells = 0.5 * layout.cells * (places + 1.0)
+    for corner in CORNERS:
+        column, row = np.clip(np.floor(cells + _UNKNOWN_CELLS * corner), 0, layout.cells - 1).astype(int).T
+        known &= layout.printed[row, column]
+    return known
 
 
 def _some_pixels(low: FloatArray, high: FloatArray) -> FloatArray:

@@ -85,7 +85,7 @@ class TagTracker:
         bearings, valid = self.camera.unproject(np.where(np.isfinite(predicted), predicted, -1e9))
         if not valid.all():
             return None
-        planes = planes_of(bearings[None])
+        planes = planes_of(bearings[None], self.codes.edge)
         if not len(planes):
             return None
         pixels = self._at(image, number, planes[0], noise)
@@ -95,12 +95,11 @@ class TagTracker:
 
     def _at(self, image: ByteArray, number: int, plane: FloatArray, noise: float) -> FloatArray | None:
         """Corners (4, 2) of the tag fitted from this plane, where its code can be read there."""
-        greys = read_cells(image, self.camera, plane, self.codes.cells)
+        greys = read_cells(image, self.camera, plane, self.codes.layout)
         if greys is None or likeliest_code(self.codes, greys) != (number, 0):
             return None
-        dark = self.codes.dark[number]
-        fit = fit_code(image, self.camera, plane, dark)
-        if fit is None or not fit.agrees(dark, noise):
+        fit = fit_code(image, self.camera, plane, self.codes, number)
+        if fit is None or not fit.agrees(noise):
             return None
         located = corner_pixels(self.camera, fit)
         return None if located is None else located[0]
@@ -118,7 +117,7 @@ class TagTracker:
         view = view_towards(self.camera, middle, min(field, _WIDEST_VIEW))
         if view is None:
             return None
-        planes = candidate_planes(image, self.camera, self.codes.cells, (view,), raw=False)
+        planes = candidate_planes(image, self.camera, self.codes.layout, (view,), raw=False)
         matches = []
         for found, fit in read_tags(image, self.camera, self.codes, planes):
             located = corner_pixels(self.camera, fit)

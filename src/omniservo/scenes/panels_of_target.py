@@ -9,7 +9,6 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.perception import tag_cells, tag_picture
-from omniservo.perception.tag_picture import QUIET_CELLS
 from omniservo.scenes.panel import Panel
 from omniservo.scenes.textures import texture
 from omniservo.tasks.target import MOST_FACES, TagSection, TargetSection, TexturedFace
@@ -39,10 +38,10 @@ def panels_of_target(target: TargetSection, world_T_initial: RigidTransform) -> 
 
 
 def _tag(tag: TagSection, dictionary: str, world_T_initial: RigidTransform) -> Panel:
-    """A tag in its white border."""
+    """A whole print."""
     cells = tag_picture(dictionary, tag.id, pixels_per_cell=1)
     picture = np.where(cells > 0, WHITE, BLACK)
-    side = tag.edge * (1.0 + 2.0 * QUIET_CELLS / tag_cells(dictionary))
+    side = tag.edge * len(cells) / tag_cells(dictionary)
     return Panel(f"tag {tag.id}", world_T_initial * tag.transform, np.array([side, side]), picture)
 
 

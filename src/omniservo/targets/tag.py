@@ -22,15 +22,16 @@ class Tag:
 
     So the camera that looks at the upright tag squarely has the tag's axes. The corners, in the order of
     cv2.aruco, are top left, top right, bottom right, bottom left of the upright print:
-    (∓e/2, ∓e/2, 0) with edge e, the outer edge of the dark border.
+    (∓e/2, ∓e/2, 0) with edge e, the outer edge of the dark border, or, of an AprilTag 3 family, where its
+    black ring and the white one within meet.
     """
 
     dictionary: str
-    """name of the dictionary: tag36h11, 4x4_50, …"""
+    """name of the dictionary: tag36h11, 4x4_50, tagStandard41h12, …"""
     id: int
     """number in the dictionary"""
     edge: float
-    """length of the dark border's outer edge [m]"""
+    """side of the square with these corners [m]"""
     target_T_tag: RigidTransform
     """where it is on the target"""
 

@@ -42,7 +42,7 @@ class TagSection(Placed):
     id: Annotated[int, Field(ge=0)]
     """number in the dictionary"""
     edge: PositiveLength
-    """length of the black square's outer edge [m]"""
+    """side of the square whose corners count, as of `targets.Tag` [m]"""
 
 
 def _known(name: str) -> str:
@@ -57,7 +57,7 @@ class TagsSection(Section):
     """Tags of one dictionary, with their white borders."""
 
     dictionary: Annotated[str, AfterValidator(_known)]
-    """its name, as ``tag36h11`` or ``4x4_50``"""
+    """its name, as ``tag36h11``, ``4x4_50`` or ``tagStandard41h12``"""
     panels: Annotated[tuple[TagSection, ...], Field(min_length=1, max_length=MOST_FACES)]
 
     @model_validator(mode="after")
