@@ -24,7 +24,7 @@ REPLACED = {
     r"\bpostures?\b": "joint configuration",
     r"\bpictures?\b": "image",
     r"\bled over\b": "blended",
-    r"\basked for\b|\bwhat (is|was) asked\b": "required",
+    r"\basked\b": "required",
     r"\bbelie(f|ve)|\bforget": "state estimate, reset",
     r"\bvouch": "outlier rejection",
     r"\b(least )?room (of|to) (each|a|the|its) (joint|ends)": "joint-limit margin",

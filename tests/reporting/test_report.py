@@ -12,7 +12,7 @@ from omniservo.errors import InputError
 from omniservo.reporting import write_report
 from omniservo.reporting.margins import certified_clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
-from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
+from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
 from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
 from omniservo.reporting.spelling import reads_less, significant, spell, spell_bound
 from omniservo.reporting.verdict import planner_sentence, verdict_of
@@ -93,9 +93,9 @@ def test_every_number_of_a_distance_stands_beside_the_word_that_says_whose_it_is
     assert tiles["Camera's centre to the obstacles"] == {
         EXECUTED: "60.70 mm",
         CERTIFIED: spell_bound(certified_clearance(run), "m"),
-        ASKED: "55.00 mm",
+        REQUIRED: "55.00 mm",
     }
-    assert set(tiles["Points to the image's limits"]) == {EXECUTED, CERTIFIED, ASKED}
+    assert set(tiles["Points to the image's limits"]) == {EXECUTED, CERTIFIED, REQUIRED}
     assert tiles["Any link to any obstacle's body"] == {EXECUTED: "13.70 mm"}
 
 
@@ -128,7 +128,7 @@ def test_the_report_lists_the_files_beside_it(run, tmp_path):
 @pytest.mark.parametrize("method", ["certified", "ibvs"])
 def test_no_tile_compares_executed_with_planned_without_both_words(made_up_run, task, method):
     for label, rows in tiles_of(made_up_run(task, method=method, steps=3)).items():
-        assert set(rows) in ({EXECUTED}, {EXECUTED, CERTIFIED, ASKED}), label
+        assert set(rows) in ({EXECUTED}, {EXECUTED, CERTIFIED, REQUIRED}), label
         assert "≥" not in rows[EXECUTED]
         assert rows.get(CERTIFIED, "–")[0] in "≥–"
     assert label == "Points to the image's limits"
@@ -161,7 +161,7 @@ def test_links_have_a_tile_of_their_own_where_they_are_to_keep_a_distance(made_u
         assert tiles["Any link to what the planner knows"] == {
             EXECUTED: "12.30 mm",
             CERTIFIED: certified,
-            ASKED: "5.00 mm",
+            REQUIRED: "5.00 mm",
         }
 
 
@@ -178,7 +178,7 @@ def test_the_same_three_words_are_used_in_tables_metrics_and_legends(run, report
         assert meaning_of("clearance_planned_m").label.endswith(CERTIFIED)
         assert meaning_of("clearance_executed_m").label.endswith(EXECUTED)
         assert f"… {word}" in said
-    assert any(legend.startswith(ASKED) for legend in legends)
+    assert any(legend.startswith(REQUIRED) for legend in legends)
 
 
 def test_the_page_has_a_dark_form_that_can_be_read(report):

@@ -190,7 +190,7 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
     output.line(used if asked.problem is None else f"{used} instead of the problem's own")
     output.line(
         f"{found.plan.status} in {_time(found.seconds, watch.seconds)}; {100 * found.predicted:.2g}% of"
-        f" {found.samples} samples violate a constraint (at most {100 * found.predicted_bound:.2g}%, asked"
+        f" {found.samples} samples violate a constraint (at most {100 * found.predicted_bound:.2g}%, required"
         f" {100 * asked.risk:g}%)"
     )
     output.line(

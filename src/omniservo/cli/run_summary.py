@@ -15,7 +15,7 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of one run, from what metrics.json holds of it."""
     yield f"{how_it_ended(metrics)}"
     if metrics["clearance_executed_m"] is not None:
-        asked = f" ({_of(metrics, 'clearance_asked_m')} asked)" if metrics["clearance_asked_m"] else ""
+        asked = f" ({_of(metrics, 'clearance_asked_m')} required)" if metrics["clearance_asked_m"] else ""
         yield (
             f"camera to obstacles   {_of(metrics, 'clearance_planned_m')} {_planned(metrics)}, "
             f"{_of(metrics, 'clearance_executed_m')} executed{asked}"
@@ -50,7 +50,7 @@ def _links(metrics: Mapping[str, Any]) -> Iterator[str]:
     if not measured:
         return
     asked = metrics.get("link_clearance_asked_m")
-    more = "" if asked is None else f" ({spell(asked, 'm')} asked)"
+    more = "" if asked is None else f" ({spell(asked, 'm')} required)"
     yield f"any link to anything  {spell(min(measured), 'm')} executed{more}"
 
 

@@ -13,11 +13,11 @@ from matplotlib.patches import Rectangle
 from omniservo.calibration.calibrate_images import ImageCalibration
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.style import (
-    ASKED,
     CERTIFIED,
     EXECUTED,
     PLANNED,
     QUIET,
+    REQUIRED,
     Drawing,
     legend_below,
     new_figure,
@@ -101,7 +101,7 @@ def _against_angle(result: ImageCalibration) -> Drawing:
             middles.append(0.5 * (low + high))
             rms.append(float(np.sqrt(np.mean(lengths[inside] ** 2))))
     axes.plot(middles, rms, "o-", color=EXECUTED, ms=4, label="root mean square")
-    axes.axvline(90.0, color=ASKED, ls=":", lw=1.4) if angles.max() > 90.0 else None
+    axes.axvline(90.0, color=REQUIRED, ls=":", lw=1.4) if angles.max() > 90.0 else None
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 1.05 * float(np.quantile(lengths, 0.995)))
     axes.set_xlabel("angle from the axis [deg]")
@@ -136,7 +136,7 @@ def _rays(result: ImageCalibration) -> Drawing:
         label="after the best rotation of the frame",
     )
     corners = np.degrees(found.coverage.largest_angle)
-    axes.axvline(corners, color=ASKED, ls=":", lw=1.4, label="outermost corner")
+    axes.axvline(corners, color=REQUIRED, ls=":", lw=1.4, label="outermost corner")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("angle from the axis [deg]")
@@ -165,7 +165,7 @@ def _image_axes(result: ImageCalibration) -> tuple[Figure, Axes]:
     width, height = result.size
     figure = new_figure(6.4, 1.0 + 5.6 * height / width)
     axes = figure.subplots()
-    axes.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, ec=ASKED, lw=1.2))
+    axes.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, ec=REQUIRED, lw=1.2))
     axes.set_aspect("equal")
     axes.set_xlim(-0.02 * width, 1.02 * width)
     axes.set_ylim(1.02 * height, -0.02 * height)

@@ -14,12 +14,12 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.reporting.style import (
-    ASKED,
     CERTIFIED,
     EXECUTED,
     FORBIDDEN,
     PLANNED,
     QUIET,
+    REQUIRED,
     Drawing,
     legend_below,
     new_figure,
@@ -121,11 +121,11 @@ def _rings(axes: Axes, camera: CentralModel, u: FloatArray, v: FloatArray) -> No
         lines = axes.contour(u, v, angles, levels=levels, colors="white", linewidths=0.9)
         near = [_above(camera, math.radians(level)) for level in levels]
         for text in axes.clabel(lines, fmt="%.0f°", fontsize=8, manual=[p for p in near if p is not None]):
-            text.set_path_effects([Stroke(linewidth=2.0, foreground=ASKED), Normal()])
-        lines.set_path_effects([Stroke(linewidth=1.7, foreground=ASKED), Normal()])
+            text.set_path_effects([Stroke(linewidth=2.0, foreground=REQUIRED), Normal()])
+        lines.set_path_effects([Stroke(linewidth=1.7, foreground=REQUIRED), Normal()])
     if largest > 90.0:
         lines = axes.contour(u, v, angles, levels=[90.0], colors="white", linewidths=2.2)
-        lines.set_path_effects([Stroke(linewidth=3.8, foreground=ASKED), Normal()])
+        lines.set_path_effects([Stroke(linewidth=3.8, foreground=REQUIRED), Normal()])
         axes.contourf(u, v, angles, levels=[90.0, 181.0], colors="none", hatches=["///"])
         axes.fill([], [], fc="none", ec="black", lw=0.0, hatch="///", label="past 90°")
 
@@ -145,7 +145,7 @@ def _above(camera: CentralModel, angle: float) -> tuple[float, float] | None:
 def _limits(axes: Axes, camera: CentralModel) -> None:
     """Draw the image's border, the lens's circle, dead zone and mask."""
     w, h = camera.width, camera.height
-    axes.add_patch(Rectangle((-0.5, -0.5), w, h, fill=False, ec=ASKED, lw=1.4, label="image"))
+    axes.add_patch(Rectangle((-0.5, -0.5), w, h, fill=False, ec=REQUIRED, lw=1.4, label="image"))
     rim = _circle(camera, camera.usable_angle * (1.0 - 1e-9))
     if camera.in_image(np.nan_to_num(rim, nan=-1e6)).any():
         label = f"usable to {math.degrees(camera.usable_angle):.1f}°"
@@ -196,7 +196,7 @@ def _against_the_angle(camera: CentralModel) -> Drawing:
         axes.fill_between(x, np.nanmin(rows, axis=1), np.nanmax(rows, axis=1), color=color, alpha=0.25, lw=0)
         axes.plot(x, np.nanmedian(rows, axis=1), color=color, ls=dashes, label=label)
     if camera.usable_angle > 0.5 * math.pi:
-        axes.axvline(90.0, color=ASKED, ls=":", lw=1.4, label="90°: no plane Z = 1 beyond")
+        axes.axvline(90.0, color=REQUIRED, ls=":", lw=1.4, label="90°: no plane Z = 1 beyond")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("angle from the axis [deg]")

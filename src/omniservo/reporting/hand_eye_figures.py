@@ -9,10 +9,10 @@ from matplotlib.patches import Rectangle
 
 from omniservo.calibration.hand_eye import ImageHandEye
 from omniservo.reporting.style import (
-    ASKED,
     EXECUTED,
     PLANNED,
     QUIET,
+    REQUIRED,
     SEVEN,
     Drawing,
     legend_below,
@@ -71,7 +71,7 @@ def _corners(found: ImageHandEye) -> Drawing:
     camera = found.camera
     figure = new_figure(6.4, 1.0 + 5.6 * camera.height / camera.width)
     axes = figure.subplots()
-    axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=ASKED, lw=1.2))
+    axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=REQUIRED, lw=1.2))
     used = found.result.used
     longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)
     scale = 0.06 * camera.width / max(longest, 1e-9)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 
-from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
+from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ConstraintCard:
     label: str
     executed: str
     certified: str | None = None
-    """None: nothing is proven of it, and nothing was asked"""
+    """None: nothing is proven of it, and nothing was required"""
     asked: str | None = None
     note: str = ""
 
@@ -76,7 +76,7 @@ def constraint_cards(values: Iterable[ConstraintCard]) -> Markup:
 
 
 def _constraint_card(value: ConstraintCard) -> Markup:
-    lines = [(EXECUTED, value.executed), (CERTIFIED, value.certified), (ASKED, value.asked)]
+    lines = [(EXECUTED, value.executed), (CERTIFIED, value.certified), (REQUIRED, value.asked)]
     rows = (tag("div", tag("dt", word), tag("dd", said)) for word, said in lines if said is not None)
     note = [tag("p", _unparted(value.note), class_="quiet")] if value.note else []
     return tag("div", tag("p", value.label, class_="label"), tag("dl", *rows), *note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib as mpl
 
 from omniservo.reporting import promise_words
-from omniservo.reporting.style import ASKED, CERTIFIED, FORBIDDEN, Drawing, legend_below, new_figure
+from omniservo.reporting.style import CERTIFIED, FORBIDDEN, REQUIRED, Drawing, legend_below, new_figure
 from omniservo.results.run_result import RunResult
 from omniservo.robots import FARTHEST
 from omniservo.tasks.obstacles import CloudSection
@@ -27,7 +27,7 @@ def link_clearance(result: RunResult) -> Drawing | None:
         axes.plot(time, 1e3 * whole.planned[link], color=colour, lw=1.2, ls="--")
         axes.plot(time, 1e3 * whole.executed[link], color=colour, lw=1.8, label=link.replace("_", " "))
     if whole.asked is not None:
-        axes.axhline(1e3 * whole.asked, color=ASKED, ls=":", lw=1.6, label=promise_words.ASKED)
+        axes.axhline(1e3 * whole.asked, color=REQUIRED, ls=":", lw=1.6, label=promise_words.REQUIRED)
         if whole.proof.status == "clear":
             axes.axhline(
                 1e3 * whole.proof.clearance, color=CERTIFIED, ls="--", lw=1.6, label=promise_words.CERTIFIED

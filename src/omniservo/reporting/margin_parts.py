@@ -8,7 +8,7 @@ from omniservo.results.run_result import RunResult
 
 
 def margin_parts(result: RunResult) -> Markup | None:
-    """Return asked clearance, estimate, camera mount and tracking side by side; None where nothing is kept.
+    """Return required clearance, estimate, mount and tracking side by side; None where nothing is kept.
 
     Of the arm's links and of the camera's centre [m], and of the points in the image [px].
     """
@@ -26,7 +26,7 @@ def margin_parts(result: RunResult) -> Markup | None:
     tracking = None if tube is None else max(tube.links.values())
     rows: list[list[Cell]] = [
         [
-            "asked",
+            "required",
             _length(planning.arm_clearance),
             _length(planning.clearance),
             _pixels(planning.visibility_margin),

@@ -12,12 +12,12 @@ from omniservo.planning import Plan
 from omniservo.reporting import promise_words
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.style import (
-    ASKED,
     CERTIFIED,
     EXECUTED,
     FORBIDDEN,
     PLANNED,
     QUIET,
+    REQUIRED,
     Drawing,
     legend_below,
     new_figure,
@@ -75,7 +75,7 @@ def visibility(result: RunResult) -> Drawing:
         label=promise_words.EXECUTED,
     )
     axes.axhline(
-        result.task.planning.visibility_margin, color=ASKED, ls=":", lw=1.6, label=promise_words.ASKED
+        result.task.planning.visibility_margin, color=REQUIRED, ls=":", lw=1.6, label=promise_words.REQUIRED
     )
     certified = certified_visibility(result)
     if certified is not None:
@@ -172,7 +172,7 @@ def _asked_lines(axes: Axes, result: RunResult, common: Sequence[int]) -> None:
     if not common:
         return
     asked = 1000.0 * planning.clearance
-    axes.axhline(asked, color=ASKED, ls=":", lw=1.8, label=f"{promise_words.ASKED}: {asked:g} mm")
+    axes.axhline(asked, color=REQUIRED, ls=":", lw=1.8, label=f"{promise_words.REQUIRED}: {asked:g} mm")
     if planning.tracking_margin > 0.0 and result.plan is not None:
         wider = 1000.0 * (planning.clearance + planning.tracking_margin)
         axes.axhline(

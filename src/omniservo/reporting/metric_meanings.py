@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
+from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
 from omniservo.reporting.spelling import NOTHING, spell
 
 
@@ -29,12 +29,12 @@ _MEANINGS = {
     "plan_status": Meaning("Plan", ""),
     "notices": Meaning("Notices on the problem", ""),
     "arm_notices": Meaning("What of the arm's file was left out, and which shapes are not kept apart", ""),
-    "clearance_asked_m": Meaning(f"{_CENTRE}, {ASKED}", "m"),
+    "clearance_asked_m": Meaning(f"{_CENTRE}, {REQUIRED}", "m"),
     "clearance_planned_m": Meaning(f"{_CENTRE}, {CERTIFIED}", "m"),
     "clearance_executed_m": Meaning(f"{_CENTRE}, {EXECUTED}", "m"),
     "arm_clearance_executed_m": Meaning(f"Any link to any obstacle's body, {EXECUTED}", "m"),
     "arm_clearance_proof": Meaning(f"{_LINKS}, proof on the planned path", ""),
-    "link_clearance_asked_m": Meaning(f"{_LINKS}, {ASKED}", "m"),
+    "link_clearance_asked_m": Meaning(f"{_LINKS}, {REQUIRED}", "m"),
     "link_margin_estimate_m": Meaning("… what the uncertain estimate takes of a link's gap", "m"),
     "link_margin_mount_m": Meaning("… what the uncertain camera mount takes of a link's gap", "m"),
     "link_margin_added_m": Meaning("… clearance planned with for both", "m"),

@@ -22,7 +22,6 @@ from omniservo.planning import (
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.reporting.spelling import spell
 from omniservo.reporting.style import (
-    ASKED,
     CERTIFIED,
     EXECUTED,
     FORBIDDEN,
@@ -30,6 +29,7 @@ from omniservo.reporting.style import (
     OBSTACLE,
     PLANNED,
     QUIET,
+    REQUIRED,
     START,
     Drawing,
     new_figure,
@@ -103,7 +103,7 @@ def _draw_image(axes: Axes, plan: Plan, pose: RigidTransform, worst: ConstraintM
     size = np.array([camera.width, camera.height])
     axes.add_patch(Rectangle((-0.5, -0.5), *size, fc="#e9ebee", ec=QUIET))
     inner = np.maximum(size - 2.0 * margin, 0.0)
-    axes.add_patch(Rectangle((margin - 0.5, margin - 0.5), *inner, fc="white", ec=ASKED, ls=":", lw=1.4))
+    axes.add_patch(Rectangle((margin - 0.5, margin - 0.5), *inner, fc="white", ec=REQUIRED, ls=":", lw=1.4))
     if camera.dead_zone is not None:
         axes.add_patch(Circle(camera.dead_zone.center, camera.dead_zone.radius, fc=FORBIDDEN, ec=QUIET))
     for corners in camera.mask:
@@ -225,5 +225,5 @@ def _legend(plan: Plan) -> list[Line2D | Patch]:
     if plan.problem.obstacles:
         entries.append(Patch(color=OBSTACLE, alpha=0.45, label="obstacle"))
         entries.append(Patch(color=CERTIFIED, alpha=0.45, label="obstacle that is named"))
-    entries.append(Line2D([], [], color=ASKED, ls=":", label="what is required"))
+    entries.append(Line2D([], [], color=REQUIRED, ls=":", label="what is required"))
     return entries

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from omniservo.reporting.curves import planned_curve
 from omniservo.reporting.margins import certified_clearance, certified_visibility
-from omniservo.reporting.promise_words import ASKED, CERTIFIED, EXECUTED
+from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
 from omniservo.reporting.spelling import NOTHING, significant, spell
 from omniservo.results.run_result import RunResult
 
@@ -59,7 +59,7 @@ def comparison_table(result: RunResult) -> tuple[ComparisonRow, ...]:
         asked += f" + {1e3 * planning.tracking_margin:g} for tracking"
     degrees = planning.degrees
     return (
-        ComparisonRow(f"safe distance, {ASKED}", f"{paper.safe_distance:g}", asked, "mm"),
+        ComparisonRow(f"safe distance, {REQUIRED}", f"{paper.safe_distance:g}", asked, "mm"),
         ComparisonRow(
             "smallest distance to the obstacle points, planned path (sampled)",
             f"{paper.smallest_distance:.3f}",

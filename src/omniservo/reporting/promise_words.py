@@ -1,6 +1,6 @@
 """The three words of every comparison, the same in tiles, tables and legends."""
 
-ASKED = "asked"
+REQUIRED = "required"
 """what the task requires"""
 CERTIFIED = "certified (planned path)"
 """what is proven for the whole planned path, before the arm moved: a lower bound"""

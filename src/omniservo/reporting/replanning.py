@@ -13,11 +13,11 @@ from omniservo.reporting.html import Cell, Markup, joined, table, tag
 from omniservo.reporting.space import space_of
 from omniservo.reporting.spelling import NOTHING, spell
 from omniservo.reporting.style import (
-    ASKED,
     EXECUTED,
     OBSTACLE,
     PLANNED,
     QUIET,
+    REQUIRED,
     SEVEN,
     THREE,
     Drawing,
@@ -124,7 +124,7 @@ def _ways(axes: Any, result: RunResult) -> None:
     for event in result.replannings:
         if event.leg is not None:
             place = upright.apply(event.leg.path.positions(np.zeros(1)))[0]
-            axes.plot(place[0], place[1], "o", ms=7, mfc="white", mec=ASKED, label="switched here")
+            axes.plot(place[0], place[1], "o", ms=7, mfc="white", mec=REQUIRED, label="switched here")
     shown = np.vstack([first, space.executed])[:, :2]
     middle, half = 0.5 * (shown.min(axis=0) + shown.max(axis=0)), 0.75 * float(np.ptp(shown, axis=0).max())
     axes.set(xlim=middle[0] + half * np.array([-1, 1]), ylim=middle[1] + half * np.array([-1, 1]))
@@ -144,4 +144,4 @@ def _mark(axes: Any, result: RunResult) -> None:
     for event in result.replannings:
         axes.axvline(event.time, color=OBSTACLE, ls=":", lw=1.4)
         if event.leg is not None:
-            axes.axvline(event.leg.time, color=ASKED, lw=1.0)
+            axes.axvline(event.leg.time, color=REQUIRED, lw=1.0)

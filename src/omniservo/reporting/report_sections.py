@@ -243,7 +243,7 @@ def risk(result: RunResult) -> Markup | None:
     lead = tag(
         "p",
         f"{100 * result.risk.predicted:.2g}% of {result.risk.samples} samples of what the estimate may truly "
-        f"be violate a constraint (95% upper bound {100 * result.risk.predicted_bound:.2g}%, asked "
+        f"be violate a constraint (95% upper bound {100 * result.risk.predicted_bound:.2g}%, required "
         f"{100 * result.risk.risk:g}%). Margins are what is left beyond what the problem requires.",
     )
     columns = ["constraint", "planned", "left at that risk", "required in addition", "taken by"]

@@ -10,9 +10,9 @@ from matplotlib.ticker import FuncFormatter
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.style import (
-    ASKED,
     EXECUTED,
     PLANNED,
+    REQUIRED,
     SEVEN,
     THREE,
     Drawing,
@@ -40,7 +40,7 @@ def image_error(result: RunResult) -> Drawing | None:
             time, _above_zero(log.column("error_px")), color=PLANNED, lw=1.4, label="to the path's reference"
         )
     tolerance = result.task.servo.tolerance_px
-    axes.axhline(tolerance, color=ASKED, ls=":", lw=1.6, label=f"tolerance: {tolerance:g} px")
+    axes.axhline(tolerance, color=REQUIRED, ls=":", lw=1.6, label=f"tolerance: {tolerance:g} px")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xlabel("time [s]")

@@ -30,7 +30,7 @@ _SHOWN_OF_CLOUDS = 2000
 
 @dataclass(frozen=True)
 class KeepOut:
-    """A planning obstacle with the distance asked around it."""
+    """A planning obstacle with the distance required around it."""
 
     outline: FloatArray
     """(k, 3) points whose convex hull it is [mm]"""

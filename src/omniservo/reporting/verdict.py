@@ -79,7 +79,7 @@ def plan_sentence(result: RunResult) -> str:
 def _risk_sentence(risk: RiskPlan) -> str:
     return (
         f"Its margins are so wide that an estimate as uncertain as this one leaves a constraint unmet with "
-        f"a probability of at most {100 * risk.predicted_bound:.2g}% (asked: {100 * risk.risk:g}%)."
+        f"a probability of at most {100 * risk.predicted_bound:.2g}% (required: {100 * risk.risk:g}%)."
     )
 
 

@@ -177,13 +177,13 @@ def _choose(selection: Selection, start: FloatArray, size: tuple[int, int], dist
     plain, cost, converged = refine(views, posed, PLAIN, keep=keep)
     if distortion == "none":
         errors = held_out(views, plain, PLAIN, keep)
-        return Fit(plain, PLAIN, cost, converged, errors, "no distortion, as asked")
+        return Fit(plain, PLAIN, cost, converged, errors, "no distortion, as chosen")
     if distortion == "auto" and views.count < LEAST_VIEWS:
         return Fit(plain, PLAIN, cost, converged, None, distortion_helps(None, None)[1])
     bent, bent_cost, bent_converged = _distorted(selection, plain, size)
     errors = held_out(views, bent, _ALL, keep)
     if distortion == "radtan":
-        return Fit(bent, _ALL, bent_cost, bent_converged, errors, "distortion, as asked")
+        return Fit(bent, _ALL, bent_cost, bent_converged, errors, "distortion, as chosen")
     without = held_out(views, plain, PLAIN, keep)
     helps, reason = distortion_helps(without, errors)
     _, seen = camera_of(bent.theta, size).project(bent.points(views)[keep])
