@@ -4,101 +4,405 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation.multi_view_estimate import MultiViewEstimate
-from omniservo.estimation.refinement.bundle_adjustment import adjust_views
+from omniservo.estimation.known_displacements import DisplacementPrior
+from omniservo.estimation.multi_view_estimate import MultiViewEstimate, ViewStatus
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
+from omniservo.estimation.refinement.view_adjustment import ViewProblem, ViewState, adjust
 from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
 from omniservo.estimation.status.evidence import largest_noise
-from omniservo.estimation.status.pose_evidence import variance_of
-from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
-from omniservo.estimation.view_poses import LEAST_POINTS, PlacedViews, place_all, place_others
+from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
+from omniservo.estimation.uncertainty.view_noise import view_noise
+from omniservo.estimation.uncertainty.view_uncertainty import (
+    ModelErrors,
+    ViewNoise,
+    ViewResponse,
+    ViewUncertainty,
+)
+from omniservo.estimation.view_points import CheckedPoints, ViewPoints
+from omniservo.estimation.view_poses import (
+    LEAST_POINTS,
+    PlacedViews,
+    place_all,
+    place_by_displacements,
+    place_linked,
+    place_others,
+    pose_of,
+)
 from omniservo.estimation.view_scale import GaugeLength, ViewScale, checked_scale
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, owned
 
 ADJUSTING_STEPS = 100
-GATING_ROUNDS = 4
+GATING_ROUNDS = 6
+
+SETTLED_NOISE = 0.02
+"""The weights stay once σ changes by less than this part."""
+
+LEAST_OF_VIEW = 3
+"""pixels that agree, of a view that no displacement holds"""
 
 
 def estimate_views(
     camera: UnifiedCamera,
-    pixels: npt.ArrayLike,
+    pixels: npt.ArrayLike | ViewPoints,
     *,
     visible: npt.ArrayLike | None = None,
     scale: ViewScale = None,
     scale_sigma: float = 0.0,
     robust: bool = True,
-    noise: float | None = None,
+    noise: float | npt.ArrayLike | None = None,
+    calibration_covariance: npt.ArrayLike | None = None,
 ) -> MultiViewEstimate:
-    """Return the poses of v views and the points they see, which minimise Σ ‖π(Rᵀ(h − t)) − p‖² [px²].
+    """Return the poses of v views and the points they see, which minimise Σ ‖π(Rᵀ(h − t)) − p‖²/σ².
 
     The two views that tell most of the structure (`estimate_two_view`), the others by the points found so far
     (`estimate_pose`), bundle adjustment of all, pixels far from it left out. Where four or more points are
-    known (`KnownPoints`), the views stand by these, and may be as flat as a tag.
+    known (`KnownPoints`), the views stand by these, and may be as flat as a tag. Known displacements
+    (`KnownDisplacements`) and a camera whose parameters are uncertain are adjusted with the rest. The frame
+    is that of the first view that has a pose.
 
     Args:
-        camera: took all pictures.
-        pixels: (v, n, 2) [px], [i, j] shows point j in view i.
+        camera: took all pictures; its ``model_error`` is the same in all of them, so that views do not
+            average it out.
+        pixels: (v, n, 2) [px], [i, j] shows point j in view i; or `ViewPoints`.
         visible: (v, n) bool: the pixels of others are not read. None: all.
         scale: None: the centres of the first two views are 1 apart, not metric. A number: their distance [m].
             ((i, j), d): the distance of the points i and j [m]. `ViewDistance`: that of any two views'
-            centres. `KnownPoints`: points with known coordinates.
+            centres. `KnownPoints`: points with known coordinates. `KnownDisplacements`: of the camera between
+            some views, with their covariance.
         scale_sigma: relative standard deviation of that.
         robust: leave out pixels that do not agree with the others.
-        noise: σ of a pixel coordinate [px]; None: from the residuals.
+        noise: σ of a pixel coordinate [px], one number or (v, n); None: from the residuals.
+        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`: the camera's parameters are
+            adjusted too, as far as that allows, and ``camera`` of the answer has them. None: they are exact.
 
     Raises:
         InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal scale.
     """
     started = time.perf_counter()
-    views = _checked_views(camera, pixels, visible, noise)
-    length = checked_scale(scale, *views.seen.shape)
+    given = CheckedPoints.of(camera, _points_of(pixels, visible, noise))
+    shape = given.seen.shape
+    length = checked_scale(scale, *shape)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
-    if _place_by_known_points(views, length):
-        failed = place_others(views)
-    else:
-        status, words, failed = place_all(views, robust)
-        if status != "ok":
-            return MultiViewEstimate.without_pose(views.seen.shape, status, words, started)
-    if not views.placed[0]:
-        words = f"the first view does not join the others: {failed[0]}"
-        return MultiViewEstimate.without_pose(views.seen.shape, "not_converged", words, started)
-    _to_first_view(views)
-    problem = _adjust(views, robust) or _scaled(views, length)
-    if problem:
-        return MultiViewEstimate.without_pose(views.seen.shape, "not_converged", problem, started)
-    words = "; ".join(f"view {view} has no pose: {why}" for view, why in sorted(failed.items()))
-    return _concluded(views, length, relative, words, started)
+    directions = np.empty((0, 5))
+    if calibration_covariance is not None:
+        directions = calibration_directions(calibration_covariance)
+    work = _Adjustment(camera, given, directions, length, robust)
+    status, words = work.place()
+    if status != "ok":
+        return MultiViewEstimate.without_pose(shape, status, words, started, work.reasons())
+    problem = work.adjust()
+    if not problem:
+        problem = work.to_scale()
+    found = None if problem else work.concluded(relative, started)
+    if found is None:
+        problem = problem or "the views do not determine the motion"
+        return MultiViewEstimate.without_pose(shape, "not_converged", problem, started, work.reasons())
+    return found
 
 
-def _checked_views(camera: UnifiedCamera, pixels: Any, visible: Any, noise: Any) -> PlacedViews:
-    given = np.asarray(pixels)
-    if given.ndim != 3 or given.shape[2] != 2 or len(given) < 2:
-        raise InputError(f"pixels: shape {given.shape} given; (v, n, 2) with v ≥ 2 is needed")
-    v, n, _ = given.shape
-    seen = np.ones((v, n), dtype=np.bool_) if visible is None else np.asarray(visible)
-    if seen.dtype != np.bool_ or seen.shape != (v, n):
-        raise InputError(f"visible: {seen.dtype} {seen.shape} given; bool {(v, n)} is needed")
-    rows = np.zeros((v, n, 2))
-    rows[seen] = finite_array("pixels (visible rows)", given[seen], (None, 2)) if seen.any() else 0.0
-    bearings, valid = camera.unproject(rows)
-    if not valid[seen].all():
-        i, j = (int(x) for x in np.argwhere(seen & ~valid)[0])
-        raise InputError(
-            f"pixels: ({rows[i, j, 0]:g}, {rows[i, j, 1]:g}) at index ({i}, {j}) is outside the camera's"
-            f" domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
+def _points_of(pixels: Any, visible: Any, noise: Any) -> ViewPoints:
+    if not isinstance(pixels, ViewPoints):
+        return ViewPoints(pixels, visible, noise)
+    if visible is not None or noise is not None:
+        raise InputError("visible, noise: given beside ViewPoints, which has both")
+    return pixels
+
+
+class _Adjustment:
+    """The views, as they are placed, adjusted and judged."""
+
+    def __init__(
+        self,
+        camera: UnifiedCamera,
+        given: CheckedPoints,
+        directions: FloatArray,
+        length: GaugeLength | DisplacementPrior,
+        robust: bool,
+    ) -> None:
+        self.directions, self.length, self.robust = directions, length, robust
+        self.views = PlacedViews.of(camera, given, _room(camera, given, directions))
+        self.deviation = np.zeros(len(directions))
+        self.sigma = np.ones(given.seen.shape)
+        self.linked: set[int] = set()
+
+    @property
+    def prior(self) -> DisplacementPrior | None:
+        """The displacements, if there are any."""
+        return self.length if isinstance(self.length, DisplacementPrior) else None
+
+    def reasons(self) -> dict[int, str]:
+        """Why views have no pose."""
+        return self.views.failed
+
+    def place(self) -> tuple[Any, str]:
+        """Place all views and return "ok", or status and evidence."""
+        views, prior = self.views, self.prior
+        if isinstance(self.length, GaugeLength) and _place_by_known_points(views, self.length):
+            place_others(views)
+        else:
+            status, words = place_all(views, self.robust)
+            if status != "ok" and (prior is None or not place_by_displacements(views, prior)):
+                return status, words
+        first = int(np.argmax(views.placed))
+        self._to_view(first)
+        if prior is not None:
+            rows = np.flatnonzero(views.placed)
+            known = prior.among(rows)
+            factor = math.nan if known is None else known.scale_of(views.poses[rows])
+            if not factor > 0.0:
+                words = "no two views that are joined have a known displacement: the scale is not known"
+                return "not_converged", words
+            views.poses[:, 4:] *= factor
+            views.points *= factor
+            self.linked = set(place_linked(views, prior))
+            self._to_view(int(np.argmax(views.placed)))
+            views.triangulate()
+            self._agree_with_displacements(prior)
+        return "ok", ""
+
+    def _agree_with_displacements(self, prior: DisplacementPrior) -> None:
+        """Mark the pixels, of views that stand by displacements alone, that lie where these allow it."""
+        views, stated = self.views, self.views.noise()
+        residuals = np.linalg.norm(residuals_of(views, views.camera), axis=2)
+        for view in self.linked:
+            pose = views.poses[view]
+            local = pose_of(pose).inv().apply(views.points)
+            known = ~np.isnan(local[:, 0])
+            away = np.linalg.norm(local, axis=1)
+            _, slopes, _ = views.camera.project_jacobian(local)
+            shift, turn = prior.sigmas_of(view)
+            angle = np.hypot(shift / away, turn)
+            room = np.linalg.norm(slopes, axis=(1, 2)) * away * angle
+            sigma = PRIOR_NOISE_PX if stated is None else stated[view]
+            views.agree[view] = views.seen[view] & known & (residuals[view] <= GATE * np.hypot(sigma, room))
+
+    def _to_view(self, view: int) -> None:
+        """Change the frame of poses and points to that of a view."""
+        views = self.views
+        first = pose_of(views.poses[view]).inv()
+        for at in np.flatnonzero(views.placed):
+            pose = first * pose_of(views.poses[at])
+            views.poses[at, :4], views.poses[at, 4:] = pose.rotation.as_quat(), pose.translation
+        views.points[:] = first.apply(views.points)
+
+    def adjust(self) -> str:
+        """Refine on the pixels that agree; return what went wrong, or nothing."""
+        views, stated = self.views, self.views.noise()
+        usable = views.agree.copy() if self.robust else views.seen & views.placed[:, None]
+        relative = self.prior is None and not len(self.directions)  # only ratios of weights matter
+        self.sigma = (
+            np.full(views.seen.shape, 1.0 if relative else PRIOR_NOISE_PX) if stated is None else stated
         )
-    sigma = None if noise is None else finite_number("noise", noise, above=0.0)
-    points, agree = np.full((n, 3), math.nan), np.zeros((v, n), dtype=np.bool_)
-    poses, placed = np.zeros((v, 7)), np.zeros(v, dtype=np.bool_)
-    poses[:, 3] = 1.0
-    return PlacedViews(camera, rows, bearings, seen.copy(), sigma, poses, placed, points, agree)
+        for _ in range(GATING_ROUNDS):
+            usable = usable & (~np.isnan(views.points[:, 0]) & (usable.sum(axis=0) >= 2))[None, :]
+            if words := self._too_few(usable):
+                return words
+            if words := self._adjust_once(usable):
+                return words
+            residuals = residuals_of(views, self._camera())
+            distance = np.linalg.norm(residuals, axis=2)
+            noise = self._noise(distance / self.sigma, usable)
+            if stated is None and noise > largest_noise(None):
+                return f"the best structure leaves {noise:.2g} px of noise: the pixels do not agree"
+            if stated is not None and noise > largest_noise(1.0):
+                px = noise * float(np.median(stated[usable]))
+                return f"the best structure leaves {px:.2g} px of noise: the pixels do not agree"
+            gate = GATE * self._gate_noise((distance / self.sigma)[usable], usable)
+            near = views.seen & views.placed[:, None] & (distance <= gate * self.sigma)
+            settled = not self.robust or (near == usable).all()
+            if stated is None and not relative:
+                settled &= self._reweighted(noise)
+            if settled:
+                break
+            usable = near if self.robust else usable
+        return ""
+
+    def _reweighted(self, ratio: float) -> bool:
+        """Take σ from residuals that are ``ratio`` of what it was; tell whether it stays."""
+        error = self.views.camera.model_error
+        sigma = max(ratio * self.sigma.flat[0], LEAST_NOISE_PX)
+        sigma = math.hypot(sigma, 0.0 if error is None else error.sigma_px)
+        stays = abs(sigma / self.sigma.flat[0] - 1.0) < SETTLED_NOISE
+        self.sigma = np.full_like(self.sigma, sigma)
+        return bool(stays)
+
+    def _too_few(self, usable: BoolArray) -> str:
+        of_views = usable.sum(axis=1)
+        held = [view in self.linked for view in range(len(of_views))]
+        lone = self.views.placed & (of_views < LEAST_OF_VIEW) & ~np.array(held)
+        if usable.sum() * 2 <= self._unknowns(usable) or lone.any():
+            return "too few pixels agree with each other"
+        return ""
+
+    def _unknowns(self, usable: BoolArray) -> int:
+        return 6 * (int(self.views.placed.sum()) - 1) - 1 + 3 * int(usable.any(axis=0).sum())
+
+    def _camera(self) -> UnifiedCamera:
+        return self._problem(np.ones(0, dtype=np.int64), np.ones(0, dtype=np.int64)).at(self.deviation)
+
+    def _problem(self, order: Any, rows: Any) -> ViewProblem:
+        """Return what is measured of these views and points, of the pixels that agree."""
+        views = self.views
+        weights = np.where(views.agree, 1.0 / self.sigma, 0.0)
+        prior = None if self.prior is None else self.prior.among(order)
+        kept = np.ix_(order, rows)
+        return ViewProblem(views.camera, views.pixels[kept], weights[kept], self.directions, prior)
+
+    def _adjust_once(self, usable: BoolArray) -> str:
+        views = self.views
+        order, rows = np.flatnonzero(views.placed), np.flatnonzero(usable.any(axis=0))
+        views.agree[:] = usable
+        problem = self._problem(order, rows)
+        if problem.prior is None and not np.abs(views.poses[order][:, 4:]).max() > 0.0:
+            return "all views have one centre"
+        state = ViewState(views.poses[order], views.points[rows], self.deviation)
+        _, converged, state = adjust(problem, state, ADJUSTING_STEPS)
+        if not converged:
+            return "the bundle adjustment found no minimum"
+        views.poses[order], self.deviation = state.poses, state.deviation
+        views.points[:] = math.nan
+        views.points[rows] = state.points
+        return ""
+
+    def _noise(self, whitened: FloatArray, usable: BoolArray) -> float:
+        """Return σ of the whitened coordinates, from the residuals."""
+        freedom = max(2 * int(usable.sum()) - self._unknowns(usable), 1)
+        return math.sqrt(float(np.square(whitened[usable]).sum()) / freedom)
+
+    def _gate_noise(self, distances: FloatArray, usable: BoolArray) -> float:
+        """Return σ of the whitened coordinates for the gate, from the median distance and a prior."""
+        freedom = max(2 * len(distances) - self._unknowns(usable), 1)
+        square = float(np.median(distances)) ** 2 / (2.0 * math.log(2.0)) * 2 * len(distances)
+        if self.views.given.noise is not None:
+            return max(1.0, math.sqrt(square / freedom) if freedom > len(distances) / 2 else 0.0)
+        prior = (PRIOR_NOISE_PX / self.sigma.flat[0]) ** 2
+        return math.sqrt((PRIOR_WEIGHT * prior + square) / (PRIOR_WEIGHT + freedom))
+
+    def to_scale(self) -> str:
+        """Scale poses and points to the known length; return what went wrong, or nothing."""
+        views, length = self.views, self.length
+        if isinstance(length, DisplacementPrior):
+            return ""
+        if length.metres is None:
+            length = self.length = replace(length, indices=np.flatnonzero(views.placed)[:2])
+        lost = length.indices[
+            ~views.placed[length.indices] if length.of_views else np.isnan(views.points[length.indices, 0])
+        ]
+        if len(lost) and not (len(length.known) and len(length.indices) - len(lost) >= 2):
+            what = "view" if length.of_views else "point"
+            return f"{what} {lost[0]}, which the scale refers to, has no place"
+        used = length.without(lost)
+        value = used.value(views.poses[:, 4:], views.points)
+        if not value > 0.0:
+            return "the length that the scale refers to is 0"
+        factor = (2.0**-0.5 if used.metres is None else used.metres) / value
+        views.poses[:, 4:] *= factor
+        views.points *= factor
+        return ""
+
+    def concluded(self, scale_sigma: float, started: float) -> MultiViewEstimate | None:
+        """Return the answer; None where the views do not determine the motion."""
+        views = self.views
+        order, rows = np.flatnonzero(views.placed), np.flatnonzero(views.agree.any(axis=0))
+        problem = self._problem(order, rows)
+        state = ViewState(views.poses[order], views.points[rows], self.deviation)
+        response = ViewResponse.at(problem, state)
+        if response is None:
+            return None
+        error = _error_of(views.camera)
+        errors = ModelErrors.of(error, problem, response)
+        stated = views.given.noise
+        own = None if stated is None else (stated / self.sigma)[views.agree]
+        noise = view_noise(float(np.square(response.slopes.residuals).sum()), problem, response, errors, own)
+        factor, window = 1.0, views.given.window
+        if window is not None:
+            factor = response.window_factor(problem.pixels, window[np.ix_(order, rows)])
+        length = None if isinstance(self.length, DisplacementPrior) else self.length.among(order, rows)
+        law = ViewUncertainty.of_response(response, state, length, errors, noise, factor)
+        return self._answer(law, noise, problem, (scale_sigma, started))
+
+    def _answer(
+        self, law: ViewUncertainty, noise: ViewNoise, problem: ViewProblem, said: tuple[float, float]
+    ) -> MultiViewEstimate:
+        views, (scale_sigma, started) = self.views, said
+        (v, n), order = views.seen.shape, np.flatnonzero(views.placed)
+        rows = np.flatnonzero(views.agree.any(axis=0))
+        covariance = np.full((v, 6, 6), math.nan)
+        covariance[order[0]] = 0.0
+        for rank, view in enumerate(order[1:], start=1):
+            g = np.concatenate((views.poses[view, 4:], np.zeros(3)))
+            covariance[view] = law.pose_covariance(rank) + scale_sigma**2 * np.outer(g, g)
+        points_covariance = np.full((n, 3, 3), math.nan)
+        h = views.points[rows]
+        spread = scale_sigma**2 * h[:, :, None] * h[:, None, :]
+        points_covariance[rows] = law.point_covariances() + spread
+        camera = problem.at(self.deviation)
+        residuals = residuals_of(views, camera)
+        square, count = float((residuals[views.agree] ** 2).sum()), int(views.agree.sum())
+        unit = float(np.median(self.sigma[views.agree]))
+        status, reasons = self._view_statuses()
+        words = [noise.words] if noise.words else []
+        if order[0] != 0:
+            words.append(f"the frame is that of view {order[0]}")
+        words += [f"view {view} has no pose: {why}" for view, why in enumerate(reasons) if why]
+        return MultiViewEstimate(
+            status="ok",
+            message="; ".join(words),
+            initial_T_views=tuple(
+                pose_of(views.poses[view]) if views.placed[view] else None for view in range(v)
+            ),
+            points=owned(views.points),
+            is_metric=not isinstance(self.length, GaugeLength) or self.length.metres is not None,
+            covariance=owned(covariance),
+            points_covariance=owned(points_covariance),
+            inliers=views.agree,
+            rms_px=math.sqrt(square / count),
+            noise_px=unit * noise.from_residuals,
+            residuals_px=owned(residuals),
+            scale_sigma=scale_sigma,
+            freedom=noise.freedom,
+            uncertainty=law,
+            sigma_px=unit * noise.sigma,
+            seconds=time.perf_counter() - started,
+            view_status=status,
+            view_reasons=reasons,
+            camera=camera if len(self.directions) else views.camera,
+        )
+
+    def _view_statuses(self) -> tuple[tuple[ViewStatus, ...], tuple[str, ...]]:
+        statuses: list[ViewStatus] = []
+        reasons = []
+        for view, placed in enumerate(self.views.placed):
+            seen = int(self.views.agree[view].sum())
+            if not placed:
+                few = int(self.views.seen[view].sum()) < LEAST_POINTS
+                statuses.append("too_few_points" if few else "no_pose")
+                reasons.append(self.views.failed.get(view, "it shares too few points with the others"))
+            else:
+                statuses.append("by_displacement" if view in self.linked and seen < LEAST_OF_VIEW else "ok")
+                reasons.append("")
+        return tuple(statuses), tuple(reasons)
+
+
+def _error_of(camera: UnifiedCamera) -> ModelError | None:
+    error = camera.model_error
+    return error if error is not None and error.sigma_px > 0.0 else None
+
+
+def _room(camera: UnifiedCamera, given: CheckedPoints, directions: FloatArray) -> float:
+    """Return what the camera's parameters may be off at a pixel, root mean square [px]."""
+    if not len(directions) or not given.seen.any():
+        return 0.0
+    slopes = pixel_slopes(camera, given.bearings[given.seen], directions.shape[1]) @ directions.T
+    return math.sqrt(float(np.square(slopes).sum(axis=2).mean()))
 
 
 def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
@@ -115,78 +419,12 @@ def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     return False
 
 
-def _to_first_view(views: PlacedViews) -> None:
-    """Change the frame of poses and points to that of the first view."""
-    first = _pose(views.poses[0]).inv()
-    for view in np.flatnonzero(views.placed):
-        pose = first * _pose(views.poses[view])
-        views.poses[view, :4], views.poses[view, 4:] = pose.rotation.as_quat(), pose.translation
-    views.points[:] = first.apply(views.points)
-
-
-def _pose(row: FloatArray) -> RigidTransform:
-    return RigidTransform.from_components(row[4:], Rotation.from_quat(row[:4]))
-
-
-def _adjust(views: PlacedViews, robust: bool) -> str:
-    """Refine poses and points on the pixels that agree with them; return what went wrong, or nothing."""
-    usable = views.seen & views.placed[:, None]
-    if robust:
-        usable = views.agree.copy()
-    for _ in range(GATING_ROUNDS):
-        usable = usable & (~np.isnan(views.points[:, 0]) & (usable.sum(axis=0) >= 2))[None, :]
-        if usable.sum() * 2 <= _unknowns(views, usable) or (usable[views.placed].sum(axis=1) < 3).any():
-            return "too few pixels agree with each other"
-        order = np.flatnonzero(views.placed)
-        poses = views.poses[order]
-        far = int(np.linalg.norm(poses[:, 4:], axis=1).argmax())
-        if not np.linalg.norm(poses[far, 4:]) > 0.0:
-            return "all views have one centre"
-        points = np.where(usable.any(axis=0)[:, None], views.points, 0.0)
-        cost, converged = adjust_views(
-            views.camera.parameters, views.pixels[order], usable[order], far, ADJUSTING_STEPS, poses, points
-        )
-        if not converged:
-            return "the bundle adjustment found no minimum"
-        views.poses[order] = poses
-        views.points[:] = np.where(usable.any(axis=0)[:, None], points, math.nan)
-        views.agree[:] = usable
-        noise = math.sqrt(cost / max(2 * usable.sum() - _unknowns(views, usable), 1))
-        if noise > largest_noise(_whole_noise(views)):
-            return f"the best structure leaves {noise:.2g} px of noise: the pixels do not agree"
-        distance = np.linalg.norm(residuals_of(views), axis=2)
-        near = views.seen & (distance <= GATE * _gate_noise(views, distance[usable]))
-        if not robust or (near == usable).all():
-            break
-        usable = near
-    return ""
-
-
-def _whole_noise(views: PlacedViews) -> float | None:
-    """Return the σ [px] of pixels that is stated, the camera's model error added in quadrature."""
-    error = views.camera.model_error
-    return views.noise if views.noise is None or error is None else math.hypot(views.noise, error.sigma_px)
-
-
-def _gate_noise(views: PlacedViews, distances: FloatArray) -> float:
-    """Return σ for the gate: what is stated, or from the median distance and a prior."""
-    if (stated := _whole_noise(views)) is not None:
-        return stated
-    freedom = max(2 * len(distances) - _unknowns(views, views.agree), 1)
-    square = float(np.median(distances)) ** 2 / (2.0 * math.log(2.0)) * 2 * len(distances)
-    return math.sqrt((PRIOR_WEIGHT * PRIOR_NOISE_PX**2 + square) / (PRIOR_WEIGHT + freedom))
-
-
-def _unknowns(views: PlacedViews, usable: BoolArray) -> int:
-    return 6 * (int(views.placed.sum()) - 1) - 1 + 3 * int(usable.any(axis=0).sum())
-
-
-def residuals_of(views: PlacedViews) -> FloatArray:
+def residuals_of(views: PlacedViews, camera: UnifiedCamera) -> FloatArray:
     """Return projection minus pixel (v, n, 2) [px], NaN where there is no pose, place or pixel."""
     residuals = np.full(views.pixels.shape, math.nan)
     for view in np.flatnonzero(views.placed):
         write_pose_residuals(
-            views.camera.parameters,
+            camera.parameters,
             views.points,
             views.pixels[view],
             views.poses[view, :4],
@@ -195,69 +433,3 @@ def residuals_of(views: PlacedViews) -> FloatArray:
         )
     residuals[~views.seen] = math.nan
     return residuals
-
-
-def _scaled(views: PlacedViews, length: GaugeLength) -> str:
-    """Scale poses and points to the known length; return what went wrong, or nothing."""
-    lost = length.indices[
-        ~views.placed[length.indices] if length.of_views else np.isnan(views.points[length.indices, 0])
-    ]
-    if len(lost) and not (len(length.known) and len(length.indices) - len(lost) >= 2):
-        return f"{'view' if length.of_views else 'point'} {lost[0]}, which the scale refers to, has no place"
-    used = length.without(lost)
-    value = used.value(views.poses[:, 4:], views.points)
-    if not value > 0.0:
-        return "the length that the scale refers to is 0"
-    factor = (2.0**-0.5 if used.metres is None else used.metres) / value
-    views.poses[:, 4:] *= factor
-    views.points *= factor
-    return ""
-
-
-def _concluded(
-    views: PlacedViews, length: GaugeLength, scale_sigma: float, words: str, started: float
-) -> MultiViewEstimate:
-    v, n = views.seen.shape
-    order, rows = np.flatnonzero(views.placed), np.flatnonzero(~np.isnan(views.points[:, 0]))
-    law = ViewUncertainty.of_views(
-        views.camera,
-        views.pixels[order][:, rows],
-        views.agree[order][:, rows],
-        views.poses[order],
-        views.points[rows],
-        length.among(order, rows),
-    )
-    if law is None:
-        words = "the views do not determine the motion"
-        return MultiViewEstimate.without_pose((v, n), "not_converged", words, started)
-    residuals = residuals_of(views)
-    square = float((residuals[views.agree] ** 2).sum())
-    freedom = 2 * int(views.agree.sum()) - _unknowns(views, views.agree)
-    variance = variance_of(square, freedom, views.noise)
-    covariance = np.full((v, 6, 6), math.nan)
-    covariance[0] = 0.0
-    for rank, view in enumerate(order[1:], start=1):
-        g = np.concatenate((views.poses[view, 4:], np.zeros(3)))
-        covariance[view] = law.pose_covariance(rank, variance) + scale_sigma**2 * np.outer(g, g)
-    points_covariance = np.full((n, 3, 3), math.nan)
-    h = views.points[rows]
-    points_covariance[rows] = law.point_covariances(variance) + scale_sigma**2 * h[:, :, None] * h[:, None, :]
-    unknown = views.noise is None and freedom > 2
-    return MultiViewEstimate(
-        status="ok",
-        message=words,
-        initial_T_views=tuple(_pose(views.poses[view]) if views.placed[view] else None for view in range(v)),
-        points=owned(views.points),
-        is_metric=length.metres is not None,
-        covariance=owned(covariance),
-        points_covariance=owned(points_covariance),
-        inliers=views.agree,
-        rms_px=math.sqrt(square / int(views.agree.sum())),
-        noise_px=math.sqrt(square / freedom),
-        residuals_px=owned(residuals),
-        scale_sigma=scale_sigma,
-        freedom=float(freedom) if unknown else math.inf,
-        uncertainty=law,
-        sigma_px=math.sqrt(square / freedom if unknown else variance),
-        seconds=time.perf_counter() - started,
-    )

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
+
+ViewStatus = Literal["ok", "by_displacement", "too_few_points", "no_pose"]
 
 
 @with_field_docs
@@ -25,12 +30,13 @@ class MultiViewEstimate:
     """
 
     status: Status
-    """as `TwoViewEstimate`: why no two views gave a motion; "ok" where at least two views, the first
-    among them, have a pose"""
+    """as `TwoViewEstimate`: why no two views gave a motion; "ok" where at least two views have a pose"""
     message: str
-    """One sentence with the evidence; for "ok" empty, or which views have no pose and why."""
+    """One sentence with the evidence; for "ok" empty, or which views have no pose and why, and where stated
+    errors were raised."""
     initial_T_views: tuple[RigidTransform | None, ...]
-    """(v,) coordinates in each view's camera to those in the first one's, None for a view without a pose."""
+    """(v,) coordinates in each view's camera to those in the first one's, None for a view without a pose.
+    Where the first view has none, the frame is that of the first that has: ``reference``."""
     points: FloatArray
     """(n, 3) [m], or in distances of the first two views' centres where not metric; frame of the first view.
     NaN for a point that fewer than two views agree on."""
@@ -54,11 +60,31 @@ class MultiViewEstimate:
     freedom: float
     """Degrees of freedom of σ; infinite where the noise was stated."""
     uncertainty: ViewUncertainty | None
-    """Joint law of what has a pose or a place, for noise of 1 px, in the structure's unit."""
+    """Joint law of what has a pose or a place, in the structure's unit."""
     sigma_px: float
     """σ of the covariances [px]: what was stated, or what the residuals say."""
     seconds: float
     """Wall time of the estimation [s]."""
+    view_status: tuple[ViewStatus, ...]
+    """(v,) "ok"; "by_displacement": the view stands by its stated displacement, its picture adds nothing;
+    "too_few_points": it shows fewer than four points; "no_pose": none that its points agree with"""
+    view_reasons: tuple[str, ...]
+    """(v,) why a view has no pose; empty for one that has"""
+    camera: UnifiedCamera | None
+    """that the residuals are of: as given, or adjusted within its stated covariance; None: no estimate"""
+
+    @property
+    def reference(self) -> int | None:
+        """The view whose frame is that of poses and points; None: there is no pose."""
+        return next((k for k, pose in enumerate(self.initial_T_views) if pose is not None), None)
+
+    @property
+    def size_sigma(self) -> float:
+        """Standard deviation of the structure's size √Σ‖h‖² over that size, ``scale_sigma`` included."""
+        if self.uncertainty is None:
+            return math.nan
+        points = self.points[~np.isnan(self.points[:, 0])]
+        return math.hypot(math.sqrt(self.uncertainty.size_variance(points)), self.scale_sigma)
 
     def __repr__(self) -> str:
         posed = sum(pose is not None for pose in self.initial_T_views)
@@ -71,11 +97,13 @@ class MultiViewEstimate:
         """Return what all views say about the motion from the first one to ``goal``.
 
         Raises:
-            InputError: there is no such view.
+            InputError: there is no such view, or the first view has no pose.
         """
         views, n = self.inliers.shape
         if not 0 < goal < views:
             raise InputError(f"goal: {goal!r} given; legal: whole numbers from 1 to {views - 1}")
+        if self.status == "ok" and self.initial_T_views[0] is None:
+            raise InputError(f"goal: view 0, from which it is seen, has no pose: {self.view_reasons[0]}")
         pose, law = self.initial_T_views[goal], self.uncertainty
         if self.status != "ok" or pose is None or law is None:
             status: Status = "not_converged" if self.status == "ok" else self.status
@@ -97,15 +125,21 @@ class MultiViewEstimate:
             residuals_px=np.concatenate((self.residuals_px[0], self.residuals_px[goal]), axis=1),
             seconds=self.seconds,
             scale_sigma=self.scale_sigma,
-            uncertainty=law.law(rank, self.sigma_px, self.freedom),
+            uncertainty=law.law(rank),
         )
 
     @classmethod
     def without_pose(
-        cls, shape: tuple[int, int], status: Status, message: str, started: float
+        cls,
+        shape: tuple[int, int],
+        status: Status,
+        message: str,
+        started: float,
+        reasons: Mapping[int, str],
     ) -> MultiViewEstimate:
         """Return the answer to pixels (v, n) that hold none; ``started`` is a `time.perf_counter`."""
         v, n = shape
+        none: ViewStatus = "no_pose"
         return cls(
             status=status,
             message=message,
@@ -123,4 +157,7 @@ class MultiViewEstimate:
             uncertainty=None,
             sigma_px=math.nan,
             seconds=time.perf_counter() - started,
+            view_status=(none,) * v,
+            view_reasons=tuple(reasons.get(view, message) for view in range(v)),
+            camera=None,
         )

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
+from omniservo.estimation.known_displacements import DisplacementPrior, KnownDisplacements
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, owned
 from omniservo.short_repr import short_repr
@@ -38,7 +39,7 @@ class KnownPoints:
     __repr__ = short_repr
 
 
-ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | None
+ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | KnownDisplacements | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +86,8 @@ class GaugeLength:
         return np.asarray(chosen - chosen.mean(axis=0))
 
 
-def checked_scale(scale: Any, views: int, n: int) -> GaugeLength:
-    """Return the length that a scale states for so many views and points.
+def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementPrior:
+    """Return the length, or the displacements, that a scale states for so many views and points.
 
     Raises:
         InputError: not one of the forms of `estimate_views`, or with illegal indices or numbers.
@@ -94,6 +95,8 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength:
     none = np.empty((0, 3))
     if scale is None:
         return GaugeLength(True, np.array([0, 1]), None, none)
+    if isinstance(scale, KnownDisplacements):
+        return DisplacementPrior.of(scale, views)
     if isinstance(scale, ViewDistance):
         ends = _indices("scale: view", [scale.first, scale.second], views)
         return GaugeLength(
@@ -111,7 +114,7 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength:
         return GaugeLength(False, rows, size, owned(points))
     if isinstance(scale, tuple | list):
         if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
-            legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints"
+            legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints, KnownDisplacements"
             raise InputError(f"scale: {spelled(scale)} given; legal: {legal}")
         metres = finite_number("scale: metres", scale[1], above=0.0)
         return GaugeLength(False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none)

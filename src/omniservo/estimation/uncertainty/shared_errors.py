@@ -22,6 +22,15 @@ SHARED = 0.6
 """of the variance of two matches with one window; fitted to rendered pairs, which show 0.4 to 0.65"""
 
 
+def shared_part(pixels: FloatArray, windows: FloatArray) -> FloatArray:
+    """Return R (n, n) of pixels (n, 2) in windows of these standard deviations (n,) [px]."""
+    square = windows[:, None] ** 2 + windows**2
+    apart = cdist(pixels, pixels, "sqeuclidean")
+    shared = SHARED * 2.0 * np.outer(windows, windows) / square * np.exp(-0.5 * apart / square)
+    np.fill_diagonal(shared, 1.0)
+    return np.asarray(shared)
+
+
 def shared_error_factor(response: FloatArray, pixels: FloatArray, windows: FloatArray) -> float:
     """Return λ, by which overlapping windows make the motion's variance larger.
 
@@ -30,10 +39,7 @@ def shared_error_factor(response: FloatArray, pixels: FloatArray, windows: Float
         pixels: (n, 4) of the matches; where they lie in the initial image tells what overlaps.
         windows: (n,) standard deviation [px] of their windows there.
     """
-    square = windows[:, None] ** 2 + windows**2
-    apart = cdist(pixels[:, :2], pixels[:, :2], "sqeuclidean")
-    shared = SHARED * 2.0 * np.outer(windows, windows) / square * np.exp(-0.5 * apart / square)
-    np.fill_diagonal(shared, 1.0)
+    shared = shared_part(pixels[:, :2], windows)
     columns = np.moveaxis(response, 2, 0)
     alone, joint = (np.einsum("cna,cnb->ab", columns, c) for c in (columns, shared @ columns))
     values, vectors = np.linalg.eigh(alone)
