@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import ModelError, UnifiedCamera
-from omniservo.estimation.refinement.bundle_adjustment import linearise
+from omniservo.estimation.refinement.bundle_adjustment import empty_view_blocks, linearise
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.view_scale import GaugeLength
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -61,9 +61,9 @@ class ViewUncertainty:
         """
         v, m = seen.shape
         size = 6 * (v - 1)
-        normal, gradient = np.empty((size, size)), np.empty(size)
-        own, pull, mixed = np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((m, size, 3))
-        linearise(camera.parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
+        blocks = empty_view_blocks(v, m)
+        linearise(camera.parameters, pixels, seen, poses, points, blocks)
+        normal, own, mixed = blocks.poses, blocks.points, blocks.mixed
         own += FAR_POINT_DAMPING * np.trace(own, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         gauge_poses = np.zeros((v - 1, 6))
         gauge_poses[:, :3] = poses[1:, 4:]
