@@ -101,7 +101,7 @@ def _bound(camera: UnifiedCamera, scene: Scene) -> Rotation | None:
     r, t = scene.initial_T_goal.rotation.as_matrix(), np.array(scene.initial_T_goal.translation)
     pixels = np.hstack([scene.pixels_initial, scene.pixels_goal])
     weights, points = np.ones((len(pixels), 2)), scene.points.copy()
-    refine_jointly(camera.parameters, pixels, weights, QUATERNION, math.inf, r, t, points, 200)
+    refine_jointly(camera.parameters, pixels, weights, QUATERNION, r, t, points, 200)
     return Rotation.from_matrix(r)
 
 

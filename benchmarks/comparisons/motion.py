@@ -109,7 +109,7 @@ def bound(pair: Pair) -> Any:
     points = pair.points[pair.right].copy()
     r, t = pair.initial_T_goal.rotation.as_matrix(), np.array(pair.initial_T_goal.translation)
     weights = np.ones((len(pixels), 2))
-    refine_jointly(pair.camera.parameters, pixels, weights, QUATERNION, math.inf, r, t, points, 200)
+    refine_jointly(pair.camera.parameters, pixels, weights, QUATERNION, r, t, points, 200)
     return r, t
 
 

@@ -80,11 +80,12 @@ def test_joint_derivatives_agree_with_finite_differences(view):
         joint_refinement.write_residuals(matches.parameters, matches.pixels, turned, t + dt, moved, out)
         return out[j]
 
-    to_point, to_motion, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
+    rows = normal_blocks.empty_rows()
+    e, to_point, to_motion = rows
     zero, h = np.zeros(3), 1e-6
     for j in range(len(points)):
         assert normal_blocks.linearise_point(
-            matches.parameters, matches.pixels, matches.weights, j, r, t, points, to_point, to_motion, e
+            matches.parameters, matches.pixels, matches.weights, j, r, t, points, rows
         )
         np.testing.assert_allclose(e, residual(j, zero, zero, zero), atol=1e-9)
         for i, s in enumerate(h * np.eye(3)):
@@ -102,20 +103,16 @@ def test_blocks_are_those_of_the_dense_normal_equations(view):
     r, t, points = scene.rotation.as_matrix(), np.array(scene.translation), scene.points
     n = len(points)
     dense, residuals = np.zeros((4 * n, 6 + 3 * n)), np.zeros(4 * n)
-    to_point, to_motion, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
+    rows = normal_blocks.empty_rows()
     for j in range(n):
         normal_blocks.linearise_point(
-            matches.parameters, matches.pixels, matches.weights, j, r, t, points, to_point, to_motion, e
+            matches.parameters, matches.pixels, matches.weights, j, r, t, points, rows
         )
-        dense[4 * j + 2 : 4 * j + 4, :6] = to_motion
-        dense[4 * j : 4 * j + 4, 6 + 3 * j : 9 + 3 * j] = to_point
-        residuals[4 * j : 4 * j + 4] = e
-    blocks = normal_blocks.NormalBlocks(
-        np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
-    )
-    cost = normal_blocks.linearise(
-        matches.parameters, matches.pixels, matches.weights, math.inf, r, t, points, blocks
-    )
+        dense[4 * j + 2 : 4 * j + 4, :6] = rows.to_motion
+        dense[4 * j : 4 * j + 4, 6 + 3 * j : 9 + 3 * j] = rows.to_point
+        residuals[4 * j : 4 * j + 4] = rows.residual
+    blocks = normal_blocks.empty_blocks(n)
+    cost = normal_blocks.linearise(matches.parameters, matches.pixels, matches.weights, r, t, points, blocks)
     normal, gradient = dense.T @ dense, dense.T @ residuals
     assert cost == pytest.approx(residuals @ residuals)
     np.testing.assert_allclose(np.tril(blocks.motion), np.tril(normal[:6, :6]), rtol=1e-12, atol=1e-6)

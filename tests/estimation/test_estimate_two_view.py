@@ -133,9 +133,7 @@ def test_nine_noisy_points_hardly_ever_end_above_the_minimum_next_to_the_truth(m
         matches = Matches.of_pixels(scene.camera, pixels)
         found = fit_two_views(matches, QUATERNION, robust=False)
         r, t, points = scene.rotation.as_matrix(), np.array(scene.translation), scene.points.copy()
-        best, _ = refine_jointly(
-            matches.parameters, pixels, matches.weights, QUATERNION, math.inf, r, t, points, 200
-        )
+        best, _ = refine_jointly(matches.parameters, pixels, matches.weights, QUATERNION, r, t, points, 200)
         above += found.cost > 1.001 * best
     assert above <= 2
 

@@ -31,6 +31,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_ar
 
 PICTURES = ("initial", "goal")
 
+T1, R1, T2, R2 = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
+"""The places of the two poses' errors (12,): dt₁ [m], δ₁ [rad], dt₂, δ₂"""
+
 HALF = 2
 """of a square's corners"""
 
@@ -45,7 +48,7 @@ class _View:
 
     @property
     def cost(self) -> float:
-        return float(self.fit.minima[0, 7])
+        return float(self.fit.costs[0])
 
     @property
     def freedom(self) -> int:
@@ -166,9 +169,9 @@ def _refused(views: list[_View]) -> tuple[Status, str] | None:
 def _odds(view: _View, views: list[_View]) -> FloatArray:
     """Return the odds of a view's minima that are not negligible, σ from both views where not stated."""
     rest = sum(other.cost for other in views if other is not view)
-    odds = odds_of(view.fit.minima[:, 7] + rest, sum(v.freedom for v in views), view.known.noise_px)
+    odds = odds_of(view.fit.costs + rest, sum(v.freedom for v in views), view.known.noise_px)
     if view.known.noise_px is not None:
-        odds = odds_of(view.fit.minima[:, 7], view.freedom, view.known.noise_px)
+        odds = odds_of(view.fit.costs, view.freedom, view.known.noise_px)
     return odds[odds >= NEGLIGIBLE]
 
 
@@ -264,11 +267,11 @@ def _responses(initial: RigidTransform, motion: RigidTransform, points: FloatArr
     """
     back, turn = initial.rotation.as_matrix().T, motion.rotation.as_matrix()
     response = np.zeros((6 + 3 * len(points), 12))
-    response[:3, :3], response[:3, 6:9] = -back, back
-    response[:3, 3:6] = _cross(np.asarray(motion.translation)[None])[0]
-    response[3:6, 3:6], response[3:6, 9:12] = -turn.T, np.eye(3)
-    response[6:, :3] = np.tile(-back, (len(points), 1))
-    response[6:, 3:6] = _cross(points).reshape(-1, 3)
+    response[:3, T1], response[:3, T2] = -back, back
+    response[:3, R1] = _cross(np.asarray(motion.translation)[None])[0]
+    response[3:6, R1], response[3:6, R2] = -turn.T, np.eye(3)
+    response[6:, T1] = np.tile(-back, (len(points), 1))
+    response[6:, R1] = _cross(points).reshape(-1, 3)
     return response
 
 

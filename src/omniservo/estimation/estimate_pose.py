@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus, pose_of
+from omniservo.estimation.refinement.pose_minima import COST
 from omniservo.estimation.refinement.pose_refinement import inverse_information
 from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.robust.pose_search import write_pose_residuals
@@ -61,7 +62,7 @@ def estimate_pose(
         return _without_pose(n, "too_few_points", words, np.empty((0, 7)), (), started)
     fit = fit_pose(known, robust)
     verdict = judge_pose(fit, known)
-    poses = owned(fit.minima[: len(verdict.odds), :7])
+    poses = owned(fit.minima[: len(verdict.odds), :COST])
     odds = tuple(float(x) for x in verdict.odds)
     if verdict.status != "ok":
         return _without_pose(n, verdict.status, verdict.message, poses, odds, started)

@@ -36,6 +36,7 @@ from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
 from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
+    Responses,
     Solution,
     total_covariances,
     two_view_uncertainty,
@@ -334,7 +335,8 @@ def _with_pose(
         if shares is not None:
             alone = linear_response(*arrays, seen * shares, *solution, length.between)
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
-        return two_view_uncertainty(members, rivals, response, alone, solution, *sigmas, length, lens)
+        both = Responses(response, alone)
+        return two_view_uncertainty(members, rivals, both, solution, *sigmas, length, lens)
 
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
@@ -425,7 +427,6 @@ def _refined(
         matches.pixels,
         matches.weights,
         kind,
-        math.inf,
         rotation,
         translation,
         points,

@@ -25,7 +25,7 @@ class Matches(NamedTuple):
     bearings: FloatArray
     """(n, 6)"""
     jacobians: FloatArray
-    """(n, 12) bearings by pixels, over the weight: by pixels of equal noise"""
+    """(n, 12) bearings by pixels, over the weight: by pixels of equal noise; see `bearings_of_pixels`"""
     noise_px: float
     """σ₀ of a pixel coordinate of weight 1 [px]; 0: not known"""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.calibration.adjustment.lens import ALPHA, is_legal
+from omniservo.calibration.adjustment.lens import ALPHA, K1, K2, RADIAL, is_legal
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 _OUTER = 95.0
@@ -23,7 +23,7 @@ class Chart:
     def __init__(self, angles: FloatArray, free: BoolArray) -> None:
         outer = float(np.percentile(angles, _OUTER)) if len(angles) else 1.0
         self.angles = np.array([_INNER * outer, outer])
-        self.bent = bool(free[ALPHA] and free[5] and free[6])
+        self.bent = bool(free[ALPHA] and free[K1] and free[K2])
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
         """Return ∂θ/∂coordinates (9, 9)."""
@@ -31,11 +31,11 @@ class Chart:
         n = self._radii(theta[ALPHA])
         if not self.bent or n is None:
             return J
-        k1, k2 = theta[5:7]
+        k1, k2 = theta[RADIAL]
         by_alpha = -n * (1.0 - np.cos(self.angles)) / self._denominators(theta[ALPHA])
         inverse = np.linalg.inv(np.stack([n**3, n**5], 1))
-        J[5:7, ALPHA] = -inverse @ (by_alpha * (1.0 + 3.0 * k1 * n**2 + 5.0 * k2 * n**4))
-        J[5:7, 5:7] = inverse
+        J[RADIAL, ALPHA] = -inverse @ (by_alpha * (1.0 + 3.0 * k1 * n**2 + 5.0 * k2 * n**4))
+        J[RADIAL, RADIAL] = inverse
         return J
 
     def moved(self, theta: FloatArray, change: FloatArray) -> FloatArray:
@@ -46,8 +46,8 @@ class Chart:
             return result
         if m is None:
             return np.full(9, np.nan)
-        values = n + theta[5] * n**3 + theta[6] * n**5 + change[5:7]
-        result[5:7] = np.linalg.solve(np.stack([m**3, m**5], 1), values - m)
+        values = n + theta[K1] * n**3 + theta[K2] * n**5 + change[RADIAL]
+        result[RADIAL] = np.linalg.solve(np.stack([m**3, m**5], 1), values - m)
         return result if is_legal(result) else np.full(9, np.nan)
 
     def _radii(self, alpha: float) -> FloatArray | None:

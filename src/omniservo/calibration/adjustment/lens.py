@@ -21,7 +21,12 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 NAMES = ("fx", "fy", "cx", "cy", "xi", "k1", "k2", "p1", "p2")
-ALPHA = 4
+GX, GY, CX, CY, ALPHA, K1, K2, P1, P2 = range(9)
+"""The places of θ: g and c [px], and what has no unit"""
+
+RADIAL = slice(K1, P1)
+"""the places of (κ1, κ2)"""
+
 PLAIN = np.arange(9) < 5
 """(9,) bool: what the plain model lets free; the radial-tangential one frees all"""
 
@@ -73,12 +78,12 @@ def camera_of(theta: FloatArray, size: tuple[int, int], **lens: Any) -> UnifiedC
 def project(theta: FloatArray, points: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return pixels (n, 2) of points (n, 3) in the camera frame, and whether the formula holds (n,)."""
     rho = np.sqrt((points * points).sum(1))
-    depth = theta[4] * rho + (1.0 - theta[4]) * points[:, 2]
+    depth = theta[ALPHA] * rho + (1.0 - theta[ALPHA]) * points[:, 2]
     ok = depth > _LEAST_DENOMINATOR * rho
     depth = np.where(ok, depth, 1.0)
     x, y = points[:, 0] / depth, points[:, 1] / depth
     dx, dy, *_ = _distort(theta, x, y)
-    return np.stack([theta[0] * dx + theta[2], theta[1] * dy + theta[3]], 1), ok
+    return np.stack([theta[GX] * dx + theta[CX], theta[GY] * dy + theta[CY]], 1), ok
 
 
 def project_jacobian(
@@ -87,7 +92,7 @@ def project_jacobian(
     """Return pixels (n, 2), ∂pixel/∂θ (n, 2, 9), ∂pixel/∂point (n, 2, 3), ok (n,)."""
     x, y, z = points.T
     rho = np.sqrt((points * points).sum(1))
-    alpha = theta[4]
+    alpha = theta[ALPHA]
     depth = alpha * rho + (1.0 - alpha) * z
     ok = depth > _LEAST_DENOMINATOR * rho
     inverse = 1.0 / np.where(ok, depth, 1.0)
@@ -95,8 +100,8 @@ def project_jacobian(
     slope[:, 2] += 1.0 - alpha
     nx, ny = x * inverse, y * inverse
     dx, dy, jxx, jxy, jyy = _distort(theta, nx, ny)
-    gx, gy = theta[0], theta[1]
-    pixels = np.stack([gx * dx + theta[2], gy * dy + theta[3]], 1)
+    gx, gy = theta[GX], theta[GY]
+    pixels = np.stack([gx * dx + theta[CX], gy * dy + theta[CY]], 1)
 
     r2 = nx * nx + ny * ny
     plane = np.empty((len(x), 2, 2))  # ∂pixel/∂n
@@ -106,13 +111,13 @@ def project_jacobian(
     by_point[:, :, :2] += plane * inverse[:, None, None]
 
     by_theta = np.zeros((len(x), 2, 9))
-    by_theta[:, 0, 0], by_theta[:, 1, 1] = dx, dy
-    by_theta[:, 0, 2] = by_theta[:, 1, 3] = 1.0
-    by_theta[:, :, 4] = -along * ((rho - z) * inverse)[:, None]
-    by_theta[:, 0, 5], by_theta[:, 1, 5] = gx * nx * r2, gy * ny * r2
-    by_theta[:, 0, 6], by_theta[:, 1, 6] = gx * nx * r2 * r2, gy * ny * r2 * r2
-    by_theta[:, 0, 7], by_theta[:, 1, 7] = gx * 2.0 * nx * ny, gy * (r2 + 2.0 * ny * ny)
-    by_theta[:, 0, 8], by_theta[:, 1, 8] = gx * (r2 + 2.0 * nx * nx), gy * 2.0 * nx * ny
+    by_theta[:, 0, GX], by_theta[:, 1, GY] = dx, dy
+    by_theta[:, 0, CX] = by_theta[:, 1, CY] = 1.0
+    by_theta[:, :, ALPHA] = -along * ((rho - z) * inverse)[:, None]
+    by_theta[:, 0, K1], by_theta[:, 1, K1] = gx * nx * r2, gy * ny * r2
+    by_theta[:, 0, K2], by_theta[:, 1, K2] = gx * nx * r2 * r2, gy * ny * r2 * r2
+    by_theta[:, 0, P1], by_theta[:, 1, P1] = gx * 2.0 * nx * ny, gy * (r2 + 2.0 * ny * ny)
+    by_theta[:, 0, P2], by_theta[:, 1, P2] = gx * (r2 + 2.0 * nx * nx), gy * 2.0 * nx * ny
     return pixels, by_theta, by_point, ok
 
 
@@ -121,7 +126,7 @@ def unproject_plain(theta: FloatArray, pixels: FloatArray) -> tuple[FloatArray, 
 
     b ∝ (n, (1 − α²r²)/(α√(1 − (2α−1)r²) + 1 − α)).
     """
-    alpha = theta[4]
+    alpha = theta[ALPHA]
     plane = (pixels - theta[2:4]) / theta[:2]
     r2 = (plane * plane).sum(1)
     radicand = 1.0 - (2.0 * alpha - 1.0) * r2

@@ -24,6 +24,12 @@ from omniservo.calibration.adjustment.lens import (
 from omniservo.calibration.adjustment.views import Views
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
+THETA, TURN, SHIFT, RESIDUAL = slice(0, 9), slice(9, 12), slice(12, 15), 15
+"""The places of [A B e] (16,): by θ, by δ [rad] and τ [m], and the residual [px]"""
+
+POSE = slice(9, 15)
+"""of B: `TURN` and `SHIFT`"""
+
 _LARGEST_DAMPING = 1e10
 _ENOUGH = 1e-7
 """converged: a step would lower the cost by less than this part of the variance of one coordinate"""
@@ -71,15 +77,16 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations by view: of (θ, pose, residual), each (V, 16, 16) = Σ w [A B e]ᵀ[A B e]."""
+    """Normal equations by view."""
 
     blocks: FloatArray
+    """(V, 16, 16) Σ w [A B e]ᵀ[A B e], places `THETA`, `POSE`, `RESIDUAL`"""
 
     def information(self) -> FloatArray:
         """Return S (9, 9): what the corners say about θ, the poses being free."""
-        W, V = self.blocks[:, :9, 9:15], self.blocks[:, 9:15, 9:15]
+        W, V = self.blocks[:, THETA, POSE], self.blocks[:, POSE, POSE]
         solved = np.linalg.solve(V, np.swapaxes(W, 1, 2))
-        return np.asarray((self.blocks[:, :9, :9] - W @ solved).sum(0))
+        return np.asarray((self.blocks[:, THETA, THETA] - W @ solved).sum(0))
 
 
 def residuals(views: Views, state: State) -> FloatArray:
@@ -96,10 +103,10 @@ def linearise(views: Views, state: State, weights: FloatArray) -> Normal:
     points = turned + state.translations[views.row_view]
     pixels, by_theta, by_point, ok = project_jacobian(state.theta, points)
     rows = np.empty((len(points), 2, 16))
-    rows[:, :, :9] = by_theta
-    rows[:, :, 9:12] = np.cross(turned[:, None, :], by_point)
-    rows[:, :, 12:15] = by_point
-    rows[:, :, 15] = pixels - views.pixels
+    rows[:, :, THETA] = by_theta
+    rows[:, :, TURN] = np.cross(turned[:, None, :], by_point)
+    rows[:, :, SHIFT] = by_point
+    rows[:, :, RESIDUAL] = pixels - views.pixels
     rows *= np.sqrt(np.where(ok, weights, 0.0))[:, None, None]
     blocks = np.empty((views.count, 16, 16))
     for i in range(views.count):
@@ -165,7 +172,7 @@ def refine_poses(
     normal = linearise(views, state, weights)
     going = np.ones(views.count, dtype=np.bool_)
     for _ in range(iterations):
-        V, b = normal.blocks[:, 9:15, 9:15], normal.blocks[:, 9:15, 15]
+        V, b = normal.blocks[:, POSE, POSE], normal.blocks[:, POSE, RESIDUAL]
         steps = -_solved(_damped(V, damping), b[:, :, None])[:, :, 0] * going[:, None]
         moved = _moved(state, state.theta, steps)
         terms, new_weights = _terms(residuals(views, moved), mask, scale_px)
@@ -192,17 +199,19 @@ def _step(normal: Normal, state: State, free: BoolArray, damping: float, chart: 
     """Return the damped Gauss–Newton step's state, and by how much it should lower the cost."""
     G = normal.blocks
     T = chart.jacobian(state.theta)
-    U, W, a = T.T @ G[:, :9, :9].sum(0) @ T, T.T @ G[:, :9, 9:15], T.T @ G[:, :9, 15].sum(0)
-    V, b = _damped(G[:, 9:15, 9:15], np.full(len(G), damping)), G[:, 9:15, 15]
+    U, W = T.T @ G[:, THETA, THETA].sum(0) @ T, T.T @ G[:, THETA, POSE]
+    a = T.T @ G[:, THETA, RESIDUAL].sum(0)
+    V, b = _damped(G[:, POSE, POSE], np.full(len(G), damping)), G[:, POSE, RESIDUAL]
     solved = _solved(V, np.concatenate([np.swapaxes(W, 1, 2), b[:, :, None]], 2))
+    by_theta, own = solved[:, :, THETA], solved[:, :, -1:]  # V⁻¹Wᵀ, V⁻¹b
     diagonal = np.einsum("ii->i", U)
-    S = U + np.diag(damping * np.maximum(diagonal, 1e-12 * diagonal.max())) - (W @ solved[:, :, :9]).sum(0)
-    rhs = -a + (W @ solved[:, :, 9:])[:, :, 0].sum(0)
+    S = U + np.diag(damping * np.maximum(diagonal, 1e-12 * diagonal.max())) - (W @ by_theta).sum(0)
+    rhs = -a + (W @ own)[:, :, 0].sum(0)
     change = _bounded(S, rhs, free, state.theta[ALPHA])
-    steps = -(solved[:, :, 9] + (solved[:, :, :9] @ change))
+    steps = -(own[:, :, 0] + by_theta @ change)
     gain = -(2.0 * (a @ change + (b * steps).sum()))
     gain -= change @ U @ change + 2.0 * np.einsum("i,vij,vj->", change, W, steps)
-    gain -= np.einsum("vi,vij,vj->", steps, G[:, 9:15, 9:15], steps)
+    gain -= np.einsum("vi,vij,vj->", steps, G[:, POSE, POSE], steps)
     return _moved(state, chart.moved(state.theta, change), steps), float(gain)
 
 

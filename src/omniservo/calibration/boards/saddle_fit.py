@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.calibration.boards.saddle_kernels import PARAMETERS, fit_crossings
+from omniservo.calibration.boards.saddle_kernels import (
+    ANGLE_1,
+    BEND_1,
+    CONTRAST,
+    LOG_BLUR,
+    PARAMETERS,
+    fit_crossings,
+)
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 
 LARGEST_RADIUS = 9.0
@@ -72,12 +79,14 @@ def fit_saddles(
     size = np.array([image.shape[1], image.shape[0]])
     done = (results[:, 2] >= 2 * PARAMETERS) & ((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1)
     before = np.arctan2(axes[:, 1, :], axes[:, 0, :])
-    turned = np.abs((states[:, 2:4] - before + np.pi) % (2 * np.pi) - np.pi).max(axis=1, initial=0.0)
+    turned = np.abs((states[:, ANGLE_1:BEND_1] - before + np.pi) % (2 * np.pi) - np.pi).max(
+        axis=1, initial=0.0
+    )
     return FittedSaddles(
         np.where(done[:, None], pixels, np.nan),
         np.where(done, results[:, 0], 0.0),
         results[:, 1],
-        states[:, 10],
+        states[:, CONTRAST],
         turned,
-        np.exp(states[:, 6]),
+        np.exp(states[:, LOG_BLUR]),
     )

@@ -10,8 +10,10 @@ from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 
+U, V, ANGLE_1, ANGLE_2, BEND_1, BEND_2, LOG_BLUR, GREY, GREY_U, GREY_V, CONTRAST = range(11)
 PARAMETERS = 11
-"""u, v [px]; two directions; two curvatures; log blur; grey, its two slopes; contrast"""
+"""A state's places: the crossing (u, v) [px], the edges' directions [rad] and curvatures [1/px], the
+logarithm of their blur's σ [px], grey value a, its slope g [1/px], contrast b; see `fit_saddles`"""
 
 _STEPS, _FEW = 20, 6
 _HOPELESS = 0.5  # of the variance
@@ -25,36 +27,36 @@ _DECIDED = 0.6  # of the contrast: pixels beyond belong to one quadrant
 @leaf
 def prepare(state: FloatArray, ready: FloatArray) -> None:
     """Write what all pixels need of the state: cosine and sine of both directions, 1/(√2 σ)."""
-    ready[0], ready[1] = math.cos(state[2]), math.sin(state[2])
-    ready[2], ready[3] = math.cos(state[3]), math.sin(state[3])
-    ready[4] = math.exp(-state[6]) / math.sqrt(2.0)
+    ready[0], ready[1] = math.cos(state[ANGLE_1]), math.sin(state[ANGLE_1])
+    ready[2], ready[3] = math.cos(state[ANGLE_2]), math.sin(state[ANGLE_2])
+    ready[4] = math.exp(-state[LOG_BLUR]) / math.sqrt(2.0)
 
 
 @leaf
 def crossing(state: FloatArray, ready: FloatArray, x: float, y: float, slope: FloatArray) -> float:
     """Grey value at the offset (x, y); derivatives by the parameters go to ``slope``; see `fit_saddles`."""
-    qx, qy = x - state[0], y - state[1]
+    qx, qy = x - state[U], y - state[V]
     c1, s1, c2, s2, scale = ready[0], ready[1], ready[2], ready[3], ready[4]
     t1, t2 = c1 * qx + s1 * qy, c2 * qx + s2 * qy
     n1, n2 = c1 * qy - s1 * qx, s2 * qx - c2 * qy
-    z1 = (n1 - 0.5 * state[4] * t1 * t1) * scale
-    z2 = (n2 - 0.5 * state[5] * t2 * t2) * scale
+    z1 = (n1 - 0.5 * state[BEND_1] * t1 * t1) * scale
+    z2 = (n2 - 0.5 * state[BEND_2] * t2 * t2) * scale
     e1, e2 = math.erf(z1), math.erf(z2)
-    b = state[10]
+    b = state[CONTRAST]
     f1 = b * e2 * math.exp(-z1 * z1) * (2.0 / math.sqrt(math.pi))
     f2 = b * e1 * math.exp(-z2 * z2) * (2.0 / math.sqrt(math.pi))
     g1, g2 = f1 * scale, f2 * scale
-    slope[0] = g1 * (s1 + state[4] * t1 * c1) + g2 * (-s2 + state[5] * t2 * c2) - state[8]
-    slope[1] = g1 * (-c1 + state[4] * t1 * s1) + g2 * (c2 + state[5] * t2 * s2) - state[9]
-    slope[2] = -g1 * (t1 + state[4] * t1 * n1)
-    slope[3] = g2 * (t2 + state[5] * t2 * n2)
-    slope[4] = -0.5 * g1 * t1 * t1
-    slope[5] = -0.5 * g2 * t2 * t2
-    slope[6] = -f1 * z1 - f2 * z2
-    slope[7] = 1.0
-    slope[8], slope[9] = qx, qy
-    slope[10] = e1 * e2
-    return float(state[7] + qx * state[8] + qy * state[9] + b * e1 * e2)
+    slope[U] = g1 * (s1 + state[BEND_1] * t1 * c1) + g2 * (-s2 + state[BEND_2] * t2 * c2) - state[GREY_U]
+    slope[V] = g1 * (-c1 + state[BEND_1] * t1 * s1) + g2 * (c2 + state[BEND_2] * t2 * s2) - state[GREY_V]
+    slope[ANGLE_1] = -g1 * (t1 + state[BEND_1] * t1 * n1)
+    slope[ANGLE_2] = g2 * (t2 + state[BEND_2] * t2 * n2)
+    slope[BEND_1] = -0.5 * g1 * t1 * t1
+    slope[BEND_2] = -0.5 * g2 * t2 * t2
+    slope[LOG_BLUR] = -f1 * z1 - f2 * z2
+    slope[GREY] = 1.0
+    slope[GREY_U], slope[GREY_V] = qx, qy
+    slope[CONTRAST] = e1 * e2
+    return float(state[GREY] + qx * state[GREY_U] + qy * state[GREY_V] + b * e1 * e2)
 
 
 @leaf
@@ -148,12 +150,12 @@ def descend(state: FloatArray, pixels: FloatArray, count: int, hopeless: float) 
         if not factor_cholesky(normal, PARAMETERS, 1e-14):
             break
         solve_factored(normal, PARAMETERS, trial)
-        moved = math.hypot(trial[0], trial[1])
+        moved = math.hypot(trial[U], trial[V])
         for i in range(PARAMETERS):
             trial[i] += state[i]
-        for i in range(4, 6):
+        for i in (BEND_1, BEND_2):
             trial[i] = min(max(trial[i], -_MOST_BEND), _MOST_BEND)
-        trial[6] = min(max(trial[6], _LEAST_LOG_BLUR), _MOST_LOG_BLUR)
+        trial[LOG_BLUR] = min(max(trial[LOG_BLUR], _LEAST_LOG_BLUR), _MOST_LOG_BLUR)
     return cost
 
 
@@ -168,16 +170,16 @@ def purity(state: FloatArray, pixels: FloatArray, count: int) -> float:
     inside, right = np.zeros(4), np.zeros(4)
     for k in range(count):
         crossing(state, ready, pixels[k, 0], pixels[k, 1], slope)
-        if abs(slope[10]) < _DECIDED:
+        if abs(slope[CONTRAST]) < _DECIDED:
             continue
-        qx, qy = pixels[k, 0] - state[0], pixels[k, 1] - state[1]
+        qx, qy = pixels[k, 0] - state[U], pixels[k, 1] - state[V]
         quadrant = 0
         if ready[0] * qy - ready[1] * qx > 0.0:
             quadrant += 1
         if ready[3] * qx - ready[2] * qy > 0.0:
             quadrant += 2
         inside[quadrant] += 1.0
-        if (pixels[k, 2] - state[7]) * slope[10] * state[10] > 0.0:
+        if (pixels[k, 2] - state[GREY]) * slope[CONTRAST] * state[CONTRAST] > 0.0:
             right[quadrant] += 1.0
     least, missing = 1.0, 0
     for q in range(4):
@@ -199,8 +201,8 @@ def drop_foreign(state: FloatArray, pixels: FloatArray, count: int) -> int:
     dropped = 0
     for k in range(count):
         off = crossing(state, ready, pixels[k, 0], pixels[k, 1], slope) - pixels[k, 2]
-        away = math.hypot(pixels[k, 0] - state[0], pixels[k, 1] - state[1])
-        if abs(off) > _FOREIGN * abs(state[10]) and away > _NEAR:
+        away = math.hypot(pixels[k, 0] - state[U], pixels[k, 1] - state[V])
+        if abs(off) > _FOREIGN * abs(state[CONTRAST]) and away > _NEAR:
             pixels[k, 3] = 0.0
             dropped += 1
     return dropped
@@ -224,8 +226,8 @@ def fit_crossings(
         if count < 2 * PARAMETERS:
             continue
         state = states[n]
-        state[2] = math.atan2(axes[n, 1, 0], axes[n, 0, 0])
-        state[3] = math.atan2(axes[n, 1, 1], axes[n, 0, 1])
+        state[ANGLE_1] = math.atan2(axes[n, 1, 0], axes[n, 0, 0])
+        state[ANGLE_2] = math.atan2(axes[n, 1, 1], axes[n, 0, 1])
         total, mean = 0.0, 0.0
         for k in range(count):
             total += pixels[k, 3]
@@ -237,7 +239,7 @@ def fit_crossings(
             spread += off * (pixels[k, 2] - mean)
             side = (axes[n, 1, 1] * x - axes[n, 0, 1] * y) * (axes[n, 0, 0] * y - axes[n, 1, 0] * x)
             contrast += off if side > 0.0 else -off
-        state[7], state[10] = mean, contrast / total
+        state[GREY], state[CONTRAST] = mean, contrast / total
         for again in range(2):
             cost = descend(state, pixels, count, _HOPELESS * spread)
             if again == 0:

@@ -20,7 +20,7 @@ from omniservo.calibration.hand_eye.evidence import (
     too_few,
 )
 from omniservo.calibration.hand_eye.hand_eye import DISPUTED, HandEye, HandEyeView
-from omniservo.calibration.hand_eye.loop import LoopState, linearise
+from omniservo.calibration.hand_eye.loop import BOARD_SIZE, LoopState, linearise
 from omniservo.calibration.hand_eye.robot_noise import LoopSolution, solve_loop
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.calibration.hand_eye.seen_view import SeenView, together, usable_views
@@ -50,7 +50,8 @@ class _Fit:
     @property
     def log_scale(self) -> tuple[float, float]:
         """Of the board's size over the stated one, and its standard deviation."""
-        return float(self.sized.step[12]), math.sqrt(self.sized.covariance[12, 12])
+        variance = self.sized.covariance[BOARD_SIZE, BOARD_SIZE]
+        return float(self.sized.step[BOARD_SIZE]), math.sqrt(variance)
 
     @property
     def covariance(self) -> FloatArray:
@@ -58,7 +59,7 @@ class _Fit:
         log_scale, sigma = self.log_scale
         if abs(log_scale) <= DISPUTED * sigma:
             return self.solution.covariance
-        return self.solution.covariance + np.outer(self.sized.step[:12], self.sized.step[:12])
+        return self.solution.covariance + np.outer(self.sized.step[:BOARD_SIZE], self.sized.step[:BOARD_SIZE])
 
 
 @renamed_arguments(base_T_tool="base_T_flange")

@@ -67,6 +67,10 @@ class LoopState:
         return LoopState(_moved(self.flange_T_camera, step[:6]), _moved(self.base_T_board, step[6:]), offsets)
 
 
+BOARD_SIZE = 12
+"""The place of the logarithm of the board's size among the unknowns: behind the step of X and Z"""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearLoop:
     """What n views say: q = M θ + Δ + ε, ε ~ N(0, C), with θ the step (12,) of X and Z.
@@ -84,7 +88,7 @@ class LinearLoop:
     """(n, 6) the column of M that the logarithm of the board's size would have"""
 
     def with_scale(self) -> LinearLoop:
-        """Return the same with the board's size as a 13th unknown."""
+        """Return the same with the board's size, in place `BOARD_SIZE`, as a 13th unknown."""
         return replace(self, M=np.concatenate([self.M, self.by_scale[:, :, None]], axis=2))
 
 

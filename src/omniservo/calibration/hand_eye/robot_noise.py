@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.calibration.hand_eye.loop import LinearLoop
+from omniservo.calibration.hand_eye.loop import BOARD_SIZE, LinearLoop
 from omniservo.geometry.arrays import FloatArray
 
 _RANGE = ((1e-6, 0.3), (1e-6, 0.3))
@@ -75,7 +75,7 @@ def _given(linear: LinearLoop, sigmas: FloatArray) -> tuple[FloatArray, FloatArr
     products = rows.reshape(-1, rows.shape[2]).T @ weighted
     normal, right = products[:, :-1, :-1], products[:, :-1, -1]
     # the board's size: known within a factor e, so that it stays finite where the views do not show it
-    normal[:, 12:, 12:] += 1.0
+    normal[:, BOARD_SIZE:, BOARD_SIZE:] += 1.0
     scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
     unit = np.linalg.inv(normal * scale[:, :, None] * scale[:, None, :])
     covariances = unit * scale[:, :, None] * scale[:, None, :]

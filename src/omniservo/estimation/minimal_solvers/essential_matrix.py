@@ -14,6 +14,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import smallest_eigenvectors, symmetric_eigen
 
+XU, XV, YU, YV, ZU, ZV, GOAL_XU, GOAL_XV, GOAL_YU, GOAL_YV, GOAL_ZU, GOAL_ZV = range(12)
+"""The places of ∂b/∂(u, v) and ∂b*/∂(u*, v*) in a match's row of ``jacobians`` (n, 12), 3×2 row by row"""
+
 FAR = 50.0
 """Distance, in lengths of t, given to a point whose rays do not meet in front of both cameras."""
 
@@ -208,7 +211,7 @@ def linear_structure(
 def bearings_of_pixels(
     parameters: FloatArray, pixels: FloatArray, bearings: FloatArray, jacobians: FloatArray
 ) -> int:
-    """Fill the bearings (n, 6) of the pixels (n, 4) and their derivatives (n, 12), 3×2 row by row.
+    """Fill the bearings (n, 6) of the pixels (n, 4) and their derivatives (n, 12), places `XU` to `GOAL_ZV`.
 
     The derivative of the projection, J (2, 3), has the bearing as null vector, so that of the inverse is its
     pseudoinverse Jᵀ(JJᵀ)⁻¹. Returns −1, or the place 2j + view of the first pixel outside the domain.
@@ -225,7 +228,7 @@ def bearings_of_pixels(
                 return 2 * j + view
             place = 3 * view
             bearings[j, place], bearings[j, place + 1], bearings[j, place + 2] = x, y, z
-            place = 6 * view
+            place = GOAL_XU * view
             jacobians[j, place], jacobians[j, place + 1] = f * (bb * a0 - ab * b0), f * (aa * b0 - ab * a0)
             jacobians[j, place + 2], jacobians[j, place + 3] = (
                 f * (bb * a1 - ab * b1),

@@ -19,6 +19,9 @@ MOST_SOLUTIONS = 10
 LARGEST_RATIO = 1e4
 """Solutions with |z| above it would need E ≈ Z, one direction out of all in the space."""
 
+DETERMINANT = 9
+"""det E = 0 is the last of the ten cubics, behind the nine of the trace."""
+
 PAIRS = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])
 """Place of the product of two of (x, y, z, 1) among xx, xy, xz, x, yy, yz, y, zz, z, 1."""
 
@@ -138,7 +141,7 @@ def _write_cubics(space: FloatArray, cubics: FloatArray) -> None:
         d, e = (c + 1) % 3, (c + 2) % 3
         _add_quadratic(1.0, space, 3 + d, 6 + e, minor)
         _add_quadratic(-1.0, space, 3 + e, 6 + d, minor)
-        _add_cubic(minor, space, c, cubics[9])
+        _add_cubic(minor, space, c, cubics[DETERMINANT])
 
 
 @leaf

@@ -48,7 +48,9 @@ def triangulate_views(
                     continue
                 if not _halfway(bearings[a, j], bearings[b, j], rotations, poses, a, b, trial):
                     continue
-                score = _score(parameters, pixels, seen, rotations, poses, j, threshold, trial, residuals)
+                score = _score(
+                    parameters, pixels[:, j], seen[:, j], rotations, poses, threshold, trial, residuals
+                )
                 if score < best:
                     best = score
                     for i in range(3):
@@ -93,22 +95,21 @@ def _score(
     seen: BoolArray,
     rotations: FloatArray,
     poses: FloatArray,
-    j: int,
     threshold: float,
     point: FloatArray,
     residuals: FloatArray,
 ) -> float:
-    """Return Σ min(r², threshold²) of one point; write r² (v,), infinite where it is not seen."""
+    """Return Σ min(r², threshold²) of a point, its pixels (v, 2); write r² (v,), infinite where not seen."""
     score = 0.0
     for v in range(seen.shape[0]):
         residuals[v] = math.inf
-        if not seen[v, j]:
+        if not seen[v]:
             continue
         x, y, z = point[0] - poses[v, 4], point[1] - poses[v, 5], point[2] - poses[v, 6]
         r = rotations[v]
         x, y, z = transposed_times(r, x, y, z)
         p, q, ok = project_point(parameters, x, y, z)
         if ok:
-            residuals[v] = (p - pixels[v, j, 0]) ** 2 + (q - pixels[v, j, 1]) ** 2
+            residuals[v] = (p - pixels[v, 0]) ** 2 + (q - pixels[v, 1]) ** 2
         score += min(residuals[v], threshold * threshold)
     return score

@@ -10,11 +10,12 @@ Triggs, McLauchlan, Hartley, Fitzgibbon 2000.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
-from omniservo.estimation.refinement.pose_refinement import pose_rows
+from omniservo.estimation.refinement.pose_refinement import pose_row
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -26,6 +27,30 @@ FIRST_DAMPING = 1e-6
 MOST_DAMPING = 1e8
 SETTLED = 1e-10
 """A step that promises less than this part of the cost is the last."""
+
+
+class ViewBlocks(NamedTuple):
+    """The normal equations of v views and n points, block by block: JᵀJ and Jᵀr in (dt, δ) and dh."""
+
+    poses: FloatArray
+    """(6(v−1), 6(v−1)); the first view stays"""
+    pose_gradient: FloatArray
+    """(6(v−1),)"""
+    points: FloatArray
+    """(n, 3, 3) of each point"""
+    point_gradients: FloatArray
+    """(n, 3)"""
+    mixed: FloatArray
+    """(n, 6(v−1), 3) of all poses and each point"""
+
+
+@kernel
+def empty_view_blocks(views: int, n: int) -> ViewBlocks:
+    """Return room for v views and n points."""
+    size = 6 * (views - 1)
+    return ViewBlocks(
+        np.empty((size, size)), np.empty(size), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, size, 3))
+    )
 
 
 @kernel
@@ -54,25 +79,22 @@ def adjust_views(
     """
     views, n = seen.shape
     size = 6 * (views - 1)
-    normal, gradient = np.empty((size, size)), np.empty(size)
-    own, pull, mixed = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, size, 3))
+    blocks = empty_view_blocks(views, n)
     trial_poses, trial_points = poses.copy(), points.copy()
     reduced, step = np.empty((size, size)), np.empty(size)
-    cost = linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
+    cost = linearise(parameters, pixels, seen, poses, points, blocks)
     damping, length = FIRST_DAMPING, _baseline(poses, scale_view)
     if not cost < math.inf:
         return cost, False
     for _ in range(most_steps):
-        _hold_scale(poses, scale_view, normal, reduced)
+        _hold_scale(poses, scale_view, blocks.poses, reduced)
         for i in range(size):
-            reduced[i, i] += damping * normal[i, i]
-            step[i] = -gradient[i]
-        _reduce(own, pull, mixed, damping, reduced, step)
+            reduced[i, i] += damping * blocks.poses[i, i]
+            step[i] = -blocks.pose_gradient[i]
+        _reduce(blocks, damping, reduced, step)
         if factor_cholesky(reduced, size, LEAST_PIVOT):
             solve_factored(reduced, size, step)
-            promised = _apply(
-                poses, points, own, pull, mixed, gradient, damping, step, trial_poses, trial_points
-            )
+            promised = _apply(poses, points, blocks, damping, step, trial_poses, trial_points)
             trial = cost_of_views(parameters, pixels, seen, trial_poses, trial_points)
             if trial <= cost:
                 settled = promised <= SETTLED * cost + 1e-20
@@ -80,7 +102,7 @@ def adjust_views(
                 _rescale(poses, points, length / _baseline(poses, scale_view))
                 if settled:
                     return trial, True
-                cost = linearise(parameters, pixels, seen, poses, points, normal, gradient, own, pull, mixed)
+                cost = linearise(parameters, pixels, seen, poses, points, blocks)
                 damping = max(0.1 * damping, 1e-12)
                 continue
             if promised <= SETTLED * cost + 1e-20:
@@ -119,17 +141,14 @@ def linearise(
     seen: BoolArray,
     poses: FloatArray,
     points: FloatArray,
-    normal: FloatArray,
-    gradient: FloatArray,
-    own: FloatArray,
-    pull: FloatArray,
-    mixed: FloatArray,
+    blocks: ViewBlocks,
 ) -> float:
-    """Fill the blocks of JᵀJ and Jᵀr; return the cost, or infinity outside the domain.
+    """Fill the blocks; return the cost, or infinity outside the domain.
 
-    ``normal`` (6(v−1))² and ``gradient`` belong to the poses, ``own`` (n, 3, 3) and ``pull`` (n, 3) to the
-    points, ``mixed`` (n, 6(v−1), 3) to both. By (dt, δ): dc = −Rᵀdt + [c]× δ; by the point: dc = Rᵀdh.
+    By (dt, δ): dc = −Rᵀdt + [c]× δ; by the point: dc = Rᵀdh.
     """
+    normal, gradient, mixed = blocks.poses, blocks.pose_gradient, blocks.mixed
+    own, pull = blocks.points, blocks.point_gradients
     normal[:, :], gradient[:], own[:, :, :], pull[:, :], mixed[:, :, :] = 0.0, 0.0, 0.0, 0.0, 0.0
     r, row = np.empty((3, 3)), np.empty((2, 6))
     cost = 0.0
@@ -144,8 +163,8 @@ def linearise(
             p, q, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
             if not ok:
                 return math.inf
-            pose_rows(row, 0, r, x, y, z, j00, j01, j02)
-            pose_rows(row, 1, r, x, y, z, j10, j11, j12)
+            pose_row(row[0], r, x, y, z, j00, j01, j02)
+            pose_row(row[1], r, x, y, z, j10, j11, j12)
             dp, dq = p - pixels[v, j, 0], q - pixels[v, j, 1]
             cost += dp * dp + dq * dq
             for a in range(3):  # a point's derivative is minus that of the translation
@@ -209,15 +228,9 @@ def _damped_point(own: FloatArray, damping: float, factor: FloatArray) -> bool:
 
 
 @kernel
-def _reduce(
-    own: FloatArray,
-    pull: FloatArray,
-    mixed: FloatArray,
-    damping: float,
-    reduced: FloatArray,
-    step: FloatArray,
-) -> None:
-    """Take the points out of the system, in place: S = A − Σ W V⁻¹ Wᵀ, b = −g + Σ W V⁻¹ pull."""
+def _reduce(blocks: ViewBlocks, damping: float, reduced: FloatArray, step: FloatArray) -> None:
+    """Take the points out of the system, in place: S = A − Σ W V⁻¹ Wᵀ, b = −g + Σ W V⁻¹ gₕ."""
+    own, pull, mixed = blocks.points, blocks.point_gradients, blocks.mixed
     size = reduced.shape[0]
     factor, column = np.empty((3, 3)), np.empty(3)
     share = np.empty((size, 3))
@@ -243,20 +256,18 @@ def _reduce(
 def _apply(
     poses: FloatArray,
     points: FloatArray,
-    own: FloatArray,
-    pull: FloatArray,
-    mixed: FloatArray,
-    gradient: FloatArray,
+    blocks: ViewBlocks,
     damping: float,
     step: FloatArray,
     trial_poses: FloatArray,
     trial_points: FloatArray,
 ) -> float:
     """Write the poses and points after a step; return the decrease that its gradient promises."""
+    own, pull, mixed = blocks.points, blocks.point_gradients, blocks.mixed
     factor, move = np.empty((3, 3)), np.empty(3)
     promised = 0.0
     for i in range(step.shape[0]):
-        promised -= gradient[i] * step[i]
+        promised -= blocks.pose_gradient[i] * step[i]
     for v in range(1, poses.shape[0]):
         at = 6 * (v - 1)
         trial_poses[v, :4] = turn_quaternion(poses[v, :4], step[at + 3], step[at + 4], step[at + 5])

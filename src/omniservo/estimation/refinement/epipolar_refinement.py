@@ -9,6 +9,20 @@ import math
 
 import numpy as np
 
+from omniservo.estimation.minimal_solvers.essential_matrix import (
+    GOAL_XU,
+    GOAL_XV,
+    GOAL_YU,
+    GOAL_YV,
+    GOAL_ZU,
+    GOAL_ZV,
+    XU,
+    XV,
+    YU,
+    YV,
+    ZU,
+    ZV,
+)
 from omniservo.estimation.refinement.pose_refinement import cauchy_loss
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
@@ -43,7 +57,7 @@ def refine_epipolar(
 ) -> tuple[float, bool]:
     """Refine ``rotation`` (3, 3) and the unit ``translation`` (3,) in place; return (cost [px²], converged).
 
-    ``bearings`` (n, 6) holds (b, b*); ``jacobians`` (n, 12) their derivatives to the pixels, 3×2 row by row;
+    ``bearings`` (n, 6) holds (b, b*); ``jacobians`` (n, 12) their derivatives to the pixels;
     ``loss_scale`` is the c [px] of the Cauchy loss, infinite for least squares. Levenberg-Marquardt on
     (δ, τ): R exp([δ]×) and t turned by τ in its tangent plane. The signs that E leaves free stay as given.
     """
@@ -131,15 +145,16 @@ def sampson_gradient(
     bearings: FloatArray, jacobians: FloatArray, j: int, e: FloatArray
 ) -> tuple[float, float, float, float, float]:
     """Return bᵀEb* of match ``j`` and its gradient in the pixels (u, v, u*, v*)."""
+    k = jacobians[j]
     bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
     lx, ly, lz = times(e, bearings[j, 3], bearings[j, 4], bearings[j, 5])
     mx, my, mz = transposed_times(e, bx, by, bz)
     return (
         bx * lx + by * ly + bz * lz,
-        lx * jacobians[j, 0] + ly * jacobians[j, 2] + lz * jacobians[j, 4],
-        lx * jacobians[j, 1] + ly * jacobians[j, 3] + lz * jacobians[j, 5],
-        mx * jacobians[j, 6] + my * jacobians[j, 8] + mz * jacobians[j, 10],
-        mx * jacobians[j, 7] + my * jacobians[j, 9] + mz * jacobians[j, 11],
+        lx * k[XU] + ly * k[YU] + lz * k[ZU],
+        lx * k[XV] + ly * k[YV] + lz * k[ZV],
+        mx * k[GOAL_XU] + my * k[GOAL_YU] + mz * k[GOAL_ZU],
+        mx * k[GOAL_XV] + my * k[GOAL_YV] + mz * k[GOAL_ZV],
     )
 
 
@@ -174,8 +189,8 @@ def correct_bearings(
         form, f0, f1, f2, f3 = sampson_gradient(bearings, jacobians, j, essential)
         ratio = form / (f0 * f0 + f1 * f1 + f2 * f2 + f3 * f3 + 1e-300)
         for i in range(3):
-            corrected[j, i] = b[i] - ratio * (f0 * k[2 * i] + f1 * k[2 * i + 1])
-            corrected[j, 3 + i] = b[3 + i] - ratio * (f2 * k[6 + 2 * i] + f3 * k[7 + 2 * i])
+            corrected[j, i] = b[i] - ratio * (f0 * k[XU + 2 * i] + f1 * k[XV + 2 * i])
+            corrected[j, 3 + i] = b[3 + i] - ratio * (f2 * k[GOAL_XU + 2 * i] + f3 * k[GOAL_XV + 2 * i])
 
 
 @leaf
@@ -271,10 +286,9 @@ def sampson_row(
     """
     bx, by, bz = bearings[j, 0], bearings[j, 1], bearings[j, 2]
     gx, gy, gz = bearings[j, 3], bearings[j, 4], bearings[j, 5]
-    j0, j1, j2 = jacobians[j, 0], jacobians[j, 1], jacobians[j, 2]
-    j3, j4, j5 = jacobians[j, 3], jacobians[j, 4], jacobians[j, 5]
-    k0, k1, k2 = jacobians[j, 6], jacobians[j, 7], jacobians[j, 8]
-    k3, k4, k5 = jacobians[j, 9], jacobians[j, 10], jacobians[j, 11]
+    k = jacobians[j]
+    j0, j1, j2, j3, j4, j5 = k[XU], k[XV], k[YU], k[YV], k[ZU], k[ZV]
+    k0, k1, k2, k3, k4, k5 = k[GOAL_XU], k[GOAL_XV], k[GOAL_YU], k[GOAL_YV], k[GOAL_ZU], k[GOAL_ZV]
     lx, ly, lz = times(e, gx, gy, gz)
     mx, my, mz = transposed_times(e, bx, by, bz)
     f0, f1 = lx * j0 + ly * j2 + lz * j4, lx * j1 + ly * j3 + lz * j5

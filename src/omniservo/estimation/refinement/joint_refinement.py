@@ -14,10 +14,10 @@ from omniservo.cameras.unified_kernels import project_point
 from omniservo.estimation.refinement.normal_blocks import (
     NormalBlocks,
     eliminate_point,
+    empty_blocks,
     invert_point_block,
     linearise,
 )
-from omniservo.estimation.refinement.pose_refinement import cauchy_loss
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -46,7 +46,6 @@ def refine_jointly(
     pixels: FloatArray,
     weights: FloatArray,
     kind: int,
-    loss_scale: float,
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
@@ -55,21 +54,20 @@ def refine_jointly(
     """Refine ``rotation`` (3, 3), ``translation`` (3,), ``points`` (n, 3) in place; return (cost, converged).
 
     ``parameters`` are the camera's, ``pixels`` (n, 4) [px] hold initial and goal, ``weights`` (n, 2) their w,
-    ``kind`` chooses s_R,
-    ``loss_scale`` is c [px] of the Cauchy loss c² log(1 + r²/c²) on a point's four residuals r (infinite:
-    least squares), ``most_steps`` counts accepted and rejected steps. ‖t‖ is set to 1, the points with it.
+    ``kind`` chooses s_R, ``most_steps`` counts accepted and rejected steps. ‖t‖ is set to 1, and the points
+    with it.
 
     Two directions do not change the cost: the common scale of t and h, and ‖s_R‖ of a quaternion. A penalty
     on them holds the step still there and moves nothing else. Distances are stepped in 1/‖h‖, so a point
     of little parallax can go far away but never through the camera.
     """
     n = points.shape[0]
-    blocks, trial_blocks = _empty_blocks(n), _empty_blocks(n)
+    blocks, trial_blocks = empty_blocks(n), empty_blocks(n)
     s = parameters_from_rotation(kind, rotation)
     step, point_steps = np.empty(7), np.empty((n, 3))
     trial_s, trial_r, trial_t, trial_h = s.copy(), np.empty((3, 3)), np.empty(3), np.empty((n, 3))
     _unit_translation(translation, points)
-    cost = linearise(parameters, pixels, weights, loss_scale, rotation, translation, points, blocks)
+    cost = linearise(parameters, pixels, weights, rotation, translation, points, blocks)
     damping = FIRST_DAMPING
     for _ in range(most_steps):
         if not cost < math.inf or damping > LARGEST_DAMPING:
@@ -85,11 +83,9 @@ def refine_jointly(
         # Below this the cost is rounding; the step is as good as the answer.
         last = decrement <= 1e-9 * cost + 1e-20 * n and damping <= TRUSTED_DAMPING
         if last:
-            trial = _cost(parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h)
+            trial = _cost(parameters, pixels, weights, trial_r, trial_t, trial_h)
         else:  # Most trials are taken, so their normal equations are made along with their cost.
-            trial = linearise(
-                parameters, pixels, weights, loss_scale, trial_r, trial_t, trial_h, trial_blocks
-            )
+            trial = linearise(parameters, pixels, weights, trial_r, trial_t, trial_h, trial_blocks)
         if trial > cost and not (last and trial < math.inf):
             damping = max(10.0 * damping, 1e-8)
             continue
@@ -106,7 +102,6 @@ def _cost(
     parameters: FloatArray,
     pixels: FloatArray,
     weights: FloatArray,
-    loss_scale: float,
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
@@ -120,14 +115,8 @@ def _cost(
         error = u * u + v * v + u_goal * u_goal + v_goal * v_goal
         if not error < math.inf:
             return math.inf
-        cost += cauchy_loss(error, loss_scale)
+        cost += error
     return cost
-
-
-@kernel
-def _empty_blocks(n: int) -> NormalBlocks:
-    """Return room for n points."""
-    return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
 
 
 @leaf
@@ -239,9 +228,9 @@ def _solve_step(
             gradient[a] -= x * gx + y * gy + z * gz
             for b in range(a + 1):
                 reduced[a, b] -= x * mixed[3 * b] + y * mixed[3 * b + 1] + z * mixed[3 * b + 2]
-    tangent = np.empty(6)
-    if not _solve_motion(kind, s, translation, damping, blocks.motion, reduced, gradient, step, tangent):
+    if not _solve_motion(kind, s, translation, damping, blocks.motion, reduced, gradient, step):
         return -1.0
+    tangent = gradient  # now the step in (dt, δ)
     decrement = 0.0
     for a in range(6):
         decrement -= blocks.motion_gradient[a] * tangent[a]
@@ -283,11 +272,13 @@ def _solve_motion(
     damping: float,
     motion_block: FloatArray,
     reduced: FloatArray,
-    gradient: FloatArray,
+    right: FloatArray,
     step: FloatArray,
-    tangent: FloatArray,
 ) -> bool:
-    """Solve the reduced system in the parameters (s_t, s_R); write the step (7,) and (dt, δ) (6,)."""
+    """Solve the reduced system in the parameters (s_t, s_R); write the step (7,).
+
+    ``right`` (6,) is the reduced gradient; in its place stands the same step in (dt, δ) afterwards.
+    """
     size = 7 if kind == QUATERNION else 6
     differential = np.zeros((3, 4))
     rotation_differential(kind, s, differential)
@@ -317,14 +308,14 @@ def _solve_motion(
         system[i, i] += damping * damped[i]
         step[i] = 0.0
         for a in range(6):
-            step[i] -= chain[a, i] * gradient[a]
+            step[i] -= chain[a, i] * right[a]
     if not factor_cholesky(system, size, LEAST_PIVOT):
         return False
     solve_factored(system, size, step)
     for a in range(6):
-        tangent[a] = 0.0
+        right[a] = 0.0
         for i in range(size):
-            tangent[a] += chain[a, i] * step[i]
+            right[a] += chain[a, i] * step[i]
     return True
 
 

@@ -171,7 +171,6 @@ def _joint(matches: Matches, kind: int, found: Minima, k: int, most_steps: int) 
         matches.pixels,
         matches.weights,
         kind,
-        math.inf,
         found.rotations[k],
         found.translations[k],
         found.points[k],

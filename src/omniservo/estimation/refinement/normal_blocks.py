@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian
-from omniservo.estimation.refinement.pose_refinement import cauchy_loss, pose_rows
+from omniservo.estimation.refinement.pose_refinement import pose_row
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.matrix_products import transposed_times
@@ -27,6 +27,29 @@ class NormalBlocks(NamedTuple):
     """(n, 3)"""
 
 
+@kernel
+def empty_blocks(n: int) -> NormalBlocks:
+    """Return room for n points."""
+    return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
+
+
+class PointRows(NamedTuple):
+    """One point's residual in both images and its derivatives, times the weights."""
+
+    residual: FloatArray
+    """(4,) u, v, u*, v*: projection minus pixel [px]"""
+    to_point: FloatArray
+    """(4, 3) by h"""
+    to_motion: FloatArray
+    """(2, 6) of (u*, v*) by (dt, δ); the initial image does not depend on them"""
+
+
+@kernel
+def empty_rows() -> PointRows:
+    """Return room for one point."""
+    return PointRows(np.empty(4), np.empty((4, 3)), np.empty((2, 6)))
+
+
 @leaf
 def linearise_point(
     parameters: FloatArray,
@@ -36,15 +59,13 @@ def linearise_point(
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
-    to_point: FloatArray,
-    to_motion: FloatArray,
-    residual: FloatArray,
+    rows: PointRows,
 ) -> bool:
-    """Fill point ``j``'s residual (4,), its derivative to h (4, 3) and, goal rows only, to (dt, δ) (2, 6).
+    """Fill point ``j``'s rows; δ is the rotation vector applied on the right of R.
 
-    All are weighted; δ is the rotation vector applied on the right of R. False outside the camera's domain.
+    False outside the camera's domain.
     """
-    r = rotation
+    r, residual, to_point, to_motion = rotation, rows.residual, rows.to_point, rows.to_motion
     x, y, z = points[j, 0], points[j, 1], points[j, 2]
     u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
     if not ok:
@@ -60,8 +81,8 @@ def linearise_point(
         return False
     w = weights[j, 1]
     residual[2], residual[3] = w * (u - pixels[j, 2]), w * (v - pixels[j, 3])
-    pose_rows(to_motion, 0, r, cx, cy, cz, w * j00, w * j01, w * j02)
-    pose_rows(to_motion, 1, r, cx, cy, cz, w * j10, w * j11, w * j12)
+    pose_row(to_motion[0], r, cx, cy, cz, w * j00, w * j01, w * j02)
+    pose_row(to_motion[1], r, cx, cy, cz, w * j10, w * j11, w * j12)
     for k in range(3):
         to_point[2, k] = -to_motion[0, k]
         to_point[3, k] = -to_motion[1, k]
@@ -73,27 +94,25 @@ def linearise(
     parameters: FloatArray,
     pixels: FloatArray,
     weights: FloatArray,
-    loss_scale: float,
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
     blocks: NormalBlocks,
 ) -> float:
-    """Fill the blocks of the normal equations and return the cost, or infinity outside the domain."""
-    b4, a2, e = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
+    """Fill the blocks of the normal equations and return Σ‖r‖² [px²], or infinity outside the domain."""
+    rows = empty_rows()
+    e, b4, a2 = rows.residual, rows.to_point, rows.to_motion
     blocks.motion[:, :] = 0.0
     blocks.motion_gradient[:] = 0.0
     cost = 0.0
     for j in range(points.shape[0]):
-        if not linearise_point(parameters, pixels, weights, j, rotation, translation, points, b4, a2, e):
+        if not linearise_point(parameters, pixels, weights, j, rotation, translation, points, rows):
             return math.inf
-        error = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
-        cost += cauchy_loss(error, loss_scale)
-        weight = 1.0 if loss_scale == math.inf else 1.0 / (1.0 + error / (loss_scale * loss_scale))
+        cost += e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
         place = 0
         # A point moves in the goal image as −t does, so the goal's part stands in three blocks.
         for a in range(3):
-            x, y, z, w = weight * b4[0, a], weight * b4[1, a], weight * b4[2, a], weight * b4[3, a]
+            x, y, z, w = b4[0, a], b4[1, a], b4[2, a], b4[3, a]
             goal = z * e[2] + w * e[3]
             blocks.point_gradients[j, a] = x * e[0] + y * e[1] + goal
             blocks.motion_gradient[a] -= goal
@@ -104,7 +123,7 @@ def linearise(
                 blocks.mixed[j, 3 * a + b], blocks.mixed[j, 3 * b + a] = -goal, -goal
                 place += 1
         for a in range(3, 6):
-            x, y = weight * a2[0, a], weight * a2[1, a]
+            x, y = a2[0, a], a2[1, a]
             blocks.motion_gradient[a] += x * e[2] + y * e[3]
             for b in range(3):
                 goal = x * b4[2, b] + y * b4[3, b]

@@ -17,6 +17,9 @@ from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import symmetric_eigen
 from omniservo.geometry.quaternions import matrix_from_quaternion, quaternion_from_matrix
 
+COST = 7
+"""A minimum is a row (8,): quaternion (x, y, z, w), translation [m], and in this place Σ(wr)² [px²]."""
+
 MOST_MINIMA = 6
 FEW_POINTS = 6
 """Up to here a triangle's other poses may be minima of all points."""
@@ -76,17 +79,18 @@ def pose_minima(
     translation: FloatArray,
     minima: FloatArray,
 ) -> int:
-    """Write the minima found from a good pose, best first, rows of (q, t, cost); return how many.
+    """Write the minima found from a good pose, best first; return how many.
 
     ``weights`` (n,) as in `minimise_pose`, 0 for points that are left out; ``minima`` is (MOST_MINIMA, 8).
     """
     middle, normal = np.empty(3), np.empty(3)
     _, thickness = principal_axes(points, weights, middle, normal)
-    count = _add_minimum(parameters, points, pixels, weights, quaternion, translation, middle, minima, 0)
+    q, t, cost, ok = minimise_pose(parameters, points, pixels, weights, math.inf, quaternion, translation)
+    count = _insert(q, t, cost, middle, minima, 0) if ok else 0
     if count > 0 and thickness < FLAT:
-        q, t = np.empty(4), np.empty(3)
         _mirrored(minima[0], middle, normal, q, t)
-        count = _add_minimum(parameters, points, pixels, weights, q, t, middle, minima, count)
+        q, t, cost, ok = minimise_pose(parameters, points, pixels, weights, math.inf, q, t)
+        count = _insert(q, t, cost, middle, minima, count) if ok else count
     members = 0
     for j in range(weights.shape[0]):
         if weights[j] > 0.0:
@@ -96,28 +100,16 @@ def pose_minima(
         _widest_triangle(points, weights, chosen)
         for i in range(three_point_poses(bearings, points, chosen, rotations, translations)):
             q = quaternion_from_matrix(rotations[i])
-            count = _add_minimum(
-                parameters, points, pixels, weights, q, translations[i], middle, minima, count
-            )
+            q, t, cost, ok = minimise_pose(parameters, points, pixels, weights, math.inf, q, translations[i])
+            count = _insert(q, t, cost, middle, minima, count) if ok else count
     return count
 
 
-@kernel
-def _add_minimum(
-    parameters: FloatArray,
-    points: FloatArray,
-    pixels: FloatArray,
-    weights: FloatArray,
-    quaternion: FloatArray,
-    translation: FloatArray,
-    middle: FloatArray,
-    minima: FloatArray,
-    count: int,
+@leaf
+def _insert(
+    q: FloatArray, t: FloatArray, cost: float, middle: FloatArray, minima: FloatArray, count: int
 ) -> int:
-    """Insert the minimum reached from a start, in the order of the cost, unless it is known."""
-    q, t, cost, ok = minimise_pose(parameters, points, pixels, weights, math.inf, quaternion, translation)
-    if not ok:
-        return count
+    """Insert a minimum among the first ``count``, in the order of the cost, unless it is known."""
     distance2 = (middle[0] - t[0]) ** 2 + (middle[1] - t[1]) ** 2 + (middle[2] - t[2]) ** 2
     for m in range(count):
         cosine, gap = 0.0, 0.0
@@ -129,18 +121,18 @@ def _add_minimum(
         if near and gap < SAME_DISTANCE * SAME_DISTANCE * distance2:
             return count
     place = count
-    while place > 0 and minima[place - 1, 7] > cost:
+    while place > 0 and minima[place - 1, COST] > cost:
         place -= 1
     if place >= MOST_MINIMA:
         return count
     for m in range(min(count, MOST_MINIMA - 1), place, -1):
-        for i in range(8):
+        for i in range(COST + 1):
             minima[m, i] = minima[m - 1, i]
     for i in range(4):
         minima[place, i] = q[i]
     for i in range(3):
         minima[place, 4 + i] = t[i]
-    minima[place, 7] = cost
+    minima[place, COST] = cost
     return min(count + 1, MOST_MINIMA)
 
 

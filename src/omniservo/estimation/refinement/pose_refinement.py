@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,15 @@ ROBUST_STEPS = 6
 LEAST_PIVOT = 1e-12
 SMALLEST_STEP = 1e-11
 FLAT_VALLEY = 1e-4
+
+
+class PoseEquations(NamedTuple):
+    """The normal equations of a pose in (dt, δ), δ the rotation vector applied on the right of R."""
+
+    normal: FloatArray
+    """JᵀJ (6, 6)"""
+    gradient: FloatArray
+    """Jᵀr (6,)"""
 
 
 @with_field_docs
@@ -143,9 +153,9 @@ def minimise_pose(
     """
     q = turn_quaternion(quaternion, 0.0, 0.0, 0.0)
     t = translation.copy()
-    normal, factor = np.empty((6, 6)), np.empty((6, 6))
-    gradient, step = np.empty(6), np.empty(6)
-    cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, normal, gradient)
+    equations, factor, step = PoseEquations(np.empty((6, 6)), np.empty(6)), np.empty((6, 6)), np.empty(6)
+    normal, gradient = equations.normal, equations.gradient
+    cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
     if not cost < math.inf:
         return q, t, math.inf, False
     damping, decrement = 0.0, math.inf
@@ -175,7 +185,7 @@ def minimise_pose(
             q = trial_q
             for i in range(3):
                 t[i] = trial_t[i]
-            cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, normal, gradient)
+            cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
             if last:
                 return q, t, cost, factor_cholesky(normal, 6, LEAST_PIVOT)
             damping = 0.1 * damping if damping > 1e-6 else 0.0
@@ -229,13 +239,13 @@ def _normal_equations(
     loss_scale: float,
     q: FloatArray,
     t: FloatArray,
-    normal: FloatArray,
-    gradient: FloatArray,
+    equations: PoseEquations,
 ) -> float:
-    """Fill JᵀJ (6, 6) and Jᵀr (6,) for (dt, δ) and return the cost, or infinity outside the domain.
+    """Fill the normal equations and return the cost, or infinity outside the domain.
 
     c = Rᵀ(h − t) with R ← R exp([δ]×): dc = −Rᵀ dt + [c]× δ.
     """
+    normal, gradient = equations.normal, equations.gradient
     r = np.empty((3, 3))
     matrix_from_quaternion(q[0], q[1], q[2], q[3], r)
     normal[:, :] = 0.0
@@ -250,8 +260,8 @@ def _normal_equations(
         u, v, j00, j01, j02, j10, j11, j12, ok = project_point_jacobian(parameters, x, y, z)
         if not ok:
             return math.inf
-        pose_rows(row, 0, r, x, y, z, j00, j01, j02)
-        pose_rows(row, 1, r, x, y, z, j10, j11, j12)
+        pose_row(row[0], r, x, y, z, j00, j01, j02)
+        pose_row(row[1], r, x, y, z, j10, j11, j12)
         du, dv = u - pixels[j, 0], v - pixels[j, 1]
         weight = weights[j] * weights[j]
         square = weight * (du * du + dv * dv)
@@ -270,15 +280,15 @@ def _normal_equations(
 
 
 @leaf
-def pose_rows(
-    row: FloatArray, i: int, r: FloatArray, x: float, y: float, z: float, jx: float, jy: float, jz: float
+def pose_row(
+    row: FloatArray, r: FloatArray, x: float, y: float, z: float, jx: float, jy: float, jz: float
 ) -> None:
-    """Write row ``i`` of J·[−Rᵀ, [c]×]: one pixel coordinate's derivative to (dt, δ), c = (x, y, z)."""
+    """Write j·[−Rᵀ, [c]×] (6,): a pixel coordinate's derivative to (dt, δ) from j, that to c = (x, y, z)."""
     tx, ty, tz = times(r, jx, jy, jz)
-    row[i, 0], row[i, 1], row[i, 2] = -tx, -ty, -tz
-    row[i, 3] = jy * z - jz * y
-    row[i, 4] = jz * x - jx * z
-    row[i, 5] = jx * y - jy * x
+    row[0], row[1], row[2] = -tx, -ty, -tz
+    row[3] = jy * z - jz * y
+    row[4] = jz * x - jx * z
+    row[5] = jx * y - jy * x
 
 
 @kernel
@@ -320,7 +330,8 @@ def inverse_information(
 ) -> float:
     """Write (JᵀWJ)⁻¹ (6, 6) of (dt, δ), for residuals of variance 1; return the cost, or infinity."""
     normal, column = np.empty((6, 6)), np.empty(6)
-    cost = _normal_equations(parameters, points, pixels, weights, math.inf, q, t, normal, column)
+    equations = PoseEquations(normal, column)
+    cost = _normal_equations(parameters, points, pixels, weights, math.inf, q, t, equations)
     if not (cost < math.inf and factor_cholesky(normal, 6, LEAST_PIVOT)):
         return math.inf
     for k in range(6):

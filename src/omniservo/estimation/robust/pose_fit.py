@@ -7,22 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.estimation.refinement.pose_minima import LEAST_WIDTH, MOST_MINIMA, pose_minima, principal_axes
+from omniservo.estimation.refinement.pose_minima import (
+    COST,
+    LEAST_WIDTH,
+    MOST_MINIMA,
+    pose_minima,
+    principal_axes,
+)
 from omniservo.estimation.robust.pose_search import (
     GATE,
     choose_members,
     find_pose,
     grow_members,
     noise_of_all,
+    sampling_threshold,
 )
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 LEAST_POINTS = 3
 CHECKED_POINTS = 4
 """Fewer points fit some pose whatever they are: they cannot tell a wrong one among them."""
-
-SAMPLE_THRESHOLD_PX = 2.0
-"""Distance at which a point stops to count while sampling, where the noise is not stated."""
 
 FEW_POINTS = 12
 """Up to here all points are first fitted together, and sampled only if they do not agree."""
@@ -67,15 +71,20 @@ class PoseFit:
     members: BoolArray
     """(n,) points in the cost"""
     minima: FloatArray
-    """(m, 8) quaternion, translation, Σ(wr)² [px²] of reference_T_camera, best first"""
+    """(m, 8) of reference_T_camera, best first; a row's places are those of `pose_minima`"""
     is_collinear: bool
     """The members lie on one line; there are no minima then."""
+
+    @property
+    def costs(self) -> FloatArray:
+        """Σ(wr)² [px²] of the minima (m,)."""
+        return self.minima[:, COST]
 
 
 def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
     """Return the fit to all points or, robust, to those that agree."""
     n, noise = len(known.points), known.noise_px or 0.0
-    members, minima = np.ones(n, dtype=np.bool_), np.empty((MOST_MINIMA, 8))
+    members, minima = np.ones(n, dtype=np.bool_), np.empty((MOST_MINIMA, COST + 1))
     rows = (known.parameters, known.points, known.pixels)
     q, t, weights, middle, normal = np.zeros(4), np.zeros(3), known.weights, np.empty(3), np.empty(3)
     if principal_axes(known.points, weights, middle, normal)[0] < LEAST_WIDTH:
@@ -88,9 +97,8 @@ def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
             sigma, farthest = noise_of_all(*rows, weights, noise, q, t)
             agreed = farthest <= GATE * sigma and sigma <= max(UNSUSPICIOUS_NOISE_PX, noise)
     if not agreed:
-        threshold = GATE * noise if noise > 0.0 else SAMPLE_THRESHOLD_PX
-        find_pose(*rows, known.bearings, weights, threshold, q, t)
-        count = choose_members(*rows, weights, noise, threshold, q, t, members)
+        find_pose(*rows, known.bearings, weights, sampling_threshold(noise), q, t)
+        count = choose_members(*rows, weights, noise, q, t, members)
         if CHECKED_POINTS <= count <= FEW_POINTS:
             count = grow_members(*rows, weights, noise, q, t, members)
         if count < CHECKED_POINTS:

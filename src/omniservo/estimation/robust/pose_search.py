@@ -26,6 +26,9 @@ MEMBER_ROUNDS = 4
 GATE = 4.0
 """A point whose distance from its pixel exceeds this many σ is rejected: one of 3 000 good ones."""
 
+SAMPLE_THRESHOLD_PX = 2.0
+"""Distance at which a point stops to count while sampling, where the noise is not stated."""
+
 OUTER_GATE = 10.0
 """Farther points are not even tried."""
 
@@ -41,6 +44,12 @@ BISECTIONS = 30
 
 MEDIAN_OF_SQUARES = 2.0 * math.log(2.0)
 """of the squared distance of a pixel with σ = 1 in both coordinates"""
+
+
+@leaf
+def sampling_threshold(noise: float) -> float:
+    """Return the distance [px] at which a point stops to count while sampling; ``noise`` 0: not stated."""
+    return GATE * noise if noise > 0.0 else SAMPLE_THRESHOLD_PX
 
 
 @kernel
@@ -140,17 +149,16 @@ def choose_members(
     pixels: FloatArray,
     weights: FloatArray,
     noise: float,
-    threshold: float,
     quaternion: FloatArray,
     translation: FloatArray,
     members: BoolArray,
 ) -> int:
-    """Refine the pose robustly and write the points within the gate of it; return how many.
+    """Refine a pose of `find_pose` robustly and write the points within the gate of it; return how many.
 
     Each round fits the members with a Cauchy loss of scale 2σ, estimates σ from their median distance where
     ``noise`` is not it but 0, and takes all points within the gate.
     """
-    n = points.shape[0]
+    n, threshold = points.shape[0], sampling_threshold(noise)
     squares, inner = np.empty(n), np.empty(n)
     _, count = pose_score(parameters, points, pixels, weights, threshold, quaternion, translation, squares)
     bound, sigma = threshold * threshold, noise

@@ -11,6 +11,14 @@ import numpy as np
 
 from omniservo.cameras.unified_kernels import project_point_jacobian
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.minimal_solvers.essential_matrix import (
+    GOAL_XU,
+    GOAL_XV,
+    GOAL_YU,
+    GOAL_YV,
+    GOAL_ZU,
+    GOAL_ZV,
+)
 from omniservo.estimation.refinement.pose_refinement import cauchy_loss
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
@@ -21,6 +29,7 @@ from omniservo.geometry.linear_systems import (
     symmetric_eigen,
 )
 from omniservo.geometry.quaternions import matrix_from_quaternion
+from omniservo.geometry.rotation_row import XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ
 
 IDENTITY = 0
 ROTATION = 1
@@ -149,7 +158,7 @@ def _linearise_match(
     matches: Matches, j: int, size: int, g: FloatArray, rows: FloatArray
 ) -> tuple[float, float, float, float, float, bool]:
     """Return match ``j``'s e (2) and I + AAᵀ (uu, uv, vv), weighted, and write de's rows (2, 9), negated."""
-    bearings, jacobians = matches.bearings, matches.jacobians
+    bearings = matches.bearings
     x, y, z = bearings[j, 3], bearings[j, 4], bearings[j, 5]
     u, v, a0, a1, a2, b0, b1, b2, ok = project_point_jacobian(
         matches.parameters,
@@ -160,8 +169,8 @@ def _linearise_match(
     if not ok:
         return 0.0, 0.0, 1.0, 0.0, 1.0, False
     w = matches.weights[j, 0]
-    au, av = _row(rows, 0, w * a0, w * a1, w * a2, size, g, x, y, z, jacobians, j)
-    bu, bv = _row(rows, 1, w * b0, w * b1, w * b2, size, g, x, y, z, jacobians, j)
+    au, av = _row(rows[0], w * a0, w * a1, w * a2, size, g, matches, j)
+    bu, bv = _row(rows[1], w * b0, w * b1, w * b2, size, g, matches, j)
     return (
         w * (matches.pixels[j, 0] - u),
         w * (matches.pixels[j, 1] - v),
@@ -174,32 +183,23 @@ def _linearise_match(
 
 @leaf
 def _row(
-    rows: FloatArray,
-    row: int,
-    j0: float,
-    j1: float,
-    j2: float,
-    size: int,
-    g: FloatArray,
-    x: float,
-    y: float,
-    z: float,
-    jacobians: FloatArray,
-    j: int,
+    row: FloatArray, j0: float, j1: float, j2: float, size: int, g: FloatArray, matches: Matches, j: int
 ) -> tuple[float, float]:
-    """Write one row for δ (size 3) or dG (size 9) and return that of A; (j0, j1, j2) is ∂π's."""
+    """Write match ``j``'s row for δ (size 3) or dG (size 9) and return that of A; (j0, j1, j2) is ∂π's."""
+    x, y, z = matches.bearings[j, 3], matches.bearings[j, 4], matches.bearings[j, 5]
+    k = matches.jacobians[j]
     m0 = j0 * g[0, 0] + j1 * g[1, 0] + j2 * g[2, 0]
     m1 = j0 * g[0, 1] + j1 * g[1, 1] + j2 * g[2, 1]
     m2 = j0 * g[0, 2] + j1 * g[1, 2] + j2 * g[2, 2]
     if size == 3:  # dc = R (δ × b*) = −R [b*]× δ, and mᵀ(δ × b*) = δ·(b* × m)
-        rows[row, 0], rows[row, 1], rows[row, 2] = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
+        row[0], row[1], row[2] = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
     else:
-        rows[row, 0], rows[row, 1], rows[row, 2] = j0 * x, j0 * y, j0 * z
-        rows[row, 3], rows[row, 4], rows[row, 5] = j1 * x, j1 * y, j1 * z
-        rows[row, 6], rows[row, 7], rows[row, 8] = j2 * x, j2 * y, j2 * z
+        row[XX], row[XY], row[XZ] = j0 * x, j0 * y, j0 * z
+        row[YX], row[YY], row[YZ] = j1 * x, j1 * y, j1 * z
+        row[ZX], row[ZY], row[ZZ] = j2 * x, j2 * y, j2 * z
     return (
-        m0 * jacobians[j, 6] + m1 * jacobians[j, 8] + m2 * jacobians[j, 10],
-        m0 * jacobians[j, 7] + m1 * jacobians[j, 9] + m2 * jacobians[j, 11],
+        m0 * k[GOAL_XU] + m1 * k[GOAL_YU] + m2 * k[GOAL_ZU],
+        m0 * k[GOAL_XV] + m1 * k[GOAL_YV] + m2 * k[GOAL_ZV],
     )
 
 

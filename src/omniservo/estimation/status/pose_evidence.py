@@ -68,10 +68,10 @@ def judge_pose(fit: PoseFit, known: KnownPixels) -> PoseVerdict:
     refused = refusal(fit, known)
     if refused is not None and not len(fit.minima):
         return PoseVerdict(*refused, math.nan, math.nan, np.empty(0))
-    cost, freedom = float(fit.minima[0, 7]), 2 * int(fit.members.sum()) - 6
+    cost, freedom = float(fit.costs[0]), 2 * int(fit.members.sum()) - 6
     variance = variance_of(cost, freedom, known.noise_px)
     noise = noise_of(cost, freedom, known.noise_px)
-    odds = odds_of(fit.minima[:, 7], freedom, known.noise_px)
+    odds = odds_of(fit.costs, freedom, known.noise_px)
     odds = odds[odds >= NEGLIGIBLE]
     if refused is not None:
         return PoseVerdict(*refused, variance, noise, odds if refused[0] == "ambiguous" else odds[:0])
@@ -90,7 +90,7 @@ def refusal(fit: PoseFit, known: KnownPixels) -> tuple[PoseStatus, str] | None:
         return "not_converged", f"no pose brings {CHECKED_POINTS} of the {n} points near their pixels"
     if not len(fit.minima):
         return "not_converged", "no pose brings the points to their pixels, or many do"
-    noise = noise_of(float(fit.minima[0, 7]), 2 * k - 6, known.noise_px)
+    noise = noise_of(float(fit.costs[0]), 2 * k - 6, known.noise_px)
     if noise > largest_noise(known.noise_px):
         return "not_converged", f"the best pose leaves {noise:.2g} px of noise: the points do not agree"
     few = k < FEW_POINTS and k < LEAST_PART * n

@@ -10,6 +10,8 @@ import numpy as np
 from omniservo.estimation.refinement.normal_blocks import (
     NormalBlocks,
     eliminate_point,
+    empty_blocks,
+    empty_rows,
     invert_point_block,
     linearise,
     linearise_point,
@@ -148,9 +150,9 @@ def linear_response(
     Raises:
         ValueError: the normal equations are singular.
     """
-    n = len(points)
-    motion, own, follow = np.empty((n, 6, 4)), np.empty((n, 3, 4)), np.empty((n, 3, 6))
-    if not _responses(parameters, pixels, weights, noise, rotation, translation, points, motion, own, follow):
+    responses = _responses(parameters, pixels, weights, noise, rotation, translation, points)
+    motion, own, follow, is_regular = responses
+    if not is_regular:
         raise ValueError("the normal equations are singular")
     flat = np.ascontiguousarray(np.swapaxes(motion, 0, 1)).reshape(6, -1)
     unscaled = flat @ flat.T
@@ -178,13 +180,8 @@ def determines_motion(
     points: FloatArray,
 ) -> bool:
     """Tell whether the normal equations at this optimum are regular; arguments as `linear_response`."""
-    room = _room(points.shape[0])
+    room = empty_blocks(points.shape[0])
     return _factor_motion(parameters, pixels, weights, rotation, translation, points, room)
-
-
-@kernel
-def _room(n: int) -> NormalBlocks:
-    return NormalBlocks(np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3)))
 
 
 @kernel
@@ -198,7 +195,7 @@ def _factor_motion(
     blocks: NormalBlocks,
 ) -> bool:
     """Fill the blocks, and the motion's with the Cholesky factor of the Schur complement, ‖t‖ held."""
-    if not linearise(parameters, pixels, weights, math.inf, rotation, translation, points, blocks) < math.inf:
+    if not linearise(parameters, pixels, weights, rotation, translation, points, blocks) < math.inf:
         return False
     inverse, product = np.empty(6), np.empty(18)
     for j in range(points.shape[0]):
@@ -225,31 +222,28 @@ def _responses(
     rotation: FloatArray,
     translation: FloatArray,
     points: FloatArray,
-    motion: FloatArray,
-    own: FloatArray,
-    follow: FloatArray,
-) -> bool:
-    """Fill M (n, 6, 4), P (n, 3, 4), K (n, 3, 6); return False where a system is singular."""
+) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
+    """Return M (n, 6, 4), P (n, 3, 4), K (n, 3, 6); False, and they are unset, where a system is singular."""
     n = points.shape[0]
-    blocks = _room(n)
+    motion, own, follow = np.empty((n, 6, 4)), np.empty((n, 3, 4)), np.empty((n, 3, 6))
+    blocks, rows = empty_blocks(n), empty_rows()
     if not _factor_motion(parameters, pixels, weights, rotation, translation, points, blocks):
-        return False
-    inverse, product = np.empty(6), np.empty(18)
-    b4, a2, e, column = np.empty((4, 3)), np.empty((2, 6)), np.empty(4), np.empty(6)
+        return motion, own, follow, False
+    inverse, product, column = np.empty(6), np.empty(18), np.empty(6)
     for j in range(n):
         invert_point_block(blocks.points[j], FAR_POINT_DAMPING, inverse)
         eliminate_point(inverse, blocks.mixed[j], product)
-        linearise_point(parameters, pixels, weights, j, rotation, translation, points, b4, a2, e)
+        linearise_point(parameters, pixels, weights, j, rotation, translation, points, rows)
         for a in range(6):
             for i in range(3):
                 follow[j, i, a] = product[3 * a + i]
-        _own_response(inverse, b4, noise[j], own[j])
+        _own_response(inverse, rows.to_point, noise[j], own[j])
         for c in range(4):
             for a in range(6):
                 goal = 0.0
                 for row in range(2):
                     if c >= 2:
-                        goal += a2[row, a] * noise[j, 4 + 2 * row + c - 2]
+                        goal += rows.to_motion[row, a] * noise[j, 4 + 2 * row + c - 2]
                 for i in range(3):
                     goal -= blocks.mixed[j, 3 * a + i] * own[j, i, c]
                 motion[j, a, c] = goal
@@ -260,7 +254,7 @@ def _responses(
             solve_factored(blocks.motion, 6, column)
             for a in range(6):
                 motion[j, a, c] = column[a]
-    return True
+    return motion, own, follow, True
 
 
 @leaf

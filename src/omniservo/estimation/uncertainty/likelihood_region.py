@@ -91,11 +91,9 @@ def stretches(
     essential_matrix(*optimum, essential)
     cost = sampson_cost(matches.bearings, matches.jacobians, math.inf, essential)
     room = quantile * variance
-    rotations, translations = np.empty((len(ways), 3, 3)), np.empty((len(ways), 3))
-    if not walk_to_tips(
-        matches.bearings, matches.jacobians, *optimum, ways, cost, room, quantile, rotations, translations
-    ):
-        rotations, translations = rotations[:0], translations[:0]
+    rotations, translations = walk_to_tips(
+        matches.bearings, matches.jacobians, *optimum, ways, cost, room, quantile
+    )
     near = [m for m in rivals if m.cost <= cost + room]
     rotations = np.concatenate((rotations, *(m.rotation[None] for m in near)))
     translations = np.concatenate((translations, *(m.translation[None] for m in near)))
@@ -139,14 +137,13 @@ def walk_to_tips(
     cost: float,
     room: float,
     quantile: float,
-    rotations: FloatArray,
-    translations: FloatArray,
-) -> bool:
-    """Write the motions (k, 3, 3), (k, 3) farthest along ``ways`` (k, 6) with a cost up to cost + room.
+) -> tuple[FloatArray, FloatArray]:
+    """Return the motions (k, 3, 3), (k, 3) farthest along ``ways`` (k, 6) with a cost up to cost + room.
 
-    The ways are axes of the linear ellipsoid, one σ long, longest first, then the opposite ones. Returns
-    False, with nothing written, where the cost at both ends of the longest axis is as the ellipsoid says.
+    The ways are axes of the linear ellipsoid, one σ long, longest first, then the opposite ones. There are
+    no motions where the cost at both ends of the longest axis is as the ellipsoid says.
     """
+    rotations, translations = np.empty((ways.shape[0], 3, 3)), np.empty((ways.shape[0], 3))
     half = ways.shape[0] // 2
     bent = False
     essential = np.empty((3, 3))
@@ -156,11 +153,11 @@ def walk_to_tips(
         there = sampson_cost(bearings, jacobians, math.inf, essential)
         bent = bent or not abs(there - cost - room) <= STRAIGHT * room
     if not bent:
-        return False
+        return np.empty((0, 3, 3)), np.empty((0, 3))
     for k in range(ways.shape[0]):
         rotations[k], translations[k] = rotation, translation
         _walk(bearings, jacobians, ways[k], cost, room, rotations[k], translations[k])
-    return True
+    return rotations, translations
 
 
 @kernel

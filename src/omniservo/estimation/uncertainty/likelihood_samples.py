@@ -16,7 +16,7 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.refinement.joint_refinement import FARTHEST
-from omniservo.estimation.refinement.normal_blocks import NormalBlocks, invert_point_block, linearise
+from omniservo.estimation.refinement.normal_blocks import empty_blocks, invert_point_block, linearise
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
@@ -133,16 +133,11 @@ def structures(
 ) -> None:
     """Write the points (k, n, 3) of least reprojection error under each motion, lengths of its t."""
     n = pixels.shape[0]
-    blocks = NormalBlocks(
-        np.empty((6, 6)), np.empty(6), np.empty((n, 6)), np.empty((n, 18)), np.empty((n, 3))
-    )
-    inverse = np.empty(6)
+    blocks, inverse = empty_blocks(n), np.empty(6)
     for k in range(rotations.shape[0]):
         linear_structure(bearings, rotations[k], translations[k], points[k])
         for _ in range(POINT_STEPS):
-            cost = linearise(
-                parameters, pixels, weights, math.inf, rotations[k], translations[k], points[k], blocks
-            )
+            cost = linearise(parameters, pixels, weights, rotations[k], translations[k], points[k], blocks)
             if not cost < math.inf:
                 break
             for j in range(n):

@@ -15,7 +15,7 @@ import numpy as np
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import move_motion, tangent_plane
-from omniservo.estimation.refinement.normal_blocks import linearise_point
+from omniservo.estimation.refinement.normal_blocks import empty_rows, linearise_point
 from omniservo.estimation.uncertainty.likelihood_samples import structures
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
@@ -68,12 +68,13 @@ def block_logarithms(
     logarithms: FloatArray,
 ) -> None:
     """Write log det BᵀB (k, n), B (4, 3) a point's pixels by the point; NaN where it is not seen."""
-    b, to_motion, residual = np.empty((4, 3)), np.empty((2, 6)), np.empty(4)
+    rows = empty_rows()
+    b = rows.to_point
     for k in range(points.shape[0]):
         for j in range(points.shape[1]):
             logarithms[k, j] = math.nan
             r, t, h = rotations[k], translations[k], points[k]
-            if not linearise_point(parameters, pixels, weights, j, r, t, h, b, to_motion, residual):
+            if not linearise_point(parameters, pixels, weights, j, r, t, h, rows):
                 continue
             xx, xy, yy, xz, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(4):

@@ -126,11 +126,19 @@ class Solution(NamedTuple):
     points: FloatArray
 
 
+class Responses(NamedTuple):
+    """How the optimum answers displaced pixels, in units of their noise."""
+
+    whole: LinearResponse
+    """in σ of the whole noise of each match"""
+    alone: LinearResponse
+    """in σ of the noise that it has for itself"""
+
+
 def two_view_uncertainty(
     members: Matches,
     rivals: list[Minimum] | None,
-    response: LinearResponse,
-    alone: LinearResponse,
+    responses: Responses,
     solution: Solution,
     noise: Noise,
     together: Noise,
@@ -146,15 +154,14 @@ def two_view_uncertainty(
         members: the matches of the fit.
         rivals: other minima of their cost; None: the optimum is that of another cost, whose valleys are not
             looked at.
-        response: at the optimum, to displacements in σ of the whole noise of each match.
-        alone: likewise, in σ of the noise that it has for itself.
+        responses: at the optimum.
         solution: the optimum.
         noise: of the pixels of one match.
         together: what counts as theirs where all matches act on the motion.
         length: what fixes the scale.
         lens: how well the camera is known.
     """
-    rows, own = alone.law()
+    response, (rows, own) = responses.whole, responses.alone.law()
     metres = length.of_translation(solution.points)
     unit = np.full(rows.shape[1], metres)
     unit[3:6] = 1.0

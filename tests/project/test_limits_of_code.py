@@ -1,0 +1,99 @@
+"""What stands in an array has a name, and a call can be read: no index above six, at most eight arguments."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from omniservo.cli.main import app
+
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+
+MOST_ARGUMENTS, LARGEST_INDEX = 8, 6
+
+PUBLIC = {
+    # documented calls whose arguments, most of them keywords with a default, are the whole of their options
+    "omniservo.cameras.unified_camera.__init__",
+    "omniservo.estimation.estimate_known_target.estimate_known_target",
+    "omniservo.estimation.estimate_two_view.estimate_two_view",
+    "omniservo.replanning.replan_with_arm.replan_with_arm",
+}
+
+
+def commands(typer_app):
+    """Yield the functions behind a Typer app's commands: there every option is an argument."""
+    for command in typer_app.registered_commands:
+        yield f"{command.callback.__module__}.{command.callback.__name__}"
+    for group in typer_app.registered_groups:
+        yield from commands(group.typer_instance)
+
+
+def modules():
+    """Yield every module's name and syntax tree."""
+    for path in sorted(SOURCE.rglob("*.py")):
+        yield ".".join(path.relative_to(SOURCE).with_suffix("").parts), ast.parse(path.read_text())
+
+
+def long_signatures(tree):
+    """Yield the functions of more than eight arguments, without the instance or class of a method."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            a = node.args
+            given = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
+            if len(given) - sum(first.arg in ("self", "cls") for first in given[:1]) > MOST_ARGUMENTS:
+                yield node.name
+
+
+def is_large(node):
+    """Tell whether an expression is an integer written as a number, above six or below minus six."""
+    value = node.operand if isinstance(node, ast.UnaryOp) else node
+    return isinstance(value, ast.Constant) and isinstance(value.value, int) and value.value > LARGEST_INDEX
+
+
+def large_indices(tree):
+    """Yield 'line: expression' of places, and of bounds of places in several dimensions, that are numbers.
+
+    Bounds in one dimension also cut texts to a length, which names nothing.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Subscript):
+            places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            bounds = [b for p in places if isinstance(p, ast.Slice) for b in (p.lower, p.upper)]
+            if any(is_large(p) for p in places + bounds * (len(places) > 1)):
+                yield f"{node.lineno}: {ast.unparse(node)}"
+
+
+def test_no_function_has_more_than_eight_arguments_but_commands_and_named_public_calls():
+    found = {f"{module}.{name}" for module, tree in modules() for name in long_signatures(tree)}
+    assert found - set(commands(app)) == PUBLIC
+
+
+def test_no_index_is_a_number_above_six():
+    assert [f"{module}:{place}" for module, tree in modules() for place in large_indices(tree)] == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x = body[17]", "a[:, 0, 7] = 1.0", "x = row[-8]", "x = blocks[:, 9:15]", "del rows[0, :7]"],
+)
+def test_a_large_index_is_found(text):
+    assert len(list(large_indices(ast.parse(text)))) == 1
+
+
+@pytest.mark.parametrize("text", ["x = body[6]", "x = text[:80]", "x = a[K1]", "x = a[3 * i + 8]", "x = 17"])
+def test_what_is_no_large_index_is_let_through(text):
+    assert list(large_indices(ast.parse(text))) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "is_long"),
+    [
+        ("def f(a, b, c, d, e, f, g, h): ...", False),
+        ("def f(a, b, c, d, e, f, g, h, i): ...", True),
+        ("def f(a, /, b, c, d, e, f, *, g, h, i): ...", True),
+        ("class A:\n    def f(self, a, b, c, d, e, f, g, h): ...", False),
+        ("class A:\n    async def f(cls, a, b, c, d, e, f, g, h, i): ...", True),
+    ],
+)
+def test_a_function_of_nine_arguments_is_found(text, is_long):
+    assert list(long_signatures(ast.parse(text))) == (["f"] if is_long else [])
