@@ -68,7 +68,7 @@ def test_the_response_of_a_pose_is_that_of_finite_differences():
     points, poses, _ = scene(np.random.default_rng(3), n=7)
     pixels = EXACT.project(poses[0].inv().apply(points))[0]
     found = estimate_pose(EXACT, points, pixels, robust=False).reference_T_camera
-    response = pose_response(EXACT, (points, np.ones(7)), np.ones(7, dtype=bool), found)
+    response, _ = pose_response(EXACT, (points, np.ones(7)), np.ones(7, dtype=bool), found)
     for j, c in ((0, 0), (3, 1)):
         moved = pixels.copy()
         moved[j, c] += 0.01
@@ -128,3 +128,24 @@ def test_a_view_of_several_has_the_law_of_its_covariance():
     law = found.two_view(2).uncertainty
     assert len(law.calibration) > 0
     assert_allclose(law.covariances()[0], found.covariance[2], rtol=1e-6, atol=1e-14)
+
+
+def test_noise_that_a_smooth_error_does_not_explain_is_raised_and_said():
+    rng, squares = np.random.default_rng(5), []
+    for _ in range(40):
+        points, poses, pixels = scene(rng)
+        noisy = [p + 0.3 * rng.normal(size=p.shape) for p in pixels]
+        found = estimate_known_target(ERRING, points, *noisy, noise=0.01)
+        assert "the residuals contradict the stated noise, which is taken" in found.message
+        alone = estimate_pose(ERRING, points, noisy[0], noise=0.01)
+        assert "the residuals contradict the stated noise" in alone.message
+        error = step(found.initial_T_goal, poses[0].inv() * poses[1])
+        squares.append(error @ np.linalg.solve(found.covariance, error))
+    assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) > 0.85
+
+
+def test_noise_that_is_stated_rightly_is_not_raised():
+    rng = np.random.default_rng(6)
+    for _ in range(30):
+        points, _, pixels = scene(rng)
+        assert estimate_pose(ERRING, points, pixels[0], noise=SIGMA, robust=False).message == ""

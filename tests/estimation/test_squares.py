@@ -165,3 +165,16 @@ def test_a_larger_tag_among_equal_ones_stays_where_the_others_know_the_motion(ma
 def test_a_corner_of_a_known_tag_of_which_three_are_wrong_does_not_count():
     """One corner of the tag that is seen in its place lies by chance where it should."""
     assert not one_case(("one wrong tag number", 301518))[2][1]
+
+
+def test_six_tags_that_one_motion_explains_are_answered_whatever_noise_is_stated(make_view, fisheye):
+    rng, answered = np.random.default_rng(7), 0
+    for _ in range(20):
+        scene = make_view(fisheye, tags(rng, 6), TURN, np.array([0.15, 0.05, 0.06]))
+        initial, goal = scene.noisy(rng, 0.4)
+        found = estimate_two_view(fisheye, initial, goal, noise=0.014, squares=np.arange(24).reshape(6, 4))
+        if found.status == "ok":
+            answered += 1
+            assert "which are taken" in found.message
+            assert off(found, scene) < 4.0 * np.sqrt(found.covariance[3:, 3:].trace())
+    assert answered >= 12

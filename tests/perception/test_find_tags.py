@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import tag_scenes
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.stats import chi2
 from tag_scenes import facing, render, true_pixels, whole
 
@@ -90,6 +90,32 @@ def test_errors_are_as_large_as_their_covariance_says():
     # of 160 corners, four and four on one tag: the mean of χ²(2) is 2, its deviation at most 2/√40
     assert abs(np.mean(normalised) - 2.0) < 4 * 2 / np.sqrt(40)
     assert np.mean(np.array(normalised) < chi2.ppf(0.95, 2)) > 0.88
+
+
+@pytest.mark.parametrize("name", ["tag36h11", "tagStandard41h12"])
+def test_a_print_that_is_bent_has_corners_as_uncertain_as_they_are_off(name):
+    normalised, off, stated = [], [], []
+    side = 0.26 if name == "tag36h11" else 0.13
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        tags = scene(FISHEYE, rng, name, angles=(20, 35, 50, 65), side=side)
+        image = render(FISHEYE, tags, seed=seed).astype(float)
+        bend = np.stack([gaussian_filter(rng.standard_normal(image.shape), 8.0) for _ in range(2)])
+        bend *= 0.15 / bend.std()
+        v, u = np.indices(image.shape)
+        image = map_coordinates(image, [v + bend[1], u + bend[0]], order=3, mode="nearest")
+        found = find_tags(np.clip(np.rint(image), 0, 255).astype(np.uint8), FISHEYE, name)
+        for tag in (tag for tag in tags if tag.number in found.ids):
+            k, true = found.ids.tolist().index(tag.number), true_pixels(FISHEYE, tag)
+            true = true - np.stack([map_coordinates(b, true.T[::-1], order=1) for b in bend], axis=1)
+            error = found.corners[k] - true
+            normalised += np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance[k]), error).tolist()
+            off.append(np.mean(error**2))
+            stated.append(np.trace(found.covariance[k], axis1=1, axis2=2).mean() / 2.0)
+    assert len(off) >= 22
+    # the noise alone would state 0.012 px of 0.04 to 0.14
+    assert 0.6 < np.sqrt(np.mean(stated) / np.mean(off)) < 2.5
+    assert np.mean(np.array(normalised) < chi2.ppf(0.95, 2)) > 0.8
 
 
 def test_corners_are_closer_than_the_librarys_refined_ones():

@@ -221,7 +221,7 @@ def _with_pose(
     square = (used[~np.isnan(used[:, 0])] ** 2).sum(axis=1)
     return TwoViewEstimate(
         status="ok",
-        message="",
+        message=max(spreads, key=lambda spread: spread.raised).message,
         initial_T_goal=motion,
         points=owned(points),
         is_metric=True,

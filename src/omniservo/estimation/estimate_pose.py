@@ -14,12 +14,14 @@ from scipy.spatial.transform import Rotation
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus, pose_of
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.refinement.pose_minima import COST
 from omniservo.estimation.refinement.pose_refinement import inverse_information
 from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.status.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
 from omniservo.estimation.uncertainty.pose_response import (
+    contradicted,
     own_spread,
     own_variances,
     pose_response,
@@ -75,7 +77,7 @@ def estimate_pose(
     square = float((residuals[fit.members] ** 2).sum())
     return PoseEstimate(
         status="ok",
-        message="",
+        message=spread.message,
         minima=poses,
         odds=odds,
         covariance=owned(covariance),
@@ -129,6 +131,10 @@ def _checked_noise(noise: Any, n: int) -> FloatArray | None:
     return sigmas
 
 
+SAID = 1.05
+"""times that noise is raised, before that is said"""
+
+
 @dataclass(frozen=True, eq=False)
 class PoseSpread:
     """How uncertain a pose is."""
@@ -139,6 +145,15 @@ class PoseSpread:
     """(n, 2) [px] of the points"""
     response: FloatArray | None
     """G (n, 6, 2), see `pose_response`; None: the camera is exact"""
+    raised: float
+    """by which factor the points' own stated σ was too small, as the residuals show"""
+
+    @property
+    def message(self) -> str:
+        """What is said of that."""
+        if self.raised < SAID:
+            return ""
+        return f"the residuals contradict the stated noise, which is taken {self.raised:.2g} times as large"
 
     def of_camera(self, camera: UnifiedCamera) -> FloatArray:
         """Return the covariance (6, 6) by the camera's model error."""
@@ -164,20 +179,25 @@ def pose_spread(
     if not cost < math.inf:
         return None
     covariance *= variance
-    response = None
+    response, raised = None, 1.0
     if error is not None and error.sigma_px > 0.0:
-        response = pose_response(camera, (known.points, known.weights), fit.members, pose_of(best))
-        if response is None:
+        found = pose_response(camera, (known.points, known.weights), fit.members, pose_of(best))
+        if found is None:
             return None
+        response, slopes = found
         total = math.sqrt(variance) / known.weights
         own = own_variances(total, error, variance, known.noise_px)
+        if known.noise_px is not None:
+            own *= contradicted(error, known.pixels, pose_residuals(known, best), slopes, own) ** 2
+            stated = np.square(known.noise_px / known.weights) - error.sigma_px**2
+            raised = float(np.median(np.sqrt(own / np.maximum(stated, LEAST_NOISE_PX**2))))
         covariance = own_spread(response, own)
     for rival, likely in zip(fit.minima[1:], odds[1:], strict=False):
         if rotation_between(best, rival) <= FAR_ROTATION:
             turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
             gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
             covariance += likely / odds.sum() * np.outer(gap, gap)
-    return PoseSpread(covariance, known.pixels, response)
+    return PoseSpread(covariance, known.pixels, response, raised)
 
 
 def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -29,7 +29,7 @@ from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
 from omniservo.estimation.status.two_motions import judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
-from omniservo.estimation.two_view_request import TwoViewRequest
+from omniservo.estimation.two_view_request import FEW_TO_RAISE, TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
@@ -60,8 +60,8 @@ NO_MINIMUM = "the refinement on the virtual plane found no minimum"
 
 CONTRADICTED = "the residuals contradict the stated errors of pixels and camera"
 
-FEW_TO_RAISE = 3 * MOTION_PARAMETERS
-"""Of fewer matches noise is not raised: the residuals do not tell a wrong match from noise."""
+MOST_OF_SQUARES_PX = 1.0
+"""Squares are known one by one: noise far beyond what is stated, but no more than this, is believed."""
 
 ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
 
@@ -285,14 +285,24 @@ def _estimate_few(
     """Estimate; few matches of a real camera with the pixels' own noise in gates first.
 
     What the camera's error allows a match, motion and structure mostly take up. In gates it is room for a
-    wrong match, which of few decides the motion. It is given where they agree in no other way.
+    wrong match, which of few decides the motion. It is given where they agree in no other way. Squares that
+    all agree but for more noise than is stated, of a camera that is said to be exact, are judged by the noise
+    that they show.
     """
     if matches.size <= FEW_POINTS and request.may_raise(robust) and not len(request.squares):
         narrow = matches.noisier(float(np.median(np.asarray(request.noise))) / matches.noise_px)
         found = _estimate_general(narrow, plane, robust, request._replace(is_last=True), started)
         if (found.status == "ok" and not found.message) or found.status == "ambiguous":
             return found
-    return _estimate_general(matches, plane, robust, request, started)
+    found = _estimate_general(matches, plane, robust, request, started)
+    if found.status != "not_converged" or not request.may_forget(robust):
+        return found
+    unknown = request._replace(noise=None, is_last=True)
+    again = _estimate_general(matches._replace(noise_px=0.0), plane, robust, unknown, started)
+    if again.status != "ok" or not again.inliers.all() or again.noise_px > MOST_OF_SQUARES_PX:
+        return found
+    words = f"{CONTRADICTED}, which are taken {again.noise_px / matches.noise_px:.2g} times as large"
+    return replace(again, message=words)
 
 
 def _with_pose(

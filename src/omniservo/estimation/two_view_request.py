@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, ScaleLength
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+
+FEW_TO_RAISE = 3 * MOTION_PARAMETERS
+"""Of fewer matches noise is not raised: the residuals do not tell a wrong match from noise."""
 
 
 class TwoViewRequest(NamedTuple):
@@ -40,6 +44,11 @@ class TwoViewRequest(NamedTuple):
     def may_raise(self, robust: bool) -> bool:
         """Tell whether the stated noise may be raised: once, and where the camera is a real one."""
         return robust and self.noise is not None and self.lens.error is not None and not self.is_last
+
+    def may_forget(self, robust: bool) -> bool:
+        """Tell whether stated noise may be taken as unknown: where an exact camera sees several squares."""
+        several = 4 * len(self.squares) >= FEW_TO_RAISE
+        return robust and several and self.noise is not None and self.lens.error is None
 
     def noisier(self, factor: float) -> TwoViewRequest:
         """Return the request with the pixels' stated noise so many times as large."""

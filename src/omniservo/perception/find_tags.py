@@ -14,7 +14,14 @@ from omniservo.perception.find_dots import check_image, noise_of
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.tag_candidates import candidate_planes, read_cells
 from omniservo.perception.tag_codes import TagCodes, likeliest_code, tag_codes
-from omniservo.perception.tag_fit import LEAST_CONTRAST, TagFit, corner_pixels, fit_border, fit_code
+from omniservo.perception.tag_fit import (
+    LEAST_CONTRAST,
+    TagFit,
+    corner_covariance,
+    corner_pixels,
+    fit_border,
+    fit_code,
+)
 from omniservo.perception.tag_views import field_views
 
 _INSIDE = 0.7
@@ -86,13 +93,18 @@ def read_tags(
 
 def tags_of(camera: CentralModel, found: list[tuple[int, TagFit]]) -> FoundTags:
     """Return located tags; those whose corners are not all seen are left out."""
-    rows = [(number, located) for number, fit in found if (located := corner_pixels(camera, fit)) is not None]
+    rows = []
+    for number, fit in found:
+        pixels = corner_pixels(camera, fit)
+        covariance = None if pixels is None else corner_covariance(camera, fit, pixels)
+        if covariance is not None:
+            rows.append((number, pixels, covariance))
     rows.sort(key=lambda row: row[0])
-    numbers = np.array([number for number, _ in rows], dtype=np.int64)
+    numbers = np.array([number for number, *_ in rows], dtype=np.int64)
     value, times = np.unique(numbers, return_counts=True)
     once = np.isin(numbers, value[times == 1])
-    corners = np.array([located[0] for _, located in rows]).reshape(-1, 4, 2)[once]
-    covariance = np.array([located[1] for _, located in rows]).reshape(-1, 4, 2, 2)[once]
+    corners = np.array([pixels for _, pixels, _ in rows]).reshape(-1, 4, 2)[once]
+    covariance = np.array([covariance for *_, covariance in rows]).reshape(-1, 4, 2, 2)[once]
     return FoundTags(_held(numbers[once]), owned(corners), owned(covariance), _held(value[times > 1]))
 
 

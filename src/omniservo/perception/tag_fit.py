@@ -16,7 +16,7 @@ import numpy as np
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.tag_codes import TagCodes
-from omniservo.perception.tag_kernels import PARAMETERS, POSE, cell_darkness, normal_equations
+from omniservo.perception.tag_kernels import D13, D23, PARAMETERS, POSE, cell_darkness, normal_equations
 from omniservo.tag_dictionaries import TagLayout
 
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -41,6 +41,15 @@ _CLEAR = 0.65
 _UNCERTAIN = 0.1
 """largest standard deviation of a cell's darkness"""
 _MOST_BLUR_CELLS = 0.75
+_AT_CORNERS = 2.0
+"""Corners are off so many times as far as parts of a tag: they are at its ends (measured on bent images)."""
+_PARTS = 4
+"""along a side, into which a tag is cut to see whether it is flat"""
+_LEAST_OF_PART = 6
+"""pixels"""
+_LONGEST_PART = 1e3
+"""condition of a part's information: more is an edge in one direction alone"""
+_SHIFT = np.ix_([D13, D23], [D13, D23])
 _MODEL_ERROR = 0.005
 """[px] what remains without noise: the blur is not quite Gaussian, the camera not quite itself"""
 
@@ -152,24 +161,66 @@ def fit_code(
     return _fit(_Print(image, camera, codes.layout), plane, codes.dark[number], window, _CODE_EFFORT)
 
 
-def corner_pixels(camera: CentralModel, fit: TagFit) -> tuple[FloatArray, FloatArray] | None:
-    """Return pixels (4, 2) of the corners and their covariance (4, 2, 2), or None where one is not seen."""
-    corners = fit.corner_places()
-    bearings = np.linalg.solve(fit.plane, corners.T).T
-    bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
-    pixels, valid = camera.project(bearings)
-    if not (valid.all() and camera.in_image(pixels).all()):
-        return None
-    around, seen = camera.unproject(pixels[:, None] + _STEPS_ROUND)
-    if not seen.all():
+def corner_pixels(camera: CentralModel, fit: TagFit) -> FloatArray | None:
+    """Return pixels (4, 2) of the corners, or None where one is not seen."""
+    pixels, valid = camera.project(bearings_of(fit.plane, fit.corner_places()[:, :2]))
+    return pixels if valid.all() and camera.in_image(pixels).all() else None
+
+
+def corner_covariance(camera: CentralModel, fit: TagFit, pixels: FloatArray) -> FloatArray | None:
+    """Return the covariance (4, 2, 2) [px²] of corners at these pixels, or None where one is at the rim.
+
+    It is that of the noise, and in every direction the variance by which parts of the tag lie elsewhere than
+    one flat square has them: a print that is not flat, a lens that bends it, an image that was compressed.
+    """
+    rays, seen = camera.unproject(pixels)
+    around, near = camera.unproject(pixels[:, None] + _STEPS_ROUND)
+    if not (seen.all() and near.all()):
         return None
     along = np.stack([around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]], axis=2)
-    q, dq = bearings @ fit.plane.T, fit.plane @ along
-    x = q[:, :2] / q[:, 2:]
-    places = (dq[:, :2] - x[:, :, None] * dq[:, 2:3]) / q[:, 2, None, None]
-    moved = -np.linalg.solve(places, _corner_motion(corners))
+    moved = -np.linalg.solve(_places(fit.plane, rays, along)[1], _corner_motion(fit.corner_places()))
     covariance = moved @ fit.covariance @ moved.swapaxes(1, 2)
-    return pixels, 0.5 * (covariance + covariance.swapaxes(1, 2)) + _MODEL_ERROR**2 * np.eye(2)
+    more = _MODEL_ERROR**2 + _AT_CORNERS**2 * _unevenness(fit)
+    return np.asarray(0.5 * (covariance + covariance.swapaxes(1, 2)) + more * np.eye(2))
+
+
+def _places(plane: FloatArray, rays: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 2) on the tag of bearings (n, 3), and their derivatives (n, 2, 2) by the pixels.
+
+    ``along`` (n, 3, 2) are the bearings' derivatives by u and v.
+    """
+    q, dq = rays @ plane.T, plane @ along
+    x = q[:, :2] / q[:, 2:]
+    return x, (dq[:, :2] - x[:, :, None] * dq[:, 2:3]) / q[:, 2, None, None]
+
+
+def _unevenness(fit: TagFit) -> float:
+    """Variance [px²] of a coordinate by which parts of the tag lie elsewhere than the fit has them.
+
+    The tag is cut into parts, and each part's displacement d follows from its own residuals, with information
+    Λ. Of noise alone Σ dᵀΛd is χ² with as many degrees as the fit leaves free; more than its mean and one
+    standard deviation is theirs.
+    """
+    places, by_pixels = _places(fit.plane, fit.rays[:, 0], fit.rays[:, 1:].swapaxes(1, 2))
+    window = np.array([0.0, _outer_window(fit.layout)])
+    part = np.clip(np.floor(0.5 * _PARTS * (places / window[1] + 1.0)), 0, _PARTS - 1) @ [_PARTS, 1]
+    matrix, vector = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS)
+    square, information, free = 0.0, 0.0, -POSE
+    for number in range(_PARTS**2):
+        inside = part == number
+        if np.count_nonzero(inside) < _LEAST_OF_PART:
+            continue
+        seen, state = (fit.greys[inside], fit.rays[inside]), (fit.plane, fit.others)
+        normal_equations(*seen, fit.dark, window, state, fit.rms, matrix, vector)
+        turn = by_pixels[inside].mean(axis=0)
+        known = turn.T @ matrix[_SHIFT] @ turn / fit.rms**2
+        pull = turn.T @ vector[[D13, D23]] / fit.rms**2
+        if np.linalg.cond(known) < _LONGEST_PART:
+            square += float(pull @ np.linalg.solve(known, pull))
+            information += float(np.trace(known))
+            free += 2
+    free = max(free, 1)
+    return max(square - free - np.sqrt(2.0 * free), 0.0) / information if information else 0.0
 
 
 def _corner_motion(places: FloatArray) -> FloatArray:

@@ -101,8 +101,7 @@ class TagTracker:
         fit = fit_code(image, self.camera, plane, self.codes, number)
         if fit is None or not fit.agrees(noise):
             return None
-        located = corner_pixels(self.camera, fit)
-        return None if located is None else located[0]
+        return corner_pixels(self.camera, fit)
 
     def _around(
         self, image: ByteArray, number: int, bearings: FloatArray, predicted: FloatArray
@@ -121,8 +120,8 @@ class TagTracker:
         matches = []
         for found, fit in read_tags(image, self.camera, self.codes, planes):
             located = corner_pixels(self.camera, fit)
-            if found == number and located is not None and self._near(located[0], predicted):
-                matches.append(located[0])
+            if found == number and located is not None and self._near(located, predicted):
+                matches.append(located)
         return matches[0] if len(matches) == 1 else None
 
     def _near(self, pixels: FloatArray, predicted: FloatArray) -> bool:

@@ -6,7 +6,10 @@ move the optimum by (JᵀWJ)⁻¹JᵀW e = Σ_j G_j e_j.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import ModelError, UnifiedCamera
@@ -16,10 +19,19 @@ Weighted = tuple[FloatArray, FloatArray]
 """points (n, 3) [m] and weights (n,) of their residuals"""
 
 
+LARGEST_EXCESS = 3.1
+"""[σ] by which residuals may exceed what is stated before that is believed to be too small"""
+
+MOST_COMPARED = 100
+"""points whose residuals are looked at for that"""
+
+LARGEST_RAISE = 1e4
+
+
 def pose_response(
     camera: UnifiedCamera, known: Weighted, members: BoolArray, pose: RigidTransform
-) -> FloatArray | None:
-    """Return G (n, 6, 2), 0 for points that are no members; None where they do not determine the pose."""
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return G (n, 6, 2) and J (n, 2, 6), 0 for points that are no members; None: the pose is free."""
     points, weights = known
     rotation = pose.rotation.as_matrix()
     seen = (points - pose.translation) @ rotation
@@ -32,7 +44,44 @@ def pose_response(
         inverse = np.linalg.inv(np.einsum("n,nci,ncj->ij", squares, J, J))
     except np.linalg.LinAlgError:
         return None
-    return np.asarray(np.einsum("ij,ncj,n->nic", inverse, J, squares))
+    return np.asarray(np.einsum("ij,ncj,n->nic", inverse, J, squares)), J
+
+
+def contradicted(
+    error: ModelError, pixels: FloatArray, residuals: FloatArray, jacobian: FloatArray, own: FloatArray
+) -> float:
+    """Return by which factor points' own σ is too small, as the residuals show; 1: it is not.
+
+    What the pose does not take up of the residuals, y = Uᵀr with UᵀJ = 0, has the covariance Uᵀ(V + K)U, V
+    of the points' own noise and K of the camera's field. Where yᵀ(…)⁻¹y exceeds its degrees of freedom by 3.1
+    of its σ, V is raised to where it is as large as they are.
+
+    Args:
+        error: of the camera.
+        pixels: (n, 2) [px].
+        residuals: (n, 2) [px].
+        jacobian: (n, 2, 6) of the residuals by the pose; points with 0 are left out.
+        own: (n,) variance of each point's own noise [px²].
+    """
+    used = np.flatnonzero(np.abs(jacobian).max(axis=(1, 2)) > 0.0)
+    used = used[:: -(-len(used) // MOST_COMPARED)] if len(used) else used
+    freedom = 2 * len(used) - int(jacobian.shape[2])
+    if freedom < 1 or not own[used].min() > 0.0:
+        return 1.0
+    left = np.linalg.qr(jacobian[used].reshape(2 * len(used), -1), mode="complete")[0][:, -freedom:]
+    rows = error.rows(pixels[used])
+    field, noise = np.kron(rows, np.eye(2)) @ left, np.sqrt(np.repeat(own[used], 2))[:, None] * left
+    camera, alone = field.T @ field, noise.T @ noise
+    seen = left.T @ residuals[used].ravel()
+
+    def excess(log_factor: float) -> float:
+        whole = camera + math.exp(2.0 * log_factor) * alone
+        return float(seen @ np.linalg.solve(whole, seen)) - freedom
+
+    if excess(0.0) <= LARGEST_EXCESS * math.sqrt(2.0 * freedom):
+        return 1.0
+    most = math.log(LARGEST_RAISE)
+    return math.exp(float(brentq(excess, 0.0, most, xtol=1e-3))) if excess(most) < 0.0 else LARGEST_RAISE
 
 
 def own_variances(total: FloatArray, error: ModelError, variance: float, stated: float | None) -> FloatArray:
