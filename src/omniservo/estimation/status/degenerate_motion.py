@@ -28,6 +28,7 @@ from omniservo.geometry.linear_systems import (
     solve_factored,
     symmetric_eigen,
 )
+from omniservo.geometry.matrix_products import times, transposed_times
 from omniservo.geometry.quaternions import matrix_from_quaternion
 from omniservo.geometry.rotation_row import XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ
 
@@ -158,19 +159,26 @@ def _linearise_match(
     matches: Matches, j: int, size: int, g: FloatArray, rows: FloatArray
 ) -> tuple[float, float, float, float, float, bool]:
     """Return match ``j``'s e (2) and I + AAᵀ (uu, uv, vv), weighted, and write de's rows (2, 9), negated."""
-    bearings = matches.bearings
+    bearings, k = matches.bearings, matches.jacobians[j]
     x, y, z = bearings[j, 3], bearings[j, 4], bearings[j, 5]
-    u, v, a0, a1, a2, b0, b1, b2, ok = project_point_jacobian(
-        matches.parameters,
-        g[0, 0] * x + g[0, 1] * y + g[0, 2] * z,
-        g[1, 0] * x + g[1, 1] * y + g[1, 2] * z,
-        g[2, 0] * x + g[2, 1] * y + g[2, 2] * z,
-    )
+    gx, gy, gz = times(g, x, y, z)
+    u, v, a0, a1, a2, b0, b1, b2, ok = project_point_jacobian(matches.parameters, gx, gy, gz)
     if not ok:
         return 0.0, 0.0, 1.0, 0.0, 1.0, False
     w = matches.weights[j, 0]
-    au, av = _row(rows[0], w * a0, w * a1, w * a2, size, g, matches, j)
-    bu, bv = _row(rows[1], w * b0, w * b1, w * b2, size, g, matches, j)
+    a0, a1, a2, b0, b1, b2 = w * a0, w * a1, w * a2, w * b0, w * b1, w * b2
+    l0, l1, l2 = transposed_times(g, a0, a1, a2)
+    m0, m1, m2 = transposed_times(g, b0, b1, b2)
+    if size == 3:  # dc = R (δ × b*) = −R [b*]× δ, and mᵀ(δ × b*) = δ·(b* × m)
+        rows[0, 0], rows[0, 1], rows[0, 2] = y * l2 - z * l1, z * l0 - x * l2, x * l1 - y * l0
+        rows[1, 0], rows[1, 1], rows[1, 2] = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
+    else:
+        _write_outer(rows[0], a0, a1, a2, x, y, z)
+        _write_outer(rows[1], b0, b1, b2, x, y, z)
+    au = l0 * k[GOAL_XU] + l1 * k[GOAL_YU] + l2 * k[GOAL_ZU]
+    av = l0 * k[GOAL_XV] + l1 * k[GOAL_YV] + l2 * k[GOAL_ZV]
+    bu = m0 * k[GOAL_XU] + m1 * k[GOAL_YU] + m2 * k[GOAL_ZU]
+    bv = m0 * k[GOAL_XV] + m1 * k[GOAL_YV] + m2 * k[GOAL_ZV]
     return (
         w * (matches.pixels[j, 0] - u),
         w * (matches.pixels[j, 1] - v),
@@ -182,25 +190,11 @@ def _linearise_match(
 
 
 @leaf
-def _row(
-    row: FloatArray, j0: float, j1: float, j2: float, size: int, g: FloatArray, matches: Matches, j: int
-) -> tuple[float, float]:
-    """Write match ``j``'s row for δ (size 3) or dG (size 9) and return that of A; (j0, j1, j2) is ∂π's."""
-    x, y, z = matches.bearings[j, 3], matches.bearings[j, 4], matches.bearings[j, 5]
-    k = matches.jacobians[j]
-    m0 = j0 * g[0, 0] + j1 * g[1, 0] + j2 * g[2, 0]
-    m1 = j0 * g[0, 1] + j1 * g[1, 1] + j2 * g[2, 1]
-    m2 = j0 * g[0, 2] + j1 * g[1, 2] + j2 * g[2, 2]
-    if size == 3:  # dc = R (δ × b*) = −R [b*]× δ, and mᵀ(δ × b*) = δ·(b* × m)
-        row[0], row[1], row[2] = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
-    else:
-        row[XX], row[XY], row[XZ] = j0 * x, j0 * y, j0 * z
-        row[YX], row[YY], row[YZ] = j1 * x, j1 * y, j1 * z
-        row[ZX], row[ZY], row[ZZ] = j2 * x, j2 * y, j2 * z
-    return (
-        m0 * k[GOAL_XU] + m1 * k[GOAL_YU] + m2 * k[GOAL_ZU],
-        m0 * k[GOAL_XV] + m1 * k[GOAL_YV] + m2 * k[GOAL_ZV],
-    )
+def _write_outer(row: FloatArray, a: float, b: float, c: float, x: float, y: float, z: float) -> None:
+    """Write (a, b, c)ᵀ(x, y, z) row by row: the derivative of (a, b, c)·G (x, y, z) by G."""
+    row[XX], row[XY], row[XZ] = a * x, a * y, a * z
+    row[YX], row[YY], row[YZ] = b * x, b * y, b * z
+    row[ZX], row[ZY], row[ZZ] = c * x, c * y, c * z
 
 
 @kernel
