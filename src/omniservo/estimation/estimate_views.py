@@ -50,14 +50,15 @@ def estimate_views(
             ((i, j), d): the distance of the points i and j [m]. `ViewDistance`: that of any two views'
             centres. `KnownPoints`: points with known coordinates.
         scale_sigma: relative standard deviation of that.
-        robust: leave out pixels that do not agree with the others.
+        robust: leave out pixels that do not agree with the others or are outside the camera's domain.
         noise: σ of a pixel coordinate [px]; None: from the residuals.
 
     Raises:
-        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal scale.
+        InputError: shapes, numbers that are not finite, illegal scale, most pixels outside the camera's
+            domain (not robust: one).
     """
     started = time.perf_counter()
-    views = _checked_views(camera, pixels, visible, noise)
+    views = _checked_views(camera, pixels, visible, noise, robust)
     length = checked_scale(scale, *views.seen.shape)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
     if _place_by_known_points(views, length):
@@ -77,7 +78,7 @@ def estimate_views(
     return _concluded(views, length, relative, words, started)
 
 
-def _checked_views(camera: UnifiedCamera, pixels: Any, visible: Any, noise: Any) -> PlacedViews:
+def _checked_views(camera: UnifiedCamera, pixels: Any, visible: Any, noise: Any, robust: bool) -> PlacedViews:
     given = np.asarray(pixels)
     if given.ndim != 3 or given.shape[2] != 2 or len(given) < 2:
         raise InputError(f"pixels: shape {given.shape} given; (v, n, 2) with v ≥ 2 is needed")
@@ -88,6 +89,8 @@ def _checked_views(camera: UnifiedCamera, pixels: Any, visible: Any, noise: Any)
     rows = np.zeros((v, n, 2))
     rows[seen] = finite_array("pixels (visible rows)", given[seen], (None, 2)) if seen.any() else 0.0
     bearings, valid = camera.unproject(rows)
+    if robust and 2 * np.count_nonzero(seen & valid) >= np.count_nonzero(seen):
+        seen = seen & valid
     if not valid[seen].all():
         i, j = (int(x) for x in np.argwhere(seen & ~valid)[0])
         raise InputError(
