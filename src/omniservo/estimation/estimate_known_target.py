@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.estimate_pose import PoseSpread, known_pixels, pose_residuals, pose_spread
+from omniservo.estimation.outside_domain import in_domain
 from omniservo.estimation.pose_estimate import pose_of
 from omniservo.estimation.robust.pose_fit import CHECKED_POINTS, LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.status.pose_evidence import (
@@ -80,14 +81,15 @@ def estimate_known_target(
         pixels_goal: (n, 2) [px].
         visible: (2, n) bool: points seen in the initial and the goal picture; the pixels of others are not
             read. None: all.
-        robust: reject points that do not agree with the others.
+        robust: reject points that do not agree with the others, and those outside the camera's domain.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in either picture.
         scale_sigma: relative standard deviation of the target's size: how well it was printed or measured.
         squares: (m, 4) points that are found together, as the corners of a tag: where half of them do not
             agree, none counts. None: every point stands for itself.
 
     Raises:
-        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal noise.
+        InputError: shapes, numbers that are not finite, illegal noise, most pixels of an image outside the
+            camera's domain (not robust: one).
     """
     started = time.perf_counter()
     target = finite_array("points", points, (None, 3))
@@ -96,12 +98,17 @@ def estimate_known_target(
     sigmas = _checked_noise(noise, n)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
     views: list[_View] = []
+    outside = np.zeros(n, dtype=np.bool_)
     for place, pixels in enumerate((pixels_initial, pixels_goal)):
         name = f"pixels_{PICTURES[place]}"
         rows = np.asarray(pixels)
         if rows.shape != (n, 2):
             raise InputError(f"{name}: shape {rows.shape} given; {(n, 2)} is needed")
-        use = seen[place]
+        use = seen[place].copy()
+        inside = in_domain(camera, finite_array(name, rows[use], (None, 2))) if robust else None
+        if inside is not None and not inside.all():
+            outside[np.flatnonzero(use)[~inside]] = True
+            use[use] = inside
         known = known_pixels(
             camera, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
         )
@@ -112,7 +119,7 @@ def estimate_known_target(
     refused = _refused(views)
     if refused is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
-    return _with_pose(camera, target, views, seen, relative, started)
+    return _with_pose(camera, target, views, seen & ~outside, relative, started)
 
 
 def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _View:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
+from omniservo.estimation.outside_domain import in_domain, with_rows
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus, pose_of
 from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.refinement.pose_minima import COST
@@ -48,16 +49,33 @@ def estimate_pose(
         camera: took the picture.
         points: (n, 3) [m] in a frame of their own.
         pixels: (n, 2) [px], row j shows point j.
-        robust: reject points that do not agree with the others (never of three).
+        robust: reject points that do not agree with the others (never of three), and those outside the
+            camera's domain.
         noise: σ of a pixel coordinate [px], one number or (n,), one for each point, the camera's
             ``model_error`` aside, which counts beside it and alike in neighbours. None: every pixel is as
             good as any other, and σ comes from the residuals.
 
     Raises:
-        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal noise.
+        InputError: shapes, numbers that are not finite, illegal noise, most pixels outside the camera's
+            domain (not robust: one).
     """
+    try:
+        return _estimate_pose(camera, known_pixels(camera, points, pixels, noise), robust)
+    except InputError:
+        model, seen = finite_array("points", points, (None, 3)), finite_array("pixels", pixels, (None, 2))
+        sigmas = _checked_noise(noise, len(model))
+        inside = in_domain(camera, seen) if robust and len(model) == len(seen) else None
+        if inside is None or inside.all():
+            raise
+    sigmas = None if sigmas is None else sigmas[inside]
+    part = _estimate_pose(camera, known_pixels(camera, model[inside], seen[inside], sigmas), robust)
+    inliers = np.zeros(len(seen), dtype=np.bool_)
+    inliers[inside] = part.inliers
+    return replace(part, inliers=inliers, residuals_px=with_rows(part.residuals_px, inside))
+
+
+def _estimate_pose(camera: UnifiedCamera, known: KnownPixels, robust: bool) -> PoseEstimate:
     started = time.perf_counter()
-    known = known_pixels(camera, points, pixels, noise)
     n = len(known.points)
     if n < LEAST_POINTS:
         words = f"{n} points given; at least {LEAST_POINTS} are needed"

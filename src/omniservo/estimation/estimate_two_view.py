@@ -19,6 +19,7 @@ from omniservo.estimation.deferred import later
 from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
+from omniservo.estimation.outside_domain import among_all, in_domain
 from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
 from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
@@ -101,7 +102,7 @@ def estimate_two_view(
             and status are decided on the real image for both. "homography": the target is a plane; four
             matches will do, and "pixel" refuses it.
         rotation: s_R as quaternion (17), (20) or Cayley vector (18), (21); the answer is the same.
-        robust: reject matches that do not agree with the others.
+        robust: reject matches that do not agree with the others, and those outside the camera's domain.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
             pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
@@ -114,7 +115,8 @@ def estimate_two_view(
             in (`MatchedPoints.window`); where they overlap, matches err alike. None: each errs by itself.
 
     Raises:
-        InputError: shapes, illegal numbers, a pixel outside the camera's domain or without virtual image.
+        InputError: shapes, illegal numbers, most pixels outside the camera's domain (not robust: one), or one
+            without virtual image.
     """
     started = time.perf_counter()
     pixels = _checked_pixels(pixels_initial, pixels_goal)
@@ -122,9 +124,33 @@ def estimate_two_view(
     _check_choice("method", method, METHODS)
     _check_choice("rotation", rotation, tuple(ROTATIONS))
     lens, sigmas = Lens.of(camera, calibration_covariance), _checked_noise(noise, len(pixels))
-    matches = Matches.of_pixels(camera, pixels, None if sigmas is None else lens.whole_noise(sigmas))
     known = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
     request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known, sigmas)
+    try:
+        return _estimate(camera, pixels, method, robust, request, started)
+    except InputError:
+        inside = in_domain(camera, pixels[:, :2], pixels[:, 2:]) if robust else None
+        if inside is None or inside.all():
+            raise
+    lost = request.rejected(inside)
+    if lost is not None:
+        words = f"point {lost}, which the scale refers to, is outside the camera's domain"
+        return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
+    part = _estimate(camera, pixels[inside], method, robust, request.where(inside), started)
+    return among_all(part, inside)
+
+
+def _estimate(
+    camera: UnifiedCamera,
+    pixels: FloatArray,
+    method: str,
+    robust: bool,
+    request: TwoViewRequest,
+    started: float,
+) -> TwoViewEstimate:
+    """Estimate from pixels (n, 4) by one of `METHODS`."""
+    noise = None if request.noise is None else request.lens.whole_noise(request.noise)
+    matches = Matches.of_pixels(camera, pixels, noise)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None

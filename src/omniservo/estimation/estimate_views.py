@@ -78,16 +78,17 @@ def estimate_views(
             centres. `KnownPoints`: points with known coordinates. `KnownDisplacements`: of the camera between
             some views, with their covariance.
         scale_sigma: relative standard deviation of that.
-        robust: leave out pixels that do not agree with the others.
+        robust: leave out pixels that do not agree with the others or are outside the camera's domain.
         noise: σ of a pixel coordinate [px], one number or (v, n); None: from the residuals.
         calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`: the camera's parameters are
             adjusted too, as far as that allows, and ``camera`` of the answer has them. None: they are exact.
 
     Raises:
-        InputError: shapes, numbers that are not finite, a pixel outside the camera's domain, illegal scale.
+        InputError: shapes, numbers that are not finite, illegal scale, most pixels outside the camera's
+            domain (not robust: one).
     """
     started = time.perf_counter()
-    given = CheckedPoints.of(camera, _points_of(pixels, visible, noise))
+    given = CheckedPoints.of(camera, _points_of(pixels, visible, noise), robust)
     shape = given.seen.shape
     length = checked_scale(scale, *shape)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)

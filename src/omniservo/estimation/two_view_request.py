@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, ScaleLength
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -40,6 +42,18 @@ class TwoViewRequest(NamedTuple):
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""
         return next((i for i in self.between or () if not members[i]), None)
+
+    def where(self, rows: BoolArray) -> TwoViewRequest:
+        """Return the request for the chosen matches alone; squares of which one is not chosen are none."""
+        place = np.cumsum(rows) - 1
+        return self._replace(
+            between=None
+            if self.between is None
+            else (int(place[self.between[0]]), int(place[self.between[1]])),
+            squares=place[self.squares[rows[self.squares].all(axis=1)]],
+            windows=self.windows_of(rows),
+            noise=None if self.noise is None else self.noise[rows],
+        )
 
     def may_raise(self, robust: bool) -> bool:
         """Tell whether the stated noise may be raised: once, and where the camera is a real one."""

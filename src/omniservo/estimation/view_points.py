@@ -50,11 +50,11 @@ class CheckedPoints:
     """(v, n), 1 where not seen"""
 
     @classmethod
-    def of(cls, camera: UnifiedCamera, given: ViewPoints) -> CheckedPoints:
-        """Return them checked.
+    def of(cls, camera: UnifiedCamera, given: ViewPoints, robust: bool) -> CheckedPoints:
+        """Return them checked; ``robust``: without those outside the camera's domain, where they are few.
 
         Raises:
-            InputError: shapes, numbers that are not finite, or a pixel outside the camera's domain.
+            InputError: shapes, numbers that are not finite, or pixels outside the camera's domain.
         """
         pixels = np.asarray(given.pixels)
         if pixels.ndim != 3 or pixels.shape[2] != 2 or len(pixels) < 2:
@@ -66,6 +66,8 @@ class CheckedPoints:
         rows = np.zeros((*shape, 2))
         rows[seen] = finite_array("pixels (visible rows)", pixels[seen], (None, 2)) if seen.any() else 0.0
         bearings, valid = camera.unproject(rows)
+        if robust and 2 * np.count_nonzero(seen & valid) >= np.count_nonzero(seen):
+            seen = seen & valid
         if not valid[seen].all():
             i, j = (int(x) for x in np.argwhere(seen & ~valid)[0])
             raise InputError(

@@ -1,0 +1,44 @@
+"""Pixels that the camera cannot have seen: left out like other wrong ones, where they are few."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.estimation.deferred import later
+from omniservo.estimation.two_view_estimate import TwoViewEstimate
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
+
+
+def in_domain(camera: UnifiedCamera, *views: FloatArray) -> BoolArray | None:
+    """Return the rows (n,) of pixels (n, 2) inside the camera's domain in all views; None where most are not.
+
+    Then it is the camera, or the unit, that is wrong.
+    """
+    inside = np.logical_and.reduce([camera.unproject(pixels)[1] for pixels in views])
+    return inside if 2 * np.count_nonzero(inside) >= len(inside) else None
+
+
+def with_rows(values: FloatArray, rows: BoolArray) -> FloatArray:
+    """Return the values (m, …) of the chosen of n rows in their places, NaN in the others."""
+    filled = np.full((len(rows), *values.shape[1:]), math.nan)
+    filled[rows] = values
+    return owned(filled)
+
+
+def among_all(part: TwoViewEstimate, rows: BoolArray) -> TwoViewEstimate:
+    """Return the estimate of the chosen of n matches as one of all, of which the others were rejected."""
+    inliers = np.zeros(len(rows), dtype=np.bool_)
+    inliers[rows] = part.inliers
+    return replace(
+        part,
+        points=with_rows(part.points, rows),
+        covariance=later(lambda: part.covariance),
+        points_covariance=later(lambda: with_rows(part.points_covariance, rows)),
+        inliers=inliers,
+        residuals_px=with_rows(part.residuals_px, rows),
+        uncertainty=later(lambda: part.uncertainty),
+    )
