@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import ModelError, UnifiedCamera
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate, ViewStatus
@@ -18,11 +18,11 @@ from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.refinement.view_adjustment import ViewProblem, ViewState, adjust
 from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
 from omniservo.estimation.status.evidence import largest_noise
+from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews, error_of
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
 from omniservo.estimation.uncertainty.view_noise import view_noise
 from omniservo.estimation.uncertainty.view_uncertainty import (
     ModelErrors,
-    ViewNoise,
     ViewResponse,
     ViewUncertainty,
 )
@@ -344,20 +344,19 @@ class _Adjustment:
         response = ViewResponse.at(problem, state)
         if response is None:
             return None
-        error = _error_of(views.camera)
-        errors = ModelErrors.of(error, problem, response)
-        stated = views.given.noise
+        errors = ModelErrors.of(error_of(views.camera), problem, response)
+        stated, window = views.given.noise, views.given.window
         own = None if stated is None else (stated / self.sigma)[views.agree]
         noise = view_noise(float(np.square(response.slopes.residuals).sum()), problem, response, errors, own)
-        factor, window = 1.0, views.given.window
-        if window is not None:
-            factor = response.window_factor(problem.pixels, window[np.ix_(order, rows)])
         length = None if isinstance(self.length, DisplacementPrior) else self.length.among(order, rows)
-        law = ViewUncertainty.of_response(response, state, length, errors, noise, factor)
-        return self._answer(law, noise, (scale_sigma, started))
+        window = None if window is None else window[np.ix_(order, rows)]
+        adjusted = AdjustedViews(problem, state, length, noise, window, self.directions)
+        return self._answer(adjusted.law_of(response, errors), adjusted, (scale_sigma, started))
 
-    def _answer(self, law: ViewUncertainty, noise: ViewNoise, said: tuple[float, float]) -> MultiViewEstimate:
-        views, (scale_sigma, started) = self.views, said
+    def _answer(
+        self, law: ViewUncertainty, adjusted: AdjustedViews, said: tuple[float, float]
+    ) -> MultiViewEstimate:
+        views, noise, (scale_sigma, started) = self.views, adjusted.noise, said
         (v, n), order = views.seen.shape, np.flatnonzero(views.placed)
         rows = np.flatnonzero(views.agree.any(axis=0))
         covariance = np.full((v, 6, 6), math.nan)
@@ -399,6 +398,7 @@ class _Adjustment:
             view_status=status,
             view_reasons=reasons,
             camera_shift=owned(self.deviation @ self.directions),
+            adjusted=adjusted,
         )
 
     def _view_statuses(self) -> tuple[tuple[ViewStatus, ...], tuple[str, ...]]:
@@ -414,11 +414,6 @@ class _Adjustment:
                 statuses.append("by_displacement" if view in self.linked and seen < LEAST_OF_VIEW else "ok")
                 reasons.append("")
         return tuple(statuses), tuple(reasons)
-
-
-def _error_of(camera: UnifiedCamera) -> ModelError | None:
-    error = camera.model_error
-    return error if error is not None and error.sigma_px > 0.0 else None
 
 
 def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:

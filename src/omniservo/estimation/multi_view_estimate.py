@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews
 from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
@@ -72,6 +73,8 @@ class MultiViewEstimate:
     camera_shift: FloatArray
     """(p,) by how much the camera's parameters seem to differ from the stated ones, in the order of
     ``calibration_covariance``; to first order. Zeros where that was not given"""
+    adjusted: AdjustedViews | None
+    """what `further_view` needs; None: there is no estimate"""
 
     @property
     def reference(self) -> int | None:
@@ -160,4 +163,5 @@ class MultiViewEstimate:
             view_status=(none,) * v,
             view_reasons=tuple(reasons.get(view, message) for view in range(v)),
             camera_shift=np.zeros(5),
+            adjusted=None,
         )
