@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo import KnownDisplacements, UnifiedCamera, ViewPoints, estimate_views, preset
 from omniservo.errors import InputError
+from omniservo.estimation import candidate_views, further_view
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.refinement.view_adjustment import (
     ViewProblem,
@@ -74,7 +75,7 @@ def test_a_focal_length_2_percent_off_that_is_not_stated_is_not_covered():
 
     assert np.median(squares(sure)) > 9.0  # 3 numbers: 95% lie below 7.8, half below 2.4
     assert np.median(squares(right)) < 6.0
-    assert abs(right.camera.fx / exact.fx - 1.0) < 0.5 * FOCAL_SIGMA
+    assert right.camera_shift[0] / exact.fx == pytest.approx(-FOCAL_SIGMA, rel=0.3)
 
 
 def test_views_do_not_average_out_the_error_that_they_share():
@@ -99,10 +100,10 @@ def test_derivatives_of_the_adjustment_are_those_of_finite_differences():
         np.array([0.5, -1.0]),
     )
     prior = DisplacementPrior.of(displaced(scene, [[0, 2], [2, 1]], off=0.02 * rng.normal(size=(2, 6))), 3)
-    directions = np.array([[1.0, 1.1, 0.0, 0.0, 0.01], [0.0, 0.0, 2.0, -1.0, 0.0]])
+    by_camera = rng.normal(size=(3, 6, 2, 2))
     weights = rng.uniform(0.5, 2.0, (3, 6))
     weights[1, 2] = 0.0
-    problem = ViewProblem(CAMERA, noisy(rng, scene), weights, directions, prior)
+    problem = ViewProblem(CAMERA, noisy(rng, scene), weights, by_camera, prior)
     blocks = blocks_of(slopes_of(problem, state))
     extra, pull = extra_information(problem, state, None, 0.0)
     assert_allclose(extra, extra.T)
@@ -280,3 +281,39 @@ def test_noise_and_windows_of_another_shape_are_named():
         estimate_views(CAMERA, ViewPoints(pixels, window=-np.ones((3, 12))))
     with pytest.raises(InputError, match="visible, noise: given beside ViewPoints"):
         estimate_views(CAMERA, ViewPoints(pixels), noise=0.1)
+
+
+@pytest.mark.parametrize("scale", ["length", "displacements"])
+def test_what_a_further_view_is_said_to_gain_it_gains(scale):
+    rng, ratios = np.random.default_rng(17), []
+    for _ in range(6):
+        scene = view_scene(rng, CAMERA, 4, 40)
+        pixels = noisy(rng, scene)
+        known = float(np.linalg.norm(scene.poses[1].translation))
+        after = known
+        if scale == "displacements":
+            known, after = displaced(scene, [[0, 1]]), displaced(scene, [[0, 1], [0, 3]])
+        options = {"noise": 0.1, "calibration_covariance": focal_covariance(CAMERA)}
+        found = estimate_views(CAMERA, pixels[:3], scale=known, **options)
+        spread = np.diag([1e-6] * 6) if scale == "displacements" else None
+        said = further_view(found, scene.poses[3], displacement=spread)
+        then = estimate_views(CAMERA, pixels, scale=after, **options)
+        assert said.points == 40
+        assert said.position_sigma[1] < said.position_sigma[0]
+        reached = np.sqrt(np.trace(then.covariance[2, :3, :3])), np.sqrt(np.trace(then.covariance[2, 3:, 3:]))
+        ratios.append((reached[0] / said.position_sigma[1], reached[1] / said.rotation_sigma[1]))
+        assert then.size_sigma == pytest.approx(said.size_sigma[1], rel=0.2)
+    assert_allclose(ratios, 1.0, atol=0.2)
+
+
+def test_candidates_for_a_further_view_are_sorted_by_what_they_gain():
+    rng = np.random.default_rng(18)
+    scene = view_scene(rng, CAMERA, 3, 40)
+    found = estimate_views(CAMERA, noisy(rng, scene), scale=0.1, noise=0.1)
+    gains = candidate_views(found)
+    assert len(gains) >= 3
+    assert [g.position_sigma[1] for g in gains] == sorted(g.position_sigma[1] for g in gains)
+    assert "position σ" in repr(gains[0])
+    lost = estimate_views(CAMERA, scene.pixels[:, :3], noise=0.1)
+    with pytest.raises(InputError, match="without an estimate"):
+        candidate_views(lost)

@@ -4,6 +4,7 @@ from omniservo.estimation.estimate_known_target import estimate_known_target
 from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
 from omniservo.estimation.estimate_views import estimate_views
+from omniservo.estimation.further_view import FurtherView, candidate_views, further_view
 from omniservo.estimation.known_displacements import KnownDisplacements
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate
 from omniservo.estimation.pose_estimate import PoseEstimate
@@ -15,6 +16,7 @@ from omniservo.estimation.view_scale import KnownPoints, ViewDistance
 
 __all__ = [
     "EstimateSamples",
+    "FurtherView",
     "JointUncertainty",
     "KnownDisplacements",
     "KnownPoints",
@@ -24,10 +26,12 @@ __all__ = [
     "TwoViewEstimate",
     "ViewDistance",
     "ViewPoints",
+    "candidate_views",
     "estimate_known_target",
     "estimate_pose",
     "estimate_two_view",
     "estimate_views",
+    "further_view",
     "refine_pose",
     "refine_pose_kernel",
 ]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import ModelError, UnifiedCamera
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate, ViewStatus
@@ -18,11 +18,11 @@ from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.refinement.view_adjustment import ViewProblem, ViewState, adjust
 from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
 from omniservo.estimation.status.evidence import largest_noise
+from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews, error_of
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
 from omniservo.estimation.uncertainty.view_noise import view_noise
 from omniservo.estimation.uncertainty.view_uncertainty import (
     ModelErrors,
-    ViewNoise,
     ViewResponse,
     ViewUncertainty,
 )
@@ -40,10 +40,13 @@ from omniservo.estimation.view_scale import GaugeLength, ViewScale, checked_scal
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, owned
 
 ADJUSTING_STEPS = 100
-GATING_ROUNDS = 6
+GATING_ROUNDS = 8
 
 SETTLED_NOISE = 0.02
 """The weights stay once σ changes by less than this part."""
+
+SETTLED_PX = 0.005
+"""What the camera's parameters do is linearised anew until pixels change by less."""
 
 LEAST_OF_VIEW = 3
 """pixels that agree, of a view that no displacement holds"""
@@ -81,7 +84,7 @@ def estimate_views(
         robust: leave out pixels that do not agree with the others or are outside the camera's domain.
         noise: σ of a pixel coordinate [px], one number or (v, n); None: from the residuals.
         calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`: the camera's parameters are
-            adjusted too, as far as that allows, and ``camera`` of the answer has them. None: they are exact.
+            adjusted too, as far as that allows (`MultiViewEstimate.camera_shift`). None: they are exact.
 
     Raises:
         InputError: shapes, numbers that are not finite, illegal scale, most pixels outside the camera's
@@ -129,8 +132,12 @@ class _Adjustment:
         robust: bool,
     ) -> None:
         self.directions, self.length, self.robust = directions, length, robust
-        self.views = PlacedViews.of(camera, given, _room(camera, given, directions))
+        self.by_camera = np.zeros((*given.pixels.shape, len(directions)))
         self.deviation = np.zeros(len(directions))
+        self.views = PlacedViews.of(camera, given, 0.0)
+        self._linearise_camera()
+        room = math.sqrt(float(np.square(self.by_camera).sum()) / max(2 * given.seen.sum(), 1))
+        self.views.room_px = room
         self.sigma = np.ones(given.seen.shape)
         self.linked: set[int] = set()
 
@@ -172,7 +179,7 @@ class _Adjustment:
     def _agree_with_displacements(self, prior: DisplacementPrior) -> None:
         """Mark the pixels, of views that stand by displacements alone, that lie where these allow it."""
         views, stated = self.views, self.views.noise()
-        residuals = np.linalg.norm(residuals_of(views, views.camera), axis=2)
+        residuals = np.linalg.norm(residuals_of(views), axis=2)
         for view in self.linked:
             pose = views.poses[view]
             local = pose_of(pose).inv().apply(views.points)
@@ -202,13 +209,14 @@ class _Adjustment:
         self.sigma = (
             np.full(views.seen.shape, 1.0 if relative else PRIOR_NOISE_PX) if stated is None else stated
         )
+        self._linearise_camera()
         for _ in range(GATING_ROUNDS):
             usable = usable & (~np.isnan(views.points[:, 0]) & (usable.sum(axis=0) >= 2))[None, :]
             if words := self._too_few(usable):
                 return words
             if words := self._adjust_once(usable):
                 return words
-            residuals = residuals_of(views, self._camera())
+            residuals = self._residuals()
             distance = np.linalg.norm(residuals, axis=2)
             noise = self._noise(distance / self.sigma, usable)
             if stated is None and noise > largest_noise(None):
@@ -219,6 +227,7 @@ class _Adjustment:
             gate = GATE * self._gate_noise((distance / self.sigma)[usable], usable)
             near = views.seen & views.placed[:, None] & (distance <= gate * self.sigma)
             settled = not self.robust or (near == usable).all()
+            settled &= self._linearise_camera() < SETTLED_PX
             if stated is None and not relative:
                 settled &= self._reweighted(noise)
             if settled:
@@ -246,8 +255,26 @@ class _Adjustment:
     def _unknowns(self, usable: BoolArray) -> int:
         return 6 * (int(self.views.placed.sum()) - 1) - 1 + 3 * int(usable.any(axis=0).sum())
 
-    def _camera(self) -> UnifiedCamera:
-        return self._problem(np.ones(0, dtype=np.int64), np.ones(0, dtype=np.int64)).at(self.deviation)
+    def _linearise_camera(self) -> float:
+        """Take ∂π/∂θ where the stated camera would show the points; return what that changes [px].
+
+        Where a pixel was seen would not do: its noise would count as smaller in a camera that draws smaller.
+        """
+        views, directions = self.views, self.directions
+        if not len(directions):
+            return 0.0
+        before = self.by_camera @ self.deviation
+        bearings = views.given.bearings.copy()
+        known = ~np.isnan(views.points[:, 0])
+        for view in np.flatnonzero(views.placed):
+            bearings[view, known] = pose_of(views.poses[view]).inv().apply(views.points[known])
+        slopes = pixel_slopes(views.camera, bearings, directions.shape[1]) @ directions.T
+        self.by_camera = np.where(views.seen[:, :, None, None], slopes, 0.0)
+        return float(np.abs(self.by_camera @ self.deviation - before).max(initial=0.0))
+
+    def _residuals(self) -> FloatArray:
+        """Return projection minus pixel (v, n, 2) [px], the camera's deviation taken off."""
+        return residuals_of(self.views) + self.by_camera @ self.deviation
 
     def _problem(self, order: Any, rows: Any) -> ViewProblem:
         """Return what is measured of these views and points, of the pixels that agree."""
@@ -255,7 +282,7 @@ class _Adjustment:
         weights = np.where(views.agree, 1.0 / self.sigma, 0.0)
         prior = None if self.prior is None else self.prior.among(order)
         kept = np.ix_(order, rows)
-        return ViewProblem(views.camera, views.pixels[kept], weights[kept], self.directions, prior)
+        return ViewProblem(views.camera, views.pixels[kept], weights[kept], self.by_camera[kept], prior)
 
     def _adjust_once(self, usable: BoolArray) -> str:
         views = self.views
@@ -318,22 +345,19 @@ class _Adjustment:
         response = ViewResponse.at(problem, state)
         if response is None:
             return None
-        error = _error_of(views.camera)
-        errors = ModelErrors.of(error, problem, response)
-        stated = views.given.noise
+        errors = ModelErrors.of(error_of(views.camera), problem, response)
+        stated, window = views.given.noise, views.given.window
         own = None if stated is None else (stated / self.sigma)[views.agree]
         noise = view_noise(float(np.square(response.slopes.residuals).sum()), problem, response, errors, own)
-        factor, window = 1.0, views.given.window
-        if window is not None:
-            factor = response.window_factor(problem.pixels, window[np.ix_(order, rows)])
         length = None if isinstance(self.length, DisplacementPrior) else self.length.among(order, rows)
-        law = ViewUncertainty.of_response(response, state, length, errors, noise, factor)
-        return self._answer(law, noise, problem, (scale_sigma, started))
+        window = None if window is None else window[np.ix_(order, rows)]
+        adjusted = AdjustedViews(problem, state, length, noise, window, self.directions)
+        return self._answer(adjusted.law_of(response, errors), adjusted, (scale_sigma, started))
 
     def _answer(
-        self, law: ViewUncertainty, noise: ViewNoise, problem: ViewProblem, said: tuple[float, float]
+        self, law: ViewUncertainty, adjusted: AdjustedViews, said: tuple[float, float]
     ) -> MultiViewEstimate:
-        views, (scale_sigma, started) = self.views, said
+        views, noise, (scale_sigma, started) = self.views, adjusted.noise, said
         (v, n), order = views.seen.shape, np.flatnonzero(views.placed)
         rows = np.flatnonzero(views.agree.any(axis=0))
         covariance = np.full((v, 6, 6), math.nan)
@@ -345,8 +369,7 @@ class _Adjustment:
         h = views.points[rows]
         spread = scale_sigma**2 * h[:, :, None] * h[:, None, :]
         points_covariance[rows] = law.point_covariances() + spread
-        camera = problem.at(self.deviation)
-        residuals = residuals_of(views, camera)
+        residuals = self._residuals()
         square, count = float((residuals[views.agree] ** 2).sum()), int(views.agree.sum())
         unit = float(np.median(self.sigma[views.agree]))
         status, reasons = self._view_statuses()
@@ -375,7 +398,8 @@ class _Adjustment:
             seconds=time.perf_counter() - started,
             view_status=status,
             view_reasons=reasons,
-            camera=camera if len(self.directions) else views.camera,
+            camera_shift=owned(self.deviation @ self.directions),
+            adjusted=adjusted,
         )
 
     def _view_statuses(self) -> tuple[tuple[ViewStatus, ...], tuple[str, ...]]:
@@ -393,19 +417,6 @@ class _Adjustment:
         return tuple(statuses), tuple(reasons)
 
 
-def _error_of(camera: UnifiedCamera) -> ModelError | None:
-    error = camera.model_error
-    return error if error is not None and error.sigma_px > 0.0 else None
-
-
-def _room(camera: UnifiedCamera, given: CheckedPoints, directions: FloatArray) -> float:
-    """Return what the camera's parameters may be off at a pixel, root mean square [px]."""
-    if not len(directions) or not given.seen.any():
-        return 0.0
-    slopes = pixel_slopes(camera, given.bearings[given.seen], directions.shape[1]) @ directions.T
-    return math.sqrt(float(np.square(slopes).sum(axis=2).mean()))
-
-
 def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     """Place the views in which the known points tell the pose; True where at least two do."""
     if len(length.known) < LEAST_POINTS:
@@ -420,12 +431,12 @@ def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     return False
 
 
-def residuals_of(views: PlacedViews, camera: UnifiedCamera) -> FloatArray:
+def residuals_of(views: PlacedViews) -> FloatArray:
     """Return projection minus pixel (v, n, 2) [px], NaN where there is no pose, place or pixel."""
     residuals = np.full(views.pixels.shape, math.nan)
     for view in np.flatnonzero(views.placed):
         write_pose_residuals(
-            camera.parameters,
+            views.camera.parameters,
             views.points,
             views.pixels[view],
             views.poses[view, :4],

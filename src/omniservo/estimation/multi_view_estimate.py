@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews
 from omniservo.estimation.uncertainty.view_uncertainty import ViewUncertainty
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
@@ -70,8 +70,11 @@ class MultiViewEstimate:
     "too_few_points": it shows fewer than four points; "no_pose": none that its points agree with"""
     view_reasons: tuple[str, ...]
     """(v,) why a view has no pose; empty for one that has"""
-    camera: UnifiedCamera | None
-    """that the residuals are of: as given, or adjusted within its stated covariance; None: no estimate"""
+    camera_shift: FloatArray
+    """(p,) by how much the camera's parameters seem to differ from the stated ones, in the order of
+    ``calibration_covariance``; to first order. Zeros where that was not given"""
+    adjusted: AdjustedViews | None
+    """what `further_view` needs; None: there is no estimate"""
 
     @property
     def reference(self) -> int | None:
@@ -159,5 +162,6 @@ class MultiViewEstimate:
             seconds=time.perf_counter() - started,
             view_status=(none,) * v,
             view_reasons=tuple(reasons.get(view, message) for view in range(v)),
-            camera=None,
+            camera_shift=np.zeros(5),
+            adjusted=None,
         )

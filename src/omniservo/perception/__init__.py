@@ -9,6 +9,7 @@ from omniservo.perception.find_dots import find_dots
 from omniservo.perception.find_features import find_features
 from omniservo.perception.find_tags import FoundTags, find_tags
 from omniservo.perception.image_points import ImagePoints
+from omniservo.perception.join_images import JoinedPoints, join_images
 from omniservo.perception.match_dots import DotMatch, match_dots
 from omniservo.perception.match_features import FeatureMatch, match_features
 from omniservo.perception.match_images import match_images
@@ -33,6 +34,7 @@ __all__ = [
     "FoundTags",
     "ImageMatch",
     "ImagePoints",
+    "JoinedPoints",
     "MatchedPoints",
     "NaturalKind",
     "PatchTracker",
@@ -41,6 +43,7 @@ __all__ = [
     "find_dots",
     "find_features",
     "find_tags",
+    "join_images",
     "match_dots",
     "match_features",
     "match_images",

@@ -11,6 +11,14 @@ from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, req
 from omniservo.perception.find_features import find_features
 from omniservo.perception.match_images import match_images
 from omniservo.perception.patch_tracker import PatchTracker
+from omniservo.perception.refine_matches import ImageMatch
+
+
+def matched_points(match: ImageMatch) -> MatchedPoints:
+    """Return matches that are "ok", each with its noise."""
+    variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
+    noise = np.sqrt(np.stack(variances, axis=1))
+    return MatchedPoints(match.initial.pixels, match.goal.pixels, noise, window=match.window)
 
 
 class NaturalKind:
@@ -37,9 +45,7 @@ class NaturalKind:
                 require_features(len(self.find(camera, image)), self.name, where)
             words = f"{match.status}: {match.reason}"
             raise NoSolutionError(f"the natural features of the two images cannot be matched: {words}")
-        variances = [np.trace(p.covariance, axis1=1, axis2=2) / 2.0 for p in (match.initial, match.goal)]
-        noise = np.sqrt(np.stack(variances, axis=1))
-        return MatchedPoints(match.initial.pixels, match.goal.pixels, noise, window=match.window)
+        return matched_points(match)
 
     def tracker(
         self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints

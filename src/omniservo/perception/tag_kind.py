@@ -46,7 +46,7 @@ class TagKind:
         ids, rows, others = np.intersect1d(_ids(first), _ids(second), return_indices=True)
         if len(ids) < self.least:
             raise NoSolutionError(f"{len(ids)} tag corners in both images; at least {self.least} are needed")
-        noise = np.column_stack((_sigma(first)[rows], _sigma(second)[others]))
+        noise = np.column_stack((corner_sigmas(first)[rows], corner_sigmas(second)[others]))
         return MatchedPoints(first.pixels[rows], second.pixels[others], noise, ids)
 
     def tracker(
@@ -94,6 +94,6 @@ def _ids(points: ImagePoints) -> IntArray:
     return np.empty(0, dtype=np.int64) if points.ids is None else points.ids
 
 
-def _sigma(points: ImagePoints) -> FloatArray:
+def corner_sigmas(points: ImagePoints) -> FloatArray:
     """σ of a coordinate (n,) [px], the mean over directions."""
     return np.asarray(np.sqrt(0.5 * np.trace(points.covariance, axis1=1, axis2=2)))

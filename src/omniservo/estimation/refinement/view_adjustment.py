@@ -1,23 +1,23 @@
 """Several views refined together with what is known beside the pixels: displacements, camera parameters.
 
-Least squares on whitened residuals, of the pixels w_vj (π_θ(R_vᵀ(h_j − t_v)) − p_vj) and of what was measured
-otherwise, by Levenberg-Marquardt with the points eliminated (Schur complement). The unknowns that all points
-share, "common", are the poses of the views after the first, (t, δ) of each, δ on the right, and
-the camera's parameters in independent directions of one σ each.
+Least squares on whitened residuals, of the pixels w_vj (π(R_vᵀ(h_j − t_v)) + S_vj z − p_vj) and of what was
+measured otherwise, by Levenberg-Marquardt with the points eliminated (Schur complement). S = ∂π/∂θ stays:
+parameters that compensate each other, as ξ and focal length do, may be far off while the pixels are not.
+The unknowns that all points share, "common", are the poses of the views after the first, (t, δ) of each, δ on
+the right, and the camera's parameters in independent directions of one σ each.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.estimation.known_displacements import DisplacementPrior
-from omniservo.estimation.uncertainty.calibration_response import PARAMETERS, pixel_slopes
 from omniservo.geometry.arrays import FloatArray
 
 FIRST_DAMPING = 1e-6
@@ -25,6 +25,9 @@ MOST_DAMPING = 1e8
 
 SETTLED = 1e-10
 """A step that promises less than this part of the cost is the last."""
+
+NEARLY_SETTLED = 1e-6
+"""of the cost; where rounding, or points almost at infinity, allow no more"""
 
 FAR_POINT_DAMPING = 1e-10
 """Relative weight that keeps the block of a point without parallax regular; its variance stays huge."""
@@ -43,23 +46,15 @@ class ViewProblem:
     """(v, m, 2) [px]"""
     weights: FloatArray
     """(v, m) 1/σ of a pixel's coordinates [1/px]; 0: not seen"""
-    directions: FloatArray
-    """(q, p) of the camera's parameters, one σ each; q = 0: they are taken as exact"""
+    by_camera: FloatArray
+    """(v, m, 2, q) what independent deviations of the camera's parameters, of one σ each, do to its pixels
+    there [px]; q = 0: the parameters are taken as exact"""
     prior: DisplacementPrior | None = None
     """displacements of the camera; None: the pictures do not tell the scale"""
 
-    def at(self, deviation: FloatArray) -> UnifiedCamera:
-        """Return the camera whose parameters deviate by so many σ (q,) along the directions."""
-        if not len(deviation) or not deviation.any():
-            return self.camera
-        by = np.zeros(9)
-        by[: self.directions.shape[1]] = deviation @ self.directions
-        camera = self.camera
-        fields: dict[str, Any] = {n: getattr(camera, n) for n in (*PARAMETERS[:5], "width", "height", "skew")}
-        for name, change in zip(PARAMETERS[:5], by[:5], strict=True):
-            fields[name] += float(change)
-        fields["xi"] = max(fields["xi"], 0.0)
-        return UnifiedCamera(**fields, distortion=(np.array(camera.distortion) + by[5:]).tolist())
+    def measured(self, deviation: FloatArray) -> FloatArray:
+        """Return the pixels (v, m, 2) that the stated camera would have shown, were the true one so off."""
+        return np.asarray(self.pixels - self.by_camera @ deviation)
 
 
 class ViewState(NamedTuple):
@@ -108,13 +103,13 @@ def adjust(problem: ViewProblem, state: ViewState, most_steps: int) -> tuple[flo
     """
     held = None if problem.prior is not None else _farthest(state.poses)
     length = 1.0 if held is None else float(np.linalg.norm(state.poses[held, 4:]))
-    damping, cost = FIRST_DAMPING, cost_of(problem, state)
+    damping, promised, cost = FIRST_DAMPING, math.inf, cost_of(problem, state)
     if not cost < math.inf:
         return cost, False, state
     blocks, extra, pull = _system(problem, state, held)
     for _ in range(most_steps):
         step, moves, promised = _step(blocks, extra, pull, damping)
-        trial = _moved(state, step, moves, len(problem.directions))
+        trial = _moved(state, step, moves, problem.by_camera.shape[3])
         if held is not None:
             trial = _rescaled(trial, length / float(np.linalg.norm(trial.poses[held, 4:])))
         reached = cost_of(problem, trial) if math.isfinite(promised) else math.inf
@@ -131,17 +126,17 @@ def adjust(problem: ViewProblem, state: ViewState, most_steps: int) -> tuple[flo
         damping *= 10.0
         if damping > MOST_DAMPING:
             break
-    return cost, False, state
+    return cost, bool(promised <= NEARLY_SETTLED * cost), state
 
 
 def cost_of(problem: ViewProblem, state: ViewState) -> float:
     """Return Σ of all whitened squares; infinity where a point that is seen leaves the camera's domain."""
-    camera, used = problem.at(state.deviation), problem.weights > 0.0
+    used = problem.weights > 0.0
     local = np.stack([_seen_from(pose, state.points) for pose in state.poses])
-    pixels, valid = camera.project(local)
-    if not valid[used].all():
+    pixels, valid = problem.camera.project(local[used])
+    if not valid.all():
         return math.inf
-    gaps = (pixels[used] - problem.pixels[used]) * problem.weights[used][:, None]
+    gaps = (pixels - problem.measured(state.deviation)[used]) * problem.weights[used][:, None]
     total = float(np.square(gaps).sum() + np.square(state.deviation).sum())
     if problem.prior is not None:
         total += float(np.square(problem.prior.residuals(state.poses)).sum())
@@ -150,23 +145,19 @@ def cost_of(problem: ViewProblem, state: ViewState) -> float:
 
 def slopes_of(problem: ViewProblem, state: ViewState) -> Slopes:
     """Return residuals and derivatives at a state."""
-    camera, (v, m) = problem.at(state.deviation), problem.weights.shape
-    q = len(problem.directions)
+    v, m = problem.weights.shape
     local = np.stack([_seen_from(pose, state.points) for pose in state.poses])
-    pixels, slopes, valid = camera.project_jacobian(local)
+    pixels, slopes, valid = problem.camera.project_jacobian(local)
     used = valid & (problem.weights > 0.0)
     weights = problem.weights[used][:, None, None]
     residuals, by_point = np.zeros((v, m, 2)), np.zeros((v, m, 2, 3))
-    by_pose, by_camera = np.zeros((v, m, 2, 6)), np.zeros((v, m, 2, q))
-    residuals[used] = weights[:, 0] * (pixels[used] - problem.pixels[used])
+    by_pose = np.zeros((v, m, 2, 6))
+    residuals[used] = weights[:, 0] * (pixels[used] - problem.measured(state.deviation)[used])
     turns = Rotation.from_quat(state.poses[:, :4]).as_matrix()[np.nonzero(used)[0]]
     slopes, local = weights * slopes[used], local[used]
     by_point[used] = slopes @ np.swapaxes(turns, 1, 2)
     by_pose[used] = np.concatenate((-by_point[used], np.cross(slopes, local[:, None, :])), axis=2)
-    if q:
-        by_camera[used] = weights * (
-            pixel_slopes(camera, local, problem.directions.shape[1]) @ problem.directions.T
-        )
+    by_camera = np.where(used, problem.weights, 0.0)[:, :, None, None] * problem.by_camera
     return Slopes(residuals, by_pose, by_point, by_camera)
 
 
@@ -207,7 +198,7 @@ def extra_information(
 
     ``held``: a view whose distance from the first stays, with this ``weight``; no residual.
     """
-    v, q = len(state.poses), len(problem.directions)
+    v, q = len(state.poses), problem.by_camera.shape[3]
     size = 6 * (v - 1)
     information, gradient = np.zeros((size + q, size + q)), np.zeros(size + q)
     information[size:, size:], gradient[size:] = np.eye(q), state.deviation

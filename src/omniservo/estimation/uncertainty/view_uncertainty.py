@@ -80,7 +80,7 @@ class ViewResponse:
         if not np.isfinite(spread).all() or np.diag(spread).min() <= 0.0:
             return None
         noise = spread @ of_pixels @ spread
-        q = len(problem.directions)
+        q = problem.by_camera.shape[3]
         known = spread[len(spread) - q :]
         if problem.prior is not None:
             of_poses = spread[: len(spread) - q]
