@@ -29,7 +29,7 @@ SETTLED = 1e-10
 """A step that promises less than this part of the cost is the last."""
 
 
-class ViewBlocks(NamedTuple):
+class BundleBlocks(NamedTuple):
     """The normal equations of v views and n points, block by block: JᵀJ and Jᵀr in (dt, δ) and dh."""
 
     poses: FloatArray
@@ -45,10 +45,10 @@ class ViewBlocks(NamedTuple):
 
 
 @kernel
-def empty_view_blocks(views: int, n: int) -> ViewBlocks:
+def empty_blocks(views: int, n: int) -> BundleBlocks:
     """Return room for v views and n points."""
     size = 6 * (views - 1)
-    return ViewBlocks(
+    return BundleBlocks(
         np.empty((size, size)), np.empty(size), np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, size, 3))
     )
 
@@ -79,7 +79,7 @@ def adjust_views(
     """
     views, n = seen.shape
     size = 6 * (views - 1)
-    blocks = empty_view_blocks(views, n)
+    blocks = empty_blocks(views, n)
     trial_poses, trial_points = poses.copy(), points.copy()
     reduced, step = np.empty((size, size)), np.empty(size)
     cost = linearise(parameters, pixels, seen, poses, points, blocks)
@@ -141,7 +141,7 @@ def linearise(
     seen: BoolArray,
     poses: FloatArray,
     points: FloatArray,
-    blocks: ViewBlocks,
+    blocks: BundleBlocks,
 ) -> float:
     """Fill the blocks; return the cost, or infinity outside the domain.
 
@@ -228,7 +228,7 @@ def _damped_point(own: FloatArray, damping: float, factor: FloatArray) -> bool:
 
 
 @kernel
-def _reduce(blocks: ViewBlocks, damping: float, reduced: FloatArray, step: FloatArray) -> None:
+def _reduce(blocks: BundleBlocks, damping: float, reduced: FloatArray, step: FloatArray) -> None:
     """Take the points out of the system, in place: S = A − Σ W V⁻¹ Wᵀ, b = −g + Σ W V⁻¹ gₕ."""
     own, pull, mixed = blocks.points, blocks.point_gradients, blocks.mixed
     size = reduced.shape[0]
@@ -256,7 +256,7 @@ def _reduce(blocks: ViewBlocks, damping: float, reduced: FloatArray, step: Float
 def _apply(
     poses: FloatArray,
     points: FloatArray,
-    blocks: ViewBlocks,
+    blocks: BundleBlocks,
     damping: float,
     step: FloatArray,
     trial_poses: FloatArray,
