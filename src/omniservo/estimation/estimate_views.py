@@ -418,7 +418,7 @@ class _Adjustment:
 
 def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     """Place the views in which the known points tell the pose; True where at least two do."""
-    if len(length.known) < LEAST_POINTS:
+    if len(length.known) < LEAST_POINTS or not length.is_one_frame:
         return False
     for view in range(len(views.seen)):
         rows = views.seen[view, length.indices]
