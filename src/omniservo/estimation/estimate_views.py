@@ -215,6 +215,8 @@ class _Adjustment:
                 return words
             if words := self._adjust_once(usable):
                 return words
+            if self.robust:
+                views.regain()
             residuals = self._residuals()
             distance = np.linalg.norm(residuals, axis=2)
             noise = self._noise(distance / self.sigma, usable)
@@ -232,6 +234,7 @@ class _Adjustment:
             if settled:
                 break
             usable = near if self.robust else usable
+        views.points[~views.agree.any(axis=0)] = math.nan
         return ""
 
     def _reweighted(self, ratio: float) -> bool:
