@@ -171,8 +171,13 @@ class Score:
 
 def score(estimate: TwoViewEstimate, truth: tuple[RigidTransform, FloatArray]) -> Score:
     """Return how far an estimate is from the truth, ‖t‖ aside."""
-    pose, (true, spread) = estimate.initial_T_goal, truth
-    assert pose is not None
+    assert estimate.initial_T_goal is not None
+    return score_of(estimate.initial_T_goal, estimate.covariance, truth)
+
+
+def score_of(pose: RigidTransform, covariance: FloatArray, truth: tuple[RigidTransform, FloatArray]) -> Score:
+    """Return how far a motion with its covariance is from the truth, ‖t‖ aside."""
+    true, spread = truth
     length, true_length = np.linalg.norm(pose.translation), np.linalg.norm(true.translation)
     direction, true_direction = pose.translation / length, true.translation / true_length
     across = np.linalg.svd(true_direction[None])[2][1:]
@@ -180,7 +185,7 @@ def score(estimate: TwoViewEstimate, truth: tuple[RigidTransform, FloatArray]) -
     error = np.concatenate((across @ direction, turn))
     basis = np.zeros((5, 6))
     basis[:2, :3], basis[2:, 3:] = across, np.eye(3)
-    stated = basis @ (estimate.covariance / np.outer(unit := _unit(length), unit)) @ basis.T
+    stated = basis @ (covariance / np.outer(unit := _unit(length), unit)) @ basis.T
     known = basis @ (spread / np.outer(unit := _unit(true_length), unit)) @ basis.T
     swing = math.atan2(float(np.linalg.norm(across @ direction)), float(direction @ true_direction))
     return Score(

@@ -10,6 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.estimate_views import (
+    EdgeOption,
+    LengthOption,
+    MountOption,
+    PosesOption,
+    estimate_views_of,
+    scale_of,
+)
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -46,15 +54,21 @@ TargetOption = Annotated[
 DisplacementOption = Annotated[
     float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
 ]
-_NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal"
+_NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal, or --camera and IMAGE IMAGE …"
 
 
+TWO = 2
 _FAR = 20.0
 """A camera that moved farther than this [m] was probably told of in mm."""
 
 
 def estimate(
-    task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="A shipped task or a YAML file; or images of a target that stands still, in any order."
+        ),
+    ] = None,
     camera: CameraOption = None,
     camera_name: CameraNameOption = None,
     max_angle: MaxAngleOption = None,
@@ -66,6 +80,10 @@ def estimate(
     dictionary: DictionaryOption = None,
     target: TargetOption = None,
     displacement: DisplacementOption = None,
+    length: LengthOption = None,
+    tag_edge: EdgeOption = None,
+    poses: PosesOption = None,
+    mount: MountOption = None,
     planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None,
@@ -76,11 +94,36 @@ def estimate(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Estimate the camera's motion and the target's structure from two images."""
+    """Estimate the camera's motion and the target's structure from two images, or from more."""
     output = Output(as_json, quiet)
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
+    task = what[0] if what and len(what) == 1 else None
+    more = length is not None or tag_edge is not None or poses is not None or mount is not None
+    if what and len(what) > 1 and (len(what) > TWO or more):
+        if planar or report is not None or initial is not None or goal is not None:
+            raise InputError("estimate: --initial, --goal, --planar and --report are for two images")
+        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
+        if replacement is None:
+            raise InputError("camera: missing; images need --camera")
+        _say_far(output, displacement)
+        estimate_views_of(
+            output,
+            replacement,
+            [Path(image) for image in what],
+            (features, dictionary),
+            scale_of(displacement, length, tag_edge, target, poses, mount),
+            out,
+            force,
+        )
+        return
+    if more:
+        raise InputError("estimate: --length, --tag-edge, --poses and --mount need images: IMAGE IMAGE …")
+    if what and len(what) == TWO:
+        if initial is not None or goal is not None:
+            raise InputError("estimate: two images and --initial or --goal given; give one pair")
+        initial, goal = (Path(image) for image in what)
     images = initial is not None or goal is not None
     of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
     if task is None and None in (camera, initial, goal):

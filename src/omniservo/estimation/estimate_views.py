@@ -216,6 +216,8 @@ class _Adjustment:
                 return words
             if words := self._adjust_once(usable):
                 return words
+            if self.robust:
+                views.regain()
             residuals = self._residuals()
             distance = np.linalg.norm(residuals, axis=2)
             noise = self._noise(distance / self.sigma, usable)
@@ -233,6 +235,7 @@ class _Adjustment:
             if settled:
                 break
             usable = near if self.robust else usable
+        views.points[~views.agree.any(axis=0)] = math.nan
         return ""
 
     def _reweighted(self, ratio: float) -> bool:
@@ -419,7 +422,7 @@ class _Adjustment:
 
 def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
     """Place the views in which the known points tell the pose; True where at least two do."""
-    if len(length.known) < LEAST_POINTS:
+    if len(length.known) < LEAST_POINTS or not length.is_one_frame:
         return False
     for view in range(len(views.seen)):
         rows = views.seen[view, length.indices]

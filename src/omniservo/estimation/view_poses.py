@@ -22,6 +22,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 THRESHOLD_PX = 3.0
 """Distance at which a pixel stops to count while a point is placed; in σ·6 where the noise is stated."""
 
+LEAST_THRESHOLD_PX = 1.0
+"""The first poses err more than pixels do; what is wrong by less is found when all are adjusted."""
+
 MOST_PAIRS = 15
 TRIED_PAIRS = 3
 LEAST_POINTS = 4
@@ -80,9 +83,19 @@ class PlacedViews:
 
     def triangulate(self) -> None:
         """Place the points by the views that have a pose."""
+        self._triangulate(self.points, self.agree)
+
+    def regain(self) -> None:
+        """Place the points that have none, by the views as they stand now."""
+        points, agree = np.empty_like(self.points), np.empty_like(self.agree)
+        self._triangulate(points, agree)
+        lost = np.isnan(self.points[:, 0])
+        self.points[lost] = points[lost]
+
+    def _triangulate(self, points: FloatArray, agree: BoolArray) -> None:
         sigma, threshold = self.noise(self.room_px), THRESHOLD_PX
         if sigma is not None and self.seen.any():
-            threshold = 6.0 * float(np.quantile(sigma[self.seen], 0.9))
+            threshold = max(LEAST_THRESHOLD_PX, 6.0 * float(np.quantile(sigma[self.seen], 0.9)))
         triangulate_views(
             self.camera.parameters,
             self.pixels,
@@ -90,8 +103,8 @@ class PlacedViews:
             self.seen & self.placed[:, None],
             self.poses,
             threshold,
-            self.points,
-            self.agree,
+            points,
+            agree,
         )
 
     def place(self, view: int, points: FloatArray, rows: npt.NDArray[Any]) -> str:

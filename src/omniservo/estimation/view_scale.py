@@ -29,22 +29,33 @@ class ViewDistance:
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class KnownPoints:
-    """Points of which the coordinates in some frame are known, such as the corners of a tag."""
+    """Points of which the coordinates in some frame are known, such as the corners of a tag.
+
+    Of several groups, each with a frame of its own, as tags of known size at unknown places, only the sizes
+    count.
+    """
 
     indices: npt.ArrayLike
     """(k,) rows of the pixels"""
     points: npt.ArrayLike
     """(k, 3) [m]"""
+    groups: npt.ArrayLike | None = None
+    """(k,) whole numbers from 0: to which group each belongs. None: all are of one frame"""
 
     __repr__ = short_repr
 
+
+_PAIR = np.zeros(2, dtype=np.int64)
 
 ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | KnownDisplacements | None
 
 
 @dataclass(frozen=True, eq=False)
 class GaugeLength:
-    """A length of the structure: the size √(Σ‖xᵢ − x̄‖²) of some points or of two camera centres."""
+    """A length of the structure: the size √(Σ‖xᵢ − x̄‖²) of some points or of two camera centres.
+
+    x̄ is the mean of the group to which x belongs.
+    """
 
     of_views: bool
     """x are centres of views, else points"""
@@ -54,21 +65,29 @@ class GaugeLength:
     """what it truly is; None: it is set to 1"""
     known: FloatArray
     """(k, 3) [m] coordinates of the points where they are known, else (0, 3)"""
+    groups: IntArray
+    """(k,) of x; all 0: there is one"""
+
+    @property
+    def is_one_frame(self) -> bool:
+        """Whether all known points are of one frame."""
+        return not self.groups.any()
 
     def without(self, lost: IntArray) -> GaugeLength:
         """Return the length of what is left where some of its known points have no place."""
         if not len(lost):
             return self
         kept = ~np.isin(self.indices, lost)
-        known = self.known[kept]
-        size = float(np.linalg.norm(known - known.mean(axis=0)))
-        return GaugeLength(self.of_views, self.indices[kept], size, known)
+        known, groups = self.known[kept], self.groups[kept]
+        size = float(np.linalg.norm(_from_means(known, groups)))
+        return GaugeLength(self.of_views, self.indices[kept], size, known, groups)
 
     def among(self, views: IntArray, points: IntArray) -> GaugeLength:
         """Return the length in arrays of these views and points only, both sorted."""
         rows = views if self.of_views else points
         kept = self.without(self.indices[~np.isin(self.indices, rows)])
-        return GaugeLength(self.of_views, np.searchsorted(rows, kept.indices), kept.metres, kept.known)
+        places = np.searchsorted(rows, kept.indices)
+        return GaugeLength(self.of_views, places, kept.metres, kept.known, kept.groups)
 
     def value(self, centres: FloatArray, points: FloatArray) -> float:
         """Return the length in a structure of centres (v, 3) and points (n, 3)."""
@@ -83,7 +102,15 @@ class GaugeLength:
 
     def _spread(self, centres: FloatArray, points: FloatArray) -> FloatArray:
         chosen = (centres if self.of_views else points)[self.indices]
-        return np.asarray(chosen - chosen.mean(axis=0))
+        return _from_means(chosen, self.groups)
+
+
+def _from_means(points: FloatArray, groups: IntArray) -> FloatArray:
+    """Return points (k, 3) less the mean of their group."""
+    spread = points.copy()
+    for group in np.unique(groups):
+        spread[groups == group] -= points[groups == group].mean(axis=0)
+    return spread
 
 
 def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementPrior:
@@ -94,13 +121,13 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementP
     """
     none = np.empty((0, 3))
     if scale is None:
-        return GaugeLength(True, np.array([0, 1]), None, none)
+        return GaugeLength(True, np.array([0, 1]), None, none, _PAIR)
     if isinstance(scale, KnownDisplacements):
         return DisplacementPrior.of(scale, views)
     if isinstance(scale, ViewDistance):
         ends = _indices("scale: view", [scale.first, scale.second], views)
         return GaugeLength(
-            True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none
+            True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none, _PAIR
         )
     if isinstance(scale, KnownPoints):
         points = finite_array("scale: points", scale.points, (None, 3))
@@ -108,18 +135,24 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementP
         if len(rows) != len(points) or len(rows) < 2:
             words = f"{len(rows)} indices and {len(points)} points given; as many, at least two, are needed"
             raise InputError(f"scale: {words}")
-        size = float(np.linalg.norm(points - points.mean(axis=0)))
+        groups = np.zeros(len(rows), dtype=np.int64) if scale.groups is None else np.asarray(scale.groups)
+        if groups.shape != rows.shape or groups.dtype.kind not in "iu" or groups.min() < 0:
+            words = f"{groups.dtype} {groups.shape} given; whole numbers from 0, ({len(rows)},), are needed"
+            raise InputError(f"scale: groups: {words}")
+        size = float(np.linalg.norm(_from_means(points, groups)))
         if not size > 0.0:
             raise InputError("scale: points: all at one place; different points are needed")
-        return GaugeLength(False, rows, size, owned(points))
+        return GaugeLength(False, rows, size, owned(points), groups.astype(np.int64))
     if isinstance(scale, tuple | list):
         if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
             legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints, KnownDisplacements"
             raise InputError(f"scale: {spelled(scale)} given; legal: {legal}")
         metres = finite_number("scale: metres", scale[1], above=0.0)
-        return GaugeLength(False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none)
+        return GaugeLength(
+            False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none, _PAIR
+        )
     metres = finite_number("scale", scale, above=0.0)
-    return GaugeLength(True, np.array([0, 1]), _pair_size(metres), none)
+    return GaugeLength(True, np.array([0, 1]), _pair_size(metres), none, _PAIR)
 
 
 def _pair_size(metres: float) -> float:

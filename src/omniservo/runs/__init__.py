@@ -2,6 +2,7 @@
 
 from omniservo.renamed import renamed
 from omniservo.runs.estimate_images import estimate_images, estimate_in_cell
+from omniservo.runs.estimate_many_images import EstimatedViews, ImageScale, estimate_many_images
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.ground_truth import GroundTruth
 from omniservo.runs.no_path import NoPath
@@ -12,12 +13,15 @@ from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 
 __all__ = [
+    "EstimatedViews",
     "GroundTruth",
+    "ImageScale",
     "NoPath",
     "OpenCell",
     "RobotCell",
     "estimate_images",
     "estimate_in_cell",
+    "estimate_many_images",
     "estimate_task",
     "run_into",
     "run_task",

@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.renamed import renamed_attribute
 
 FORMAT = "omniservo.hand_eye/1"
@@ -198,6 +198,19 @@ def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
             f"{path}: covariance: not symmetric and positive; legal: what calibrate-hand-eye wrote"
         )
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion)), covariance
+
+
+def load_robot_sigmas(path: str | Path) -> tuple[float, float]:
+    """Return σ of a reported position [m] and rotation [rad] from a file that `HandEye.save` wrote.
+
+    Raises:
+        InputError: not such a file.
+    """
+    load_hand_eye(path)
+    fields = read_document(path)
+    names = ("robot_position_m", "robot_rotation_rad")
+    position, rotation = (finite_number(f"{path}: {n}", fields.get(n), minimum=0.0) for n in names)
+    return position, rotation
 
 
 def _lengths(found: HandEye, measure: Callable[[FloatArray], FloatArray]) -> tuple[float, float]:

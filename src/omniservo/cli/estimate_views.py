@@ -1,0 +1,141 @@
+"""``omniservo estimate`` of more than two images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from omniservo.cli.output import Output, answer_is_no
+from omniservo.errors import InputError, spelled
+from omniservo.files import require_file
+
+if TYPE_CHECKING:
+    from omniservo.cameras import UnifiedCamera
+    from omniservo.runs import EstimatedViews, ImageScale
+
+LengthOption = Annotated[
+    str | None,
+    typer.Option(
+        "--length",
+        help="I:J:METRES, between two dots (by number, as the first image shows them) or tag corners"
+        " (4 times the tag, plus the corner).",
+    ),
+]
+EdgeOption = Annotated[float | None, typer.Option("--tag-edge", help="Edge of every tag, in metres.")]
+PosesOption = Annotated[
+    str | None, typer.Option("--poses", help="The arm's poses, as calibrate-hand-eye takes them.")
+]
+MountOption = Annotated[
+    Path | None, typer.Option("--mount", help="What calibrate-hand-eye wrote; with --poses.")
+]
+
+Features = Literal["dots", "tags", "natural"]
+_PARTS = 3
+_TOLD = 3
+"""further images of which is said what they would gain"""
+
+
+def scale_of(
+    displacement: float | None,
+    length: str | None,
+    edge: float | None,
+    target: Path | None,
+    poses: str | None,
+    mount: Path | None,
+) -> ImageScale:
+    """Return what is known of lengths.
+
+    Raises:
+        InputError: a length that is not I:J:METRES.
+    """
+    from omniservo.runs import ImageScale
+
+    between = None
+    if length is not None:
+        parts = length.split(":")
+        try:
+            between = int(parts[0]), int(parts[1]), float(parts[2])
+        except (ValueError, IndexError):
+            parts = []
+        if len(parts) != _PARTS or between is None:
+            raise InputError(f"length: {spelled(length)} given; legal: I:J:METRES, as 0:5:0.12")
+    return ImageScale(displacement, between, edge, target, poses, mount)
+
+
+def estimate_views_of(
+    output: Output,
+    camera: UnifiedCamera,
+    images: Sequence[Path],
+    kind: tuple[Features, str | None],
+    scale: ImageScale,
+    out: Path | None,
+    force: bool,
+) -> None:
+    """Estimate, say what came of it, and write ``out``."""
+    for image in images:
+        require_file(image)
+    with output.working("loading") as progress:
+        from omniservo.runs import estimate_many_images
+
+        found = estimate_many_images(
+            camera, images, features=kind[0], dictionary=kind[1], scale=scale, progress=progress
+        )
+    output.result(found.to_dict())
+    estimate = found.estimate
+    if estimate.status != "ok":
+        for image, (status, reason) in zip(found.images, found.statuses(), strict=True):
+            output.line(f"{image}: {status}: {reason}")
+        raise answer_is_no(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
+    for line in _lines(found):
+        output.line(line)
+    if out is not None:
+        found.two_view().save(out, force=force)
+        output.written(out, ": the motion from the first to the last image")
+
+
+def _lines(found: EstimatedViews) -> Iterator[str]:
+    """Yield what a person wants to know."""
+    import numpy as np
+
+    estimate, statuses = found.estimate, found.statuses()
+    joined = sum(pose is not None for pose in estimate.initial_T_views)
+    placed = ~np.isnan(estimate.points[:, 0])
+    yield (
+        f"{joined} of {len(found.images)} images joined by {int(placed.sum())} points,"
+        f" rms {estimate.rms_px:.3f} px; the frame is that of {found.images[estimate.reference or 0]}"
+    )
+    unit = "m" if estimate.is_metric else "(the first two centres are 1 apart: no scale was given)"
+    for view, image in enumerate(found.images):
+        pose, (status, reason) = estimate.initial_T_views[view], statuses[view]
+        if pose is None:
+            yield f"{image}: {status}: {reason}"
+        elif view != estimate.reference:
+            sigma = np.sqrt(np.diag(estimate.covariance[view]))
+            turn = pose.rotation.as_rotvec(degrees=True)
+            said = "" if status == "ok" else ", by its stated displacement alone"
+            yield (
+                f"{image}: translation {_numbers(pose.translation)} ± {_numbers(sigma[:3])} {unit},"
+                f" rotation vector {_numbers(turn)} ± {_numbers(np.degrees(sigma[3:]))} deg{said}"
+            )
+    away = np.linalg.norm(estimate.points[placed], axis=1)
+    sure = f"its scale is known to {100.0 * estimate.size_sigma:.2g}% (1 sigma)"
+    yield f"points {away.min():.3g} to {away.max():.3g} {unit.split()[0]} away; {sure}"
+    if estimate.message:
+        yield f"notice: {estimate.message}"
+    for more in found.further[:_TOLD]:
+        (a, b), (c, d), (e, f) = more.position_sigma, more.rotation_sigma, more.size_sigma
+        yield (
+            f"one more image from {_numbers(more.initial_T_view.translation)}: position sigma {a:.2g} to"
+            f" {b:.2g}, rotation {math.degrees(c):.2g} to {math.degrees(d):.2g} deg,"
+            f" scale {100.0 * e:.2g} to {100.0 * f:.2g}%"
+        )
+
+
+def _numbers(values: object) -> str:
+    import numpy as np
+
+    return "[" + " ".join(f"{x:.3g}" for x in np.asarray(values)) + "]"
