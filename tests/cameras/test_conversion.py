@@ -153,7 +153,7 @@ def test_the_largest_residual_is_nearly_the_least_that_is_possible():
 def test_a_bad_conversion_is_refused_with_its_residual_unless_asked_for():
     panorama = Equirectangular(1000, 500)
     with pytest.raises(InputError, match=r"leaves \d+ px .* of this equirectangular camera, at pixel"):
-        to_unified(panorama)
+        to_unified(panorama, largest_px=1.0)
     with pytest.raises(InputError, match=r"leaves 0.0\d+ px .*legal: at most 0.001 px"):
         to_unified(TUM_KB, largest_px=0.001)
     narrow = to_unified(Equirectangular(1000, 500, max_angle=0.2), largest_px=2.0)

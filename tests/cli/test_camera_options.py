@@ -60,9 +60,9 @@ def test_every_command_asks_for_a_camera_of_several_by_the_same_flag(capsys, tmp
     "command",
     [
         ("camera", "convert", "FILE", "OUT", "--to", "mei"),
-        ("run", "paper-example-1", "--out", "OUT", "--camera", "FILE"),
-        ("teach", "paper-example-1", "--out", "OUT", "--camera", "FILE"),
-        ("estimate", "paper-example-1", "--camera", "FILE"),
+        ("run", "paper-example-1", "--out", "OUT", "--camera", "FILE", "--largest-px", "1"),
+        ("teach", "paper-example-1", "--out", "OUT", "--camera", "FILE", "--largest-px", "1"),
+        ("estimate", "paper-example-1", "--camera", "FILE", "--largest-px", "1"),
     ],
 )
 def test_a_refused_conversion_names_flags_that_the_command_has(capsys, tmp_path, stereo, command):

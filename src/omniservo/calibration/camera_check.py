@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc
 
-from omniservo.cameras import ModelError, UnifiedCamera
+from omniservo.cameras import ModelError
+from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
 from omniservo.perception import find_features
@@ -135,7 +136,7 @@ class _Motion:
         return np.asarray(self.weight > 0.0)
 
 
-def check_camera(camera: UnifiedCamera, reference: ByteArray, now: ByteArray) -> CameraCheck:
+def check_camera(camera: CentralModel, reference: ByteArray, now: ByteArray) -> CameraCheck:
     """Tell whether a camera that watches a scene moved since a reference image, by how much and which way.
 
     Natural features of the reference are found again by their patches, with gain and offset of their own,
@@ -204,7 +205,7 @@ def _unknown(agree: int, again: int, reason: str) -> CameraCheck:
     )
 
 
-def _spread(camera: UnifiedCamera, features: Features) -> IntArray:
+def _spread(camera: CentralModel, features: Features) -> IntArray:
     """Return the strongest features of every part of the image, in turn."""
     number, taken = _cell(camera, features.points.pixels), np.zeros(CELLS[0] * CELLS[1], dtype=int)
     turn = np.empty(len(number), dtype=int)
@@ -240,7 +241,7 @@ def _triads(pairs: FloatArray) -> FloatArray:
 
 
 def _fit(
-    camera: UnifiedCamera, image: FloatImage, templates: Templates, pixel: FloatArray, start: Rotation | None
+    camera: CentralModel, image: FloatImage, templates: Templates, pixel: FloatArray, start: Rotation | None
 ) -> _Motion | None:
     """Find the patches again near where ``start`` (now_R_was) brings them, and fit a small motion.
 
@@ -259,7 +260,7 @@ def _fit(
 
 
 def _robust_motion(
-    camera: UnifiedCamera, bearings: FloatArray, found_at: FloatArray, turn: FloatArray
+    camera: CentralModel, bearings: FloatArray, found_at: FloatArray, turn: FloatArray
 ) -> _Motion | None:
     """Return the motion that takes bearings (n, 3) to pixels (n, 2), by Tukey's weights, from a rotation on.
 
@@ -299,12 +300,12 @@ def _seen_from(twist: FloatArray, bearings: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_rotvec(twist[:3]).inv().apply(bearings - twist[3:]))
 
 
-def _moved_pixels(camera: UnifiedCamera, bearings: FloatArray, twist: FloatArray) -> FloatArray:
+def _moved_pixels(camera: CentralModel, bearings: FloatArray, twist: FloatArray) -> FloatArray:
     """Return the pixels now of points at distance 1."""
     return camera.project(_seen_from(twist, bearings))[0]
 
 
-def _jacobian(camera: UnifiedCamera, bearings: FloatArray, twist: FloatArray) -> FloatArray:
+def _jacobian(camera: CentralModel, bearings: FloatArray, twist: FloatArray) -> FloatArray:
     """Return ∂pixel/∂(rotation on the right, τ) (n, 2, 6) by central differences."""
     step, columns = 1e-6, []
     for i in range(6):
@@ -315,7 +316,7 @@ def _jacobian(camera: UnifiedCamera, bearings: FloatArray, twist: FloatArray) ->
     return np.stack(columns, axis=2)
 
 
-def _cell(camera: UnifiedCamera, pixels: FloatArray) -> IntArray:
+def _cell(camera: CentralModel, pixels: FloatArray) -> IntArray:
     """Return the number of the part of the image that each pixel lies in."""
     columns, rows = (
         np.clip((pixels[:, i] / size * count).astype(int), 0, count - 1)
@@ -324,7 +325,7 @@ def _cell(camera: UnifiedCamera, pixels: FloatArray) -> IntArray:
     return np.asarray(columns + CELLS[0] * rows)
 
 
-def _cells(camera: UnifiedCamera, motion: _Motion) -> int:
+def _cells(camera: CentralModel, motion: _Motion) -> int:
     """Return how many parts of the image have a feature that agrees."""
     return len(np.unique(_cell(camera, motion.pixels[motion.agree])))
 
@@ -340,7 +341,7 @@ def _apart(one: _Motion, other: _Motion) -> bool:
     return bool(np.sqrt((shift**2).sum(1).mean()) > 1.0)
 
 
-def _covariance(camera: UnifiedCamera, motion: _Motion) -> FloatArray:
+def _covariance(camera: CentralModel, motion: _Motion) -> FloatArray:
     """Return the covariance (6, 6) of a fitted motion: scatter clustered by parts of the image, and light."""
     agree = motion.agree
     jacobian, weight, pixels = motion.jacobian[agree], motion.weight[agree], motion.pixels[agree]

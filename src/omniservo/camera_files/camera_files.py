@@ -173,17 +173,19 @@ def load_camera(
     size: tuple[int, int] | None = None,
     model: str | None = None,
     max_angle: float | None = None,
-    largest_px: float = 1.0,
+    largest_px: float | None = None,
     camera_error: ErrorLike = None,
 ) -> UnifiedCamera:
     """Return the camera of a calibration file as a unified camera, converted where it is another model.
 
+    Only plans need one; everything else takes what `load_model` gives as it is.
+
     It has a model error: ``camera_error`` (σ [px], or a `ModelError`), else what the file says, else what is
     usual (`omniservo.camera_files.usual_error`).
 
-    What the conversion leaves, at most ``largest_px`` [px], is added to ``deviation_px``, which planning adds
-    to its visibility margin; `omniservo.cameras.conversion.to_unified` gives it as a map. Arguments are those
-    of `load_model`.
+    What the conversion leaves is added to ``deviation_px``, which planning adds to its visibility margin, and
+    its rms to the model error; `omniservo.cameras.conversion.to_unified` gives it as a map. ``largest_px``
+    [px] refuses what leaves more; None: nothing. The other arguments are those of `load_model`.
 
     Raises:
         InputError: as `load_model`, or the conversion leaves more than ``largest_px``.
@@ -192,14 +194,12 @@ def load_camera(
     return as_unified(with_error(found, camera_error, file), path, largest_px)
 
 
-def as_unified(camera: CentralModel, source: str | Path, largest_px: float) -> UnifiedCamera:
+def as_unified(camera: CentralModel, source: str | Path, largest_px: float | None = None) -> UnifiedCamera:
     """Return `to_unified` of a camera that ``source`` holds.
 
     Raises:
         InputError: it leaves more than ``largest_px``.
     """
-    if isinstance(camera, UnifiedCamera):
-        return camera
     try:
         return to_unified(camera, largest_px=largest_px).camera
     except InputError as error:

@@ -44,9 +44,9 @@ def named_camera(
     name: str | None = None,
     *,
     max_angle: float | None = None,
-    largest_px: float = 1.0,
+    largest_px: float | None = None,
     camera_error: ErrorLike = None,
 ) -> UnifiedCamera:
-    """Return `named_model` as a unified camera, at most ``largest_px`` [px] away; see `load_camera`."""
+    """Return `named_model` as a unified camera, as `load_camera` does."""
     found = named_model(camera, name=name, max_angle=max_angle, camera_error=camera_error)
     return as_unified(found, camera, largest_px)

@@ -38,6 +38,12 @@ class KernelCamera:
         usable_angle: float
         parameters: FloatArray
 
+        def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+            """Return pixels, ∂pixel/∂point, and valid."""
+
+        def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+            """Return bearings, ∂bearing/∂pixel, and valid."""
+
         def to_dict(self) -> dict[str, Any]:
             """Return the camera's fields."""
 

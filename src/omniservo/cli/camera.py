@@ -33,9 +33,6 @@ app.command("calibrate")(calibrate)
 app.command("rectify")(rectify)
 app.command("check")(check)
 
-_ANY_PX = 1e9
-"""a camera is shown however badly the unified model stands for it"""
-
 _UNITS = {
     **dict.fromkeys(("fx", "fy", "cx", "cy", "width", "height", "dead_zone", "mask", "deviation_px"), " px"),
     "max_angle": " rad",
@@ -72,7 +69,7 @@ def show(
     result = {**fields, "usable_angle": shown.usable_angle, "past_right_angle": behind}
     unified = None
     try:
-        conversion = to_unified(shown, largest_px=_ANY_PX)
+        conversion = to_unified(shown)
     except InputError as error:
         for warning in shown.warnings:
             output.line(f"{'warning':<14} {warning}")
@@ -93,7 +90,7 @@ def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> 
     for warning in conversion.warnings:
         output.line(f"{'warning':<14} {warning}")
     if conversion.camera is not shown:
-        output.line(f"{'as unified':<14} {_spelled(conversion.residual)}")
+        output.line(f"{'as unified':<14} {conversion.residual}")
     limits = conversion.camera.image_limits()
     shortfall = polygon_shortfall(conversion.camera)
     if limits.polygon is None:
@@ -167,7 +164,7 @@ def convert(
     written = found.to_dict()["model"]
     output.written(out, f" ({written})")
     if residual is not None:
-        output.line(f"residual: {_spelled(residual)}")
+        output.line(f"residual: {residual}")
     if found.model_error is not None:
         output.line(f"model error: {found.model_error}, written with it; estimates count it")
     if found.deviation_px:
@@ -200,14 +197,6 @@ def _spelled_field(value: object) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {_spelled_field(part)}" for name, part in value.items())
     return f"[{', '.join(map(_spelled_field, value))}]" if isinstance(value, list | tuple) else str(value)
-
-
-def _spelled(residual: Residual) -> str:
-    lost = f", {100.0 * residual.lost:.2g}% of the field lost" if residual.lost > 0.0 else ""
-    return (
-        f"at most {residual.largest_px:.3g} px ({math.degrees(residual.largest_rad):.3g} deg) away,"
-        f" rms {residual.rms_px:.3g} px{lost}"
-    )
 
 
 def _numbers(residual: Residual | None) -> dict[str, float]:

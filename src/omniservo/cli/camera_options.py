@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,7 +11,6 @@ import typer
 from omniservo.errors import InputError, spelled
 
 if TYPE_CHECKING:
-    from omniservo.cameras import UnifiedCamera
     from omniservo.cameras.models import CentralModel
 
 LARGEST_PX = 1.0
@@ -36,7 +36,7 @@ MaxAngleOption = Annotated[
 ]
 LargestOption = Annotated[
     float | None,
-    typer.Option("--largest-px", help="How far a converted camera may lie from the file's, in px (1)."),
+    typer.Option("--largest-px", help="Refuse a camera whose nearest converted one is farther off, in px."),
 ]
 
 
@@ -67,41 +67,45 @@ def open_model(
     )  # fmt: skip
 
 
-def open_camera(
-    camera: str | None,
-    name: str | None,
-    max_angle: float | None,
-    largest_px: float | None,
-    camera_error: float | None = None,
-) -> UnifiedCamera | None:
-    """Return the unified camera that ``--camera`` stands for, or None where it is not given."""
-    if camera is None:
+@dataclass(frozen=True)
+class CameraAsked:
+    """Which camera a command is told of, in the words of its options."""
+
+    camera: str | None
+    name: str | None = None
+    size: str | None = None
+    model: str | None = None
+    max_angle: float | None = None
+    largest_px: float | None = None
+    camera_error: float | None = None
+
+    def opened(self) -> CentralModel | None:
+        """Return the camera of a preset or a file as it stands there, or None where none is named.
+
+        Raises:
+            InputError: no such camera, options without a camera, or its unified form, with which paths are
+                planned, is farther away than ``--largest-px``.
+        """
+        if self.camera is not None:
+            return self.opened_from(self.camera)
         options = {
-            "--camera-name": name, "--max-angle": max_angle, "--largest-px": largest_px,
-            "--camera-error": camera_error,
+            "--camera-name": self.name, "--size": self.size, "--model": self.model,
+            "--max-angle": self.max_angle, "--largest-px": self.largest_px,
+            "--camera-error": self.camera_error,
         }  # fmt: skip
         given = [option for option, value in options.items() if value is not None]
         if given:
             raise InputError(f"{given[0]}: given without --camera")
         return None
-    return open_given_camera(camera, name, max_angle, largest_px, camera_error)
 
+    def opened_from(self, camera: str) -> CentralModel:
+        """Return the camera that a preset's or a file's name stands for."""
+        found = open_model(camera, self.name, self.size, self.model, self.max_angle, self.camera_error)
+        if self.largest_px is not None:
+            from omniservo.camera_files.camera_files import as_unified
 
-def open_given_camera(
-    camera: str,
-    name: str | None,
-    max_angle: float | None,
-    largest_px: float | None,
-    camera_error: float | None = None,
-) -> UnifiedCamera:
-    """Return the unified camera that a file's or a preset's name stands for."""
-    from omniservo.camera_files import named_camera
-
-    allowed = LARGEST_PX if largest_px is None else largest_px
-    return named_camera(
-        camera, name, max_angle=_radians(max_angle), largest_px=allowed,
-        camera_error=_checked_error(camera_error),
-    )  # fmt: skip
+            as_unified(found, camera, self.largest_px)
+        return found
 
 
 def _checked_error(camera_error: float | None) -> float | None:

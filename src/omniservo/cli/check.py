@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import LargestOption, MaxAngleOption, open_given_camera
+from omniservo.cli.camera_options import CameraAsked, LargestOption, MaxAngleOption, ModelOption, SizeOption
 from omniservo.cli.output import CameraNameOption, JsonOption, Output, QuietOption, answer_is_no
 from omniservo.files import require_file
 
@@ -21,6 +21,8 @@ def check(
     now: Annotated[Path, typer.Argument(help="An image of now, of the same size.")],
     camera: Annotated[str, typer.Option("--camera", help="A calibration file or a preset's name.")],
     camera_name: CameraNameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
     as_json: JsonOption = False,
@@ -34,7 +36,8 @@ def check(
         from omniservo.calibration import check_camera
         from omniservo.files.image_files import read_grey_image
 
-        opened = open_given_camera(camera, camera_name, max_angle, largest_px)
+        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px)
+        opened = asked.opened_from(camera)
         images = [read_grey_image(path) for path in (reference, now)]
         progress("finding the reference again")
         found = check_camera(opened, *images)

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import (
+    CameraAsked,
+    CameraErrorOption,
+    LargestOption,
+    MaxAngleOption,
+    ModelOption,
+    SizeOption,
+)
 from omniservo.cli.estimate_views import (
     EdgeOption,
     LengthOption,
@@ -71,6 +78,8 @@ def estimate(
     ] = None,
     camera: CameraOption = None,
     camera_name: CameraNameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
     camera_error: CameraErrorOption = None,
@@ -96,15 +105,15 @@ def estimate(
 ) -> None:
     """Estimate the camera's motion and the target's structure from two images, or from more."""
     output = Output(as_json, quiet)
-    for path in (out, report):
-        if path is not None:
-            writable(path, force=force)
+    for path in filter(None, (out, report)):
+        writable(path, force=force)
+    asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
     task = what[0] if what and len(what) == 1 else None
     more = length is not None or tag_edge is not None or poses is not None or mount is not None
     if what and len(what) > 1 and (len(what) > TWO or more):
         if planar or report is not None or initial is not None or goal is not None:
             raise InputError("estimate: --initial, --goal, --planar and --report are for two images")
-        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
+        replacement = asked.opened()
         if replacement is None:
             raise InputError("camera: missing; images need --camera")
         _say_far(output, displacement)
@@ -126,9 +135,7 @@ def estimate(
         initial, goal = (Path(image) for image in what)
     images = initial is not None or goal is not None
     of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
-    if task is None and None in (camera, initial, goal):
-        raise InputError(_NEEDED)
-    _check_files(task, initial, goal)
+    _check_files(task, camera, initial, goal)
     with output.working("loading") as progress:
         from omniservo.reporting import write_estimate_report
         from omniservo.runs import estimate_images, estimate_in_cell
@@ -136,9 +143,8 @@ def estimate(
         from omniservo.tasks import load_task
 
         progress("estimating")
-        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
+        replacement, known = asked.opened(), packages_of(package)
         if task is not None and not images and not of_images:
-            known = packages_of(package)
             loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
             found = estimate_in_cell(loaded, SimulatedCell, seed=seed)
         elif task is None and replacement is not None and initial is not None and goal is not None:
@@ -158,8 +164,10 @@ def estimate(
     _say(output, found.estimate)
 
 
-def _check_files(task: str | None, *images: Path | None) -> None:
+def _check_files(task: str | None, camera: str | None, *images: Path | None) -> None:
     """Raise InputError where one of these is not there, before anything is loaded."""
+    if task is None and None in (camera, *images):
+        raise InputError(_NEEDED)
     if task is not None:
         task_file(task)
     for image in filter(None, images):

@@ -14,7 +14,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import require_file
 
 if TYPE_CHECKING:
-    from omniservo.cameras import UnifiedCamera
+    from omniservo.cameras.models import CentralModel
     from omniservo.runs import EstimatedViews, ImageScale
 
 LengthOption = Annotated[
@@ -68,7 +68,7 @@ def scale_of(
 
 def estimate_views_of(
     output: Output,
-    camera: UnifiedCamera,
+    camera: CentralModel,
     images: Sequence[Path],
     kind: tuple[Features, str | None],
     scale: ImageScale,

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from omniservo.cli.camera_options import CameraErrorOption
+from omniservo.cli.camera_options import (
+    CameraErrorOption,
+    MaxAngleOption,
+    ModelOption,
+    SizeOption,
+    open_model,
+)
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import InputError, NoSolutionError
 
@@ -28,6 +34,9 @@ def calibrate_hand_eye(
     poses: Annotated[str, typer.Option("--poses", help=_POSES)],
     camera: Annotated[str, typer.Option("--camera", help="The camera's calibration, or a preset.")],
     camera_name: CameraNameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
+    max_angle: MaxAngleOption = None,
     camera_error: CameraErrorOption = None,
     board: Annotated[str | None, typer.Option("--board", help=_BOARD)] = None,
     target: Annotated[
@@ -42,7 +51,6 @@ def calibrate_hand_eye(
     """Eye-in-hand calibration: the camera's pose on the flange, from images of a fixed board."""
     from omniservo.calibration import board_from_text
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
-    from omniservo.camera_files import named_camera
     from omniservo.files import writable
     from omniservo.reporting import write_hand_eye_report
     from omniservo.targets import Target
@@ -56,8 +64,8 @@ def calibrate_hand_eye(
     base_T_flange = load_robot_poses(poses).of_images(images)
     output = Output(as_json, quiet)
     with output.working("looking for the board") as say:
-        model = named_camera(camera, camera_name, camera_error=camera_error)
-        found = calibrate_hand_eye_images(model, base_T_flange, images, looked_for, progress=say)
+        opened = open_model(camera, camera_name, size, model, max_angle, camera_error)
+        found = calibrate_hand_eye_images(opened, base_T_flange, images, looked_for, progress=say)
     if report is not None:
         write_hand_eye_report(found, report, force=force)
         output.written(report)

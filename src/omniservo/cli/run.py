@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import (
+    CameraAsked,
+    CameraErrorOption,
+    LargestOption,
+    MaxAngleOption,
+    ModelOption,
+    SizeOption,
+)
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -42,6 +49,8 @@ def run(
     goal: Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")] = None,
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
     camera_name: CameraNameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
     camera_error: CameraErrorOption = None,
@@ -70,10 +79,8 @@ def run(
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
-        replacement, known = (
-            open_camera(camera, camera_name, max_angle, largest_px, camera_error),
-            packages_of(package),
-        )
+        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
+        replacement, known = asked.opened(), packages_of(package)
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)
         try:

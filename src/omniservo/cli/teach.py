@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.camera_options import CameraErrorOption, LargestOption, MaxAngleOption, open_camera
+from omniservo.cli.camera_options import (
+    CameraAsked,
+    CameraErrorOption,
+    LargestOption,
+    MaxAngleOption,
+    ModelOption,
+    SizeOption,
+)
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.files import writable
@@ -19,6 +26,8 @@ def teach(
     out: Annotated[Path, typer.Option("--out", help="Write the taught goal here (JSON).")],
     camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
     camera_name: CameraNameOption = None,
+    size: SizeOption = None,
+    model: ModelOption = None,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
     camera_error: CameraErrorOption = None,
@@ -39,9 +48,9 @@ def teach(
         from omniservo.tasks import load_task
 
         progress("teaching")
-        replacement = open_camera(camera, camera_name, max_angle, largest_px, camera_error)
+        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
         loaded = load_task(
-            task, camera=replacement, packages=packages_of(package), allow_outside=allow_outside
+            task, camera=asked.opened(), packages=packages_of(package), allow_outside=allow_outside
         )
         goal = teach_goal(loaded, SimulatedCell(loaded, seed))
     goal.save(out, force=force)

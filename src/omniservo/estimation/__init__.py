@@ -8,7 +8,8 @@ from omniservo.estimation.further_view import FurtherView, candidate_views, furt
 from omniservo.estimation.known_displacements import KnownDisplacements
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate
 from omniservo.estimation.pose_estimate import PoseEstimate
-from omniservo.estimation.refinement.pose_refinement import PoseRefinement, refine_pose, refine_pose_kernel
+from omniservo.estimation.refinement.pose_refinement import refine_pose_kernel
+from omniservo.estimation.refinement.refine_pose import PoseRefinement, refine_pose
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.uncertainty.joint_uncertainty import EstimateSamples, JointUncertainty
 from omniservo.estimation.view_points import ViewPoints

@@ -12,6 +12,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_image
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.estimate_pose import PoseSpread, known_pixels, pose_residuals, pose_spread
 from omniservo.estimation.outside_domain import in_domain
@@ -57,7 +59,7 @@ class _View:
 
 
 def estimate_known_target(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     points: npt.ArrayLike,
     pixels_initial: npt.ArrayLike,
     pixels_goal: npt.ArrayLike,
@@ -75,7 +77,7 @@ def estimate_known_target(
     is judged by that picture's cost; but σ, where it is not stated, is one number of both.
 
     Args:
-        camera: took both pictures.
+        camera: took both pictures; of any model.
         points: (n, 3) [m] in the target's frame.
         pixels_initial: (n, 2) [px], row j shows point j.
         pixels_goal: (n, 2) [px].
@@ -99,6 +101,7 @@ def estimate_known_target(
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
     views: list[_View] = []
     outside = np.zeros(n, dtype=np.bool_)
+    image = unified_image(camera)
     for place, pixels in enumerate((pixels_initial, pixels_goal)):
         name = f"pixels_{PICTURES[place]}"
         rows = np.asarray(pixels)
@@ -110,7 +113,7 @@ def estimate_known_target(
             outside[np.flatnonzero(use)[~inside]] = True
             use[use] = inside
         known = known_pixels(
-            camera, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
+            image, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
         )
         if use.sum() < LEAST_POINTS:
             words = f"{PICTURES[place]} picture: {use.sum()} points; at least {LEAST_POINTS} are needed"
@@ -119,7 +122,7 @@ def estimate_known_target(
     refused = _refused(views)
     if refused is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
-    return _with_pose(camera, target, views, seen & ~outside, relative, started)
+    return _with_pose(image.camera, target, views, seen & ~outside, relative, started)
 
 
 def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _View:

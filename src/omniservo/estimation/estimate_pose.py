@@ -12,6 +12,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import UnifiedImage, unified_image
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.outside_domain import in_domain, with_rows
 from omniservo.estimation.pose_estimate import PoseEstimate, PoseStatus, pose_of
@@ -32,7 +34,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, o
 
 
 def estimate_pose(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     points: npt.ArrayLike,
     pixels: npt.ArrayLike,
     *,
@@ -46,7 +48,7 @@ def estimate_pose(
     poses, all of which are told.
 
     Args:
-        camera: took the picture.
+        camera: took the picture; of any model (`UnifiedImage`).
         points: (n, 3) [m] in a frame of their own.
         pixels: (n, 2) [px], row j shows point j.
         robust: reject points that do not agree with the others (never of three), and those outside the
@@ -59,8 +61,9 @@ def estimate_pose(
         InputError: shapes, numbers that are not finite, illegal noise, most pixels outside the camera's
             domain (not robust: one).
     """
+    image = unified_image(camera)
     try:
-        return _estimate_pose(camera, known_pixels(camera, points, pixels, noise), robust)
+        return _estimate_pose(image.camera, known_pixels(image, points, pixels, noise), robust)
     except InputError:
         model, seen = finite_array("points", points, (None, 3)), finite_array("pixels", pixels, (None, 2))
         sigmas = _checked_noise(noise, len(model))
@@ -68,7 +71,8 @@ def estimate_pose(
         if inside is None or inside.all():
             raise
     sigmas = None if sigmas is None else sigmas[inside]
-    part = _estimate_pose(camera, known_pixels(camera, model[inside], seen[inside], sigmas), robust)
+    known = known_pixels(image, model[inside], seen[inside], sigmas)
+    part = _estimate_pose(image.camera, known, robust)
     inliers = np.zeros(len(seen), dtype=np.bool_)
     inliers[inside] = part.inliers
     return replace(part, inliers=inliers, residuals_px=with_rows(part.residuals_px, inside))
@@ -108,9 +112,9 @@ def _estimate_pose(camera: UnifiedCamera, known: KnownPixels, robust: bool) -> P
 
 
 def known_pixels(
-    camera: UnifiedCamera, points: npt.ArrayLike, pixels: npt.ArrayLike, noise: Any, name: str = "pixels"
+    image: UnifiedImage, points: npt.ArrayLike, pixels: npt.ArrayLike, noise: Any, name: str = "pixels"
 ) -> KnownPixels:
-    """Return checked points and pixels with their bearings and weights; ``name`` stands in messages.
+    """Return checked points and carried pixels with bearings and weights; ``name`` stands in messages.
 
     Raises:
         InputError: see `estimate_pose`.
@@ -119,6 +123,7 @@ def known_pixels(
     seen = finite_array(name, pixels, (None, 2)) if np.size(pixels) else np.empty((0, 2))
     if len(model) != len(seen):
         raise InputError(f"points, {name}: {len(model)} and {len(seen)} rows given; one pixel each is needed")
+    camera = image.own
     bearings, valid = camera.unproject(seen)
     if not valid.all():
         j = int(np.argmin(valid))
@@ -126,13 +131,15 @@ def known_pixels(
             f"{name}: ({seen[j, 0]:g}, {seen[j, 1]:g}) at index {j} is outside the camera's domain"
             f" (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
         )
-    sigmas = _checked_noise(noise, len(model))
+    sigmas, parameters = _checked_noise(noise, len(model)), image.camera.parameters
     if sigmas is not None and camera.model_error is not None:
         sigmas = np.hypot(sigmas, camera.model_error.sigma_px)
+    carried = image.carried(seen)
     if sigmas is None or not len(sigmas):
-        return KnownPixels(camera.parameters, model, seen, bearings, np.ones(len(model)), None)
+        return KnownPixels(parameters, model, carried, bearings, np.ones(len(model)), None)
+    sigmas = sigmas * image.scale(seen)
     usual = float(np.median(sigmas))
-    return KnownPixels(camera.parameters, model, seen, bearings, usual / sigmas, usual)
+    return KnownPixels(parameters, model, carried, bearings, usual / sigmas, usual)
 
 
 def _checked_noise(noise: Any, n: int) -> FloatArray | None:

@@ -14,6 +14,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import UnifiedImage, unified_image
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import later
 from omniservo.estimation.estimate_planar import estimate_planar
@@ -30,6 +32,12 @@ from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
 from omniservo.estimation.status.two_motions import judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
+from omniservo.estimation.two_view_input import (
+    checked_noise,
+    checked_pixels,
+    checked_squares,
+    checked_windows,
+)
 from omniservo.estimation.two_view_request import FEW_TO_RAISE, TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
@@ -42,7 +50,7 @@ from omniservo.estimation.uncertainty.two_view_uncertainty import (
     total_covariances,
     two_view_uncertainty,
 )
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, owned
 from omniservo.geometry.quaternions import CAYLEY, QUATERNION
 
 Scale = float | tuple[tuple[int, int], float]
@@ -51,7 +59,6 @@ METHODS = ("pixel", "virtual-plane", "homography")
 ROTATIONS = {"quaternion": QUATERNION, "cayley": CAYLEY}
 MOST_STEPS = 100
 
-NO_SQUARES: IntArray = np.empty((0, 4), dtype=np.int64)
 
 RAISE = 2.0
 """Before a real camera's matches that do not agree are refused, their noise is raised by this factor."""
@@ -66,12 +73,9 @@ MOST_OF_SQUARES_PX = 1.0
 
 ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
 
-ASSUMED_NOISE_PX = 0.5
-"""of fewer than eight matches where none is stated: they leave too few residuals to tell."""
-
 
 def estimate_two_view(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     pixels_initial: npt.ArrayLike,
     pixels_goal: npt.ArrayLike,
     *,
@@ -92,7 +96,7 @@ def estimate_two_view(
     s = (s_R, s_t, s_h₁ … s_hₙ), (13)-(22). Directions past 90° from the axis are members.
 
     Args:
-        camera: took both images.
+        camera: took both images; of any model (`UnifiedImage`).
         pixels_initial: (n, 2) [px].
         pixels_goal: (n, 2) [px], row j shows the same point.
         scale: None: ‖t‖ = 1, not metric. A number: the distance of the two camera centres [m]. ((i, j), d):
@@ -119,15 +123,16 @@ def estimate_two_view(
             without virtual image.
     """
     started = time.perf_counter()
-    pixels = _checked_pixels(pixels_initial, pixels_goal)
+    image = unified_image(camera)
+    pixels, px = checked_pixels(image, pixels_initial, pixels_goal)
     fixed = _checked_scale(scale, scale_sigma, len(pixels))
     _check_choice("method", method, METHODS)
     _check_choice("rotation", rotation, tuple(ROTATIONS))
-    lens, sigmas = Lens.of(camera, calibration_covariance), _checked_noise(noise, len(pixels))
-    known = _checked_squares(squares, len(pixels)), _checked_windows(windows, len(pixels))
+    lens, sigmas = Lens.of(image, calibration_covariance), checked_noise(noise, px)
+    known = checked_squares(squares, len(pixels)), checked_windows(windows, px)
     request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known, sigmas)
     try:
-        return _estimate(camera, pixels, method, robust, request, started)
+        return _estimate(image, pixels, method, robust, request, started)
     except InputError:
         inside = in_domain(camera, pixels[:, :2], pixels[:, 2:]) if robust else None
         if inside is None or inside.all():
@@ -136,58 +141,31 @@ def estimate_two_view(
     if lost is not None:
         words = f"point {lost}, which the scale refers to, is outside the camera's domain"
         return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
-    part = _estimate(camera, pixels[inside], method, robust, request.where(inside), started)
+    part = _estimate(image, pixels[inside], method, robust, request.where(inside), started)
     return among_all(part, inside)
 
 
 def _estimate(
-    camera: UnifiedCamera,
+    image: UnifiedImage,
     pixels: FloatArray,
     method: str,
     robust: bool,
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
-    """Estimate from pixels (n, 4) by one of `METHODS`."""
+    """Estimate from the camera's own pixels (n, 4) by one of `METHODS`."""
+    views = (image.inside("pixels_initial", pixels[:, :2]), image.inside("pixels_goal", pixels[:, 2:]))
     noise = None if request.noise is None else request.lens.whole_noise(request.noise)
-    matches = Matches.of_pixels(camera, pixels, noise)
+    matches = Matches.of_pixels(image.camera, np.concatenate(views, axis=1), noise)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
-    plane = _virtual_plane(camera, matches) if method == "virtual-plane" else None
+    plane = _virtual_plane(image.camera, matches) if method == "virtual-plane" else None
     return _estimate_few(matches, plane, robust, request, started)
 
 
 def _check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
     if given not in legal:
         raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
-
-
-def _checked_pixels(pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike) -> FloatArray:
-    """Return both images' pixels side by side, (n, 4)."""
-    initial = finite_array("pixels_initial", pixels_initial, (None, 2))
-    goal = finite_array("pixels_goal", pixels_goal, (None, 2))
-    if len(initial) != len(goal):
-        raise InputError(
-            f"pixels_initial, pixels_goal: {len(initial)} and {len(goal)} rows given; row j of both must show"
-            " the same point"
-        )
-    if len(initial) == 0:
-        raise InputError("pixels_initial: no pixel given")
-    return np.concatenate((initial, goal), axis=1)
-
-
-def _checked_noise(noise: Any, n: int) -> FloatArray | None:
-    """Return σ of each point in either image (n, 2) [px]."""
-    if noise is None:
-        return np.full((n, 2), ASSUMED_NOISE_PX) if n < EIGHT_POINTS else None
-    if np.ndim(noise) == 0:
-        return np.full((n, 2), finite_number("noise", noise, above=0.0))
-    sigmas = finite_array("noise", noise, (None, 2))
-    if len(sigmas) != n:
-        raise InputError(f"noise: {len(sigmas)} rows given; {n} are needed, one for each match")
-    if sigmas.min() <= 0.0:
-        raise InputError(f"noise: {sigmas.min():g} given; legal: > 0")
-    return sigmas
 
 
 def _checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
@@ -208,32 +186,6 @@ def _checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | No
     if indices[0] == indices[1]:
         raise InputError(f"scale: point {indices[0]} given twice; two different points are needed")
     return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)
-
-
-def _checked_squares(squares: npt.ArrayLike | None, n: int) -> IntArray:
-    """Return (m, 4) places of matches; no match is a corner of two squares."""
-    if squares is None:
-        return NO_SQUARES
-    places = np.asarray(squares)
-    if places.ndim != 2 or places.shape[1] != 4 or places.dtype.kind not in "iu":
-        raise InputError(f"squares: {places.dtype} {places.shape} given; whole numbers (m, 4) are needed")
-    if places.size and not 0 <= places.min() <= places.max() < n:
-        raise InputError(f"squares: {places.min()} to {places.max()} given; legal: 0 to {n - 1}")
-    if len(np.unique(places)) < places.size:
-        raise InputError("squares: a match stands twice; it is a corner of one square")
-    return places.astype(np.int64)
-
-
-def _checked_windows(windows: npt.ArrayLike | None, n: int) -> FloatArray | None:
-    """Return the standard deviation of each match's window (n,) [px]."""
-    if windows is None:
-        return None
-    widths = finite_array("windows", windows, (None,))
-    if len(widths) != n:
-        raise InputError(f"windows: {len(widths)} numbers given; {n} are needed, one for each match")
-    if widths.min() <= 0.0:
-        raise InputError(f"windows: {widths.min():g} given; legal: > 0")
-    return widths
 
 
 def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:

@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_image
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate, ViewStatus
@@ -53,7 +55,7 @@ LEAST_OF_VIEW = 3
 
 
 def estimate_views(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     pixels: npt.ArrayLike | ViewPoints,
     *,
     visible: npt.ArrayLike | None = None,
@@ -72,8 +74,8 @@ def estimate_views(
     is that of the first view that has a pose.
 
     Args:
-        camera: took all pictures; its ``model_error`` is the same in all of them, so that views do not
-            average it out.
+        camera: took all pictures; of any model. Its ``model_error`` is the same in all of them, so that views
+            do not average it out.
         pixels: (v, n, 2) [px], [i, j] shows point j in view i; or `ViewPoints`.
         visible: (v, n) bool: the pixels of others are not read. None: all.
         scale: None: the centres of the first two views are 1 apart, not metric. A number: their distance [m].
@@ -91,14 +93,16 @@ def estimate_views(
             domain (not robust: one).
     """
     started = time.perf_counter()
-    given = CheckedPoints.of(camera, _points_of(pixels, visible, noise), robust)
+    image = unified_image(camera)
+    given = CheckedPoints.of(image, _points_of(pixels, visible, noise), robust)
     shape = given.seen.shape
     length = checked_scale(scale, *shape)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
     directions = np.empty((0, 5))
     if calibration_covariance is not None:
+        image.refuse_parameters("calibration_covariance")
         directions = calibration_directions(calibration_covariance)
-    work = _Adjustment(camera, given, directions, length, robust)
+    work = _Adjustment(image.camera, given, directions, length, robust)
     status, words = work.place()
     if status != "ok":
         return MultiViewEstimate.without_pose(shape, status, words, started, work.reasons())

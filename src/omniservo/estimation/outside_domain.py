@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.estimation.deferred import later
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
 
-def in_domain(camera: UnifiedCamera, *views: FloatArray) -> BoolArray | None:
+def in_domain(camera: CentralModel, *views: FloatArray) -> BoolArray | None:
     """Return the rows (n,) of pixels (n, 2) inside the camera's domain in all views; None where most are not.
 
     Then it is the camera, or the unit, that is wrong.

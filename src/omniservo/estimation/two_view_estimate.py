@@ -12,7 +12,8 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_image
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import deferring
 from omniservo.estimation.matches import Matches
@@ -24,10 +25,13 @@ from omniservo.estimation.uncertainty.joint_uncertainty import (
 )
 from omniservo.estimation.uncertainty.likelihood_samples import likelihood_samples
 from omniservo.field_docs import with_field_docs
-from omniservo.files import read_document, write_whole
+from omniservo.files import parse_document, read_text, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 FORMAT = "omniservo.estimate/1"
+
+LARGEST_FILE = 2**28
+"""[bytes] It holds the covariance of all points with all others."""
 
 Status = Literal[
     "ok", "too_few_points", "planar_points", "pure_rotation", "no_motion", "ambiguous", "not_converged"
@@ -93,7 +97,7 @@ class TwoViewEstimate:
     uncertainty: JointUncertainty | None = None
     """Joint law of motion and structure, the scale aside; None where there is no pose, and in files written
     before there was one."""
-    camera: UnifiedCamera | None = None
+    camera: CentralModel | None = None
     """that took both images, where the estimate is kept for planning; None: not said"""
     alternatives: tuple[RigidTransform, ...] = ()
     """the two motions where the status is "ambiguous", the likelier or that of more matches first, ‖t‖ = 1"""
@@ -135,7 +139,7 @@ class TwoViewEstimate:
         rng: np.random.Generator,
         count: int,
         sources: tuple[Source, ...] = SOURCES,
-        camera: UnifiedCamera | None = None,
+        camera: CentralModel | None = None,
         rows: IntArray | None = None,
     ) -> EstimateSamples:
         """Return ``count`` equally likely motions and structures: (x + dx)(1 + ε), see `JointUncertainty`.
@@ -170,10 +174,11 @@ class TwoViewEstimate:
             if measured is None or camera is None:
                 moved += law.draw_noise(streams[2], tau)
             else:
+                unified = unified_image(camera).camera
                 views = [self.points[self.inliers], pose.inv().apply(self.points[self.inliers])]
-                fitted = np.concatenate([camera.project(p)[0] for p in views], axis=1)
+                fitted = np.concatenate([unified.project(p)[0] for p in views], axis=1)
                 pixels = fitted - self.residuals_px[self.inliers]
-                matches = Matches.of_pixels(camera, pixels, measured)
+                matches = Matches.of_pixels(unified, pixels, measured)
                 moved += likelihood_samples(matches, pose, views[0], law, tau, streams[2], chosen)
         seen = factor[:, None, None] * (self.points[inliers[chosen]] + moved[:, 6:].reshape(count, -1, 3))
         points = seen
@@ -247,7 +252,7 @@ class TwoViewEstimate:
             uncertainty=None
             if law is None
             else JointUncertainty.from_dict(law, sum(fields["inliers"]), f"{source}: uncertainty"),
-            camera=None if camera is None else UnifiedCamera.from_dict(camera, source=f"{source}: camera"),
+            camera=None if camera is None else camera_from_dict(camera, f"{source}: camera"),
             alternatives=_read_poses(fields.get("alternatives", []), f"{source}: alternatives"),
         )
 
@@ -261,12 +266,12 @@ class TwoViewEstimate:
 
     @classmethod
     def load(cls, path: str | Path) -> TwoViewEstimate:
-        """Return the estimate that :meth:`save` wrote.
+        """Return the estimate that :meth:`save` wrote, of at most `LARGEST_FILE` bytes: some 1000 matches.
 
         Raises:
             InputError: no such file, or not an estimate; see :meth:`from_dict`.
         """
-        return cls.from_dict(read_document(path), str(path))
+        return cls.from_dict(parse_document(read_text(path, max_bytes=LARGEST_FILE), str(path)), str(path))
 
 
 def _pose_fields(pose: RigidTransform) -> dict[str, list[float]]:

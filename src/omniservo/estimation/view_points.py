@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import UnifiedImage
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
@@ -50,8 +50,10 @@ class CheckedPoints:
     """(v, n), 1 where not seen"""
 
     @classmethod
-    def of(cls, camera: UnifiedCamera, given: ViewPoints, robust: bool) -> CheckedPoints:
-        """Return them checked; ``robust``: without those outside the camera's domain, where they are few.
+    def of(cls, image: UnifiedImage, given: ViewPoints, robust: bool) -> CheckedPoints:
+        """Return them checked, as the unified camera sees them.
+
+        ``robust``: without those outside the camera's domain, where they are few.
 
         Raises:
             InputError: shapes, numbers that are not finite, or pixels outside the camera's domain.
@@ -65,21 +67,24 @@ class CheckedPoints:
             raise InputError(f"visible: {seen.dtype} {seen.shape} given; bool {shape} is needed")
         rows = np.zeros((*shape, 2))
         rows[seen] = finite_array("pixels (visible rows)", pixels[seen], (None, 2)) if seen.any() else 0.0
-        bearings, valid = camera.unproject(rows)
+        bearings, valid = image.own.unproject(rows)
         if robust and 2 * np.count_nonzero(seen & valid) >= np.count_nonzero(seen):
             seen = seen & valid
         if not valid[seen].all():
             i, j = (int(x) for x in np.argwhere(seen & ~valid)[0])
             raise InputError(
                 f"pixels: ({rows[i, j, 0]:g}, {rows[i, j, 1]:g}) at index ({i}, {j}) is outside the camera's"
-                f" domain (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
+                f" domain (at most {math.degrees(image.own.usable_angle):.1f}° from the axis)"
             )
         noise, window = given.noise, given.window
         if noise is not None and np.ndim(noise) == 0:
             noise = np.full(shape, finite_number("noise", noise, above=0.0))
-        return cls(
-            rows, bearings, seen.copy(), _positive("noise", noise, seen), _positive("window", window, seen)
+        scale = image.scale(rows)
+        sigmas, widths = (
+            None if checked is None else np.where(seen, scale * checked, 1.0)
+            for checked in (_positive("noise", noise, seen), _positive("window", window, seen))
         )
+        return cls(np.where(seen[..., None], image.carried(rows), 0.0), bearings, seen.copy(), sigmas, widths)
 
 
 def _positive(name: str, values: Any, seen: BoolArray) -> FloatArray | None:

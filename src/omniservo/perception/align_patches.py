@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.perception.patch_kernels import FloatImage, normalise, write_pulls, write_templates
 from omniservo.perception.tangent_patches import TangentFrames, grid, sample
@@ -73,7 +73,7 @@ def window(half: int) -> FloatArray:
 
 
 def make_templates(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     image: FloatImage,
     frames: TangentFrames,
     pitch: FloatArray,
@@ -95,7 +95,7 @@ def make_templates(
 
 
 def align(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     image: FloatImage,
     templates: Templates,
     frames: TangentFrames,

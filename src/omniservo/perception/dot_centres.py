@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 # Seven points and weights in the unit disc, exact for polynomials of degree 5 (Stroud, S2: 5-1).
@@ -26,7 +26,7 @@ DECIDE = np.deg2rad(10.0)
 """[rad] by so much the sum over the neighbours must be smaller for one circle than for the other"""
 
 
-def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: FloatArray) -> FloatArray:
+def circle_centres(camera: CentralModel, centroids: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the image (n, 2) [px] of the centre of each circle, given the moments of its image.
 
     Where the neighbours decide between the two circles, it is the centre of the right one. Else it is the
@@ -50,7 +50,7 @@ def circle_centres(camera: UnifiedCamera, centroids: FloatArray, covariance: Flo
 
 
 def tangent_ellipses(
-    camera: UnifiedCamera, centroids: FloatArray, covariance: FloatArray
+    camera: CentralModel, centroids: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Return each dot as an ellipse on the plane that touches the unit sphere at its centroid.
 
@@ -117,7 +117,7 @@ def circles(
 
 
 def _image_moments(
-    camera: UnifiedCamera, frames: FloatArray, centre: FloatArray, spread: FloatArray
+    camera: CentralModel, frames: FloatArray, centre: FloatArray, spread: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     root = 2.0 * _cholesky(spread)
     flat = centre[:, None] + _NODES @ root.swapaxes(1, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_tracker import DotTracker
@@ -22,11 +22,11 @@ class DotKind:
     least = LEAST_FEATURES
     most_blur = 2.0
 
-    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+    def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
         """Return the dots (n, 2) [px], top to bottom, then left to right."""
         return find_dots(image, camera).pixels
 
-    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+    def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
         """Return the dots that both pictures show, in the order of the initial picture.
 
         Raises:
@@ -47,7 +47,7 @@ class DotKind:
         return MatchedPoints(initial_dots.pixels[pairs[:, 0]], goal_dots.pixels[pairs[:, 1]])
 
     def tracker(
-        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+        self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
     ) -> DotTracker:
         """Return a tracker that looks for a dot near each prediction."""
         del initial, goal, matched  # every dot looks like every other

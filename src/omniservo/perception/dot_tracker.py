@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, finite_number
 from omniservo.perception.dot_centres import circle_centres
@@ -33,7 +33,7 @@ class DotTracker:
     """
 
     def __init__(
-        self, camera: UnifiedCamera, *, gate_px: float = 12.0, options: DotOptions | None = None
+        self, camera: CentralModel, *, gate_px: float = 12.0, options: DotOptions | None = None
     ) -> None:
         """Prepare to follow dots.
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
@@ -87,11 +87,11 @@ class FeatureKind(Protocol):
         """How far a feature may move during an exposure and still be found [px]."""
         ...
 
-    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+    def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
         """Return the pixels (n, 2) [px] of every feature in a picture."""
         ...
 
-    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+    def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
         """Return the points that both pictures show.
 
         Raises:
@@ -101,7 +101,7 @@ class FeatureKind(Protocol):
         ...
 
     def tracker(
-        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+        self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
     ) -> FeatureTracker:
         """Return what follows the ``matched`` points, rows in their order."""
         ...

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.tangent_patches import TangentFrames
 
@@ -55,7 +55,7 @@ class FieldView:
 
 
 @lru_cache(maxsize=2)
-def field_views(camera: UnifiedCamera) -> tuple[FieldView, ...]:
+def field_views(camera: CentralModel) -> tuple[FieldView, ...]:
     """The views, kept for the camera's next picture: every direction that it sees is one's own."""
     axes = _axes()
     v, u = np.mgrid[0 : camera.height : 8, 0 : camera.width : 8].astype(np.float64)
@@ -77,7 +77,7 @@ def _axes() -> FloatArray:
     return np.concatenate(rings)
 
 
-def _view(camera: UnifiedCamera, axes: FloatArray, index: int, bearings: FloatArray) -> FieldView:
+def _view(camera: CentralModel, axes: FloatArray, index: int, bearings: FloatArray) -> FieldView:
     """The view along one axis, as large as the ``bearings`` (k, 3) that it must show need."""
     frame = TangentFrames.at(axes[index : index + 1])
     jacobians = TangentFrames.at(bearings).jacobians(camera)

@@ -7,7 +7,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
@@ -44,7 +43,7 @@ MIN_SIGNAL = 5.0
 
 
 def find_dots(
-    image: ByteArray, camera: UnifiedCamera | None = None, options: DotOptions | None = None
+    image: ByteArray, camera: CentralModel | None = None, options: DotOptions | None = None
 ) -> FoundDots:
     """Find every whole dark ellipse on a light ground.
 
@@ -98,7 +97,7 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
     return np.asarray(rows[np.lexsort((rows[:, U], rows[:, V]))])
 
 
-def dots_from(rows: FloatArray, camera: UnifiedCamera | None) -> FoundDots:
+def dots_from(rows: FloatArray, camera: CentralModel | None) -> FoundDots:
     """Turn measured rows into dots, in order, with the centre corrected where the camera is known."""
     centroids, covariance = rows[:, :2], covariances(rows)
     pixels = centroids if camera is None else circle_centres(camera, centroids, covariance)

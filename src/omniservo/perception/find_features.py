@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.features import Features
 from omniservo.perception.field_views import FieldView, field_views
@@ -26,7 +26,7 @@ LEAST_ERROR = 0.07
 """[px] standard deviation of the best location"""
 
 
-def find_features(image: ByteArray, camera: UnifiedCamera) -> Features:
+def find_features(image: ByteArray, camera: CentralModel) -> Features:
     """Find what can be found again from elsewhere: SIFT features of perspective views all round.
 
     A wide-angle lens draws the same corner differently in every part of the picture. Each direction is
@@ -50,7 +50,7 @@ def find_features(image: ByteArray, camera: UnifiedCamera) -> Features:
     return _features(camera, rows[np.argsort(-rows[:, -1], kind="stable")])
 
 
-def _in_view(camera: UnifiedCamera, image: ByteArray, view: FieldView) -> FloatArray:
+def _in_view(camera: CentralModel, image: ByteArray, view: FieldView) -> FloatArray:
     """Features (n, 135) of a view's own: bearing (3), axis (3), descriptor (128), strength."""
     # without the last flag, places are shifted by a quarter of a pixel
     sift = cv2.SIFT.create(contrastThreshold=CONTRAST, enable_precise_upscale=True)
@@ -77,7 +77,7 @@ def _in_view(camera: UnifiedCamera, image: ByteArray, view: FieldView) -> FloatA
     return np.asarray(np.column_stack([bearings, along, roots, [k.response for k in keys]])[kept])
 
 
-def _features(camera: UnifiedCamera, rows: FloatArray) -> Features:
+def _features(camera: CentralModel, rows: FloatArray) -> Features:
     """Features of the rows that the camera sees, each once, the strongest `MOST`."""
     bearings = rows[:, :3] / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
     pixels, seen = camera.project(bearings)

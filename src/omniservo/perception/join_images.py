@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
@@ -72,7 +72,7 @@ class _Pair(NamedTuple):
 
 
 def join_images(
-    camera: UnifiedCamera, images: Sequence[ByteArray], kind: FeatureKind, progress: Progress | None = None
+    camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, progress: Progress | None = None
 ) -> JoinedPoints:
     """Match the pictures in pairs, and join the matches over all of them.
 
@@ -104,7 +104,7 @@ def join_images(
     return _joined(len(images), pairs, reasons)
 
 
-def _of_tags(camera: UnifiedCamera, images: Sequence[ByteArray], kind: TagKind) -> JoinedPoints:
+def _of_tags(camera: CentralModel, images: Sequence[ByteArray], kind: TagKind) -> JoinedPoints:
     found = [find_tags(image, camera, kind.dictionary).points for image in images]
     known = [np.empty(0, dtype=np.int64) if points.ids is None else points.ids for points in found]
     values, times = np.unique(np.concatenate(known), return_counts=True)
@@ -122,7 +122,7 @@ def _of_tags(camera: UnifiedCamera, images: Sequence[ByteArray], kind: TagKind) 
 
 
 def _natural_pairs(
-    camera: UnifiedCamera, images: Sequence[ByteArray], tell: Progress
+    camera: CentralModel, images: Sequence[ByteArray], tell: Progress
 ) -> tuple[list[_Pair], list[str]]:
     reasons, features = [""] * len(images), []
     for view, image in enumerate(images):
@@ -179,7 +179,7 @@ def _promising(features: Sequence[Features], views: Sequence[int]) -> list[tuple
 
 
 def _pairs_of(
-    camera: UnifiedCamera, images: Sequence[ByteArray], kind: FeatureKind, tell: Progress
+    camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, tell: Progress
 ) -> tuple[list[_Pair], list[str]]:
     reasons, pairs = [""] * len(images), []
     chosen = list(combinations(range(len(images)), 2))

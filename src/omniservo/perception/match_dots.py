@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
 from omniservo.perception.dot_centres import circles, tangent_ellipses
@@ -60,7 +60,7 @@ class _View:
 
 
 def match_dots(
-    camera: UnifiedCamera, dots_a: FoundDots, dots_b: FoundDots, *, noise_px: float = 0.03
+    camera: CentralModel, dots_a: FoundDots, dots_b: FoundDots, *, noise_px: float = 0.03
 ) -> DotMatch:
     """Match the dots of two pictures of one rigid target; refuse where the answer is not clear.
 
@@ -255,7 +255,7 @@ def _refused(
     return DotMatch(np.zeros((0, 2), dtype=np.int64), status, residual, rival, reason)
 
 
-def _view(name: str, camera: UnifiedCamera, dots: FoundDots, noise: float) -> _View:
+def _view(name: str, camera: CentralModel, dots: FoundDots, noise: float) -> _View:
     """Bearings, clouds and their uncertainties of the dots whose outline the camera can unproject."""
     pixels = finite_array(f"{name}.pixels", dots.pixels, (None, 2))
     covariance = finite_array(f"{name}.covariance", dots.covariance, (len(pixels), 2, 2))

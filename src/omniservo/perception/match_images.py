@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import ByteArray
 from omniservo.perception.find_dots import check_image
 from omniservo.perception.find_features import find_features
@@ -11,7 +11,7 @@ from omniservo.perception.refine_matches import ImageMatch, refine_matches, refu
 from omniservo.perception.smear_length import smear_length
 
 
-def match_images(camera: UnifiedCamera, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
+def match_images(camera: CentralModel, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
     """Find natural features in both pictures, match them, and lay their patches on each other.
 
     See `smear_length`, `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong:

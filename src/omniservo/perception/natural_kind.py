@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
@@ -28,11 +28,11 @@ class NaturalKind:
     least = LEAST_FEATURES
     most_blur = 4.0
 
-    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+    def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
         """Return the features (n, 2) [px], strongest first."""
         return find_features(image, camera).points.pixels
 
-    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+    def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
         """Return the points that both pictures show, each with its noise.
 
         Raises:
@@ -48,7 +48,7 @@ class NaturalKind:
         return matched_points(match)
 
     def tracker(
-        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+        self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
     ) -> PatchTracker:
         """Return a tracker that looks for each point's patch of either picture near its prediction."""
         return PatchTracker(camera, initial, matched.initial, goal_image=goal, pixels_goal=matched.goal)

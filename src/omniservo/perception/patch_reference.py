@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.perception.align_patches import align, make_templates
@@ -29,7 +29,7 @@ STEPS = 10
 class PatchReference:
     """The patches round given pixels of one picture, ready to be found in others: `seek`, then `lay_on`."""
 
-    def __init__(self, camera: UnifiedCamera, name: str, image: ByteArray, pixels: npt.ArrayLike) -> None:
+    def __init__(self, camera: CentralModel, name: str, image: ByteArray, pixels: npt.ArrayLike) -> None:
         """Cut the patches; ``name`` is what the caller calls the pixels (n, 2).
 
         Raises:

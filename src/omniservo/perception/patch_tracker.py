@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, finite_number
 from omniservo.perception.find_dots import check_image
@@ -25,7 +25,7 @@ class PatchTracker:
 
     def __init__(
         self,
-        camera: UnifiedCamera,
+        camera: CentralModel,
         image: ByteArray,
         pixels: npt.ArrayLike,
         *,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
 from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
@@ -68,7 +68,7 @@ class ImageMatch:
 
 
 def refine_matches(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     image_initial: ByteArray,
     image_goal: ByteArray,
     initial: Features,
@@ -133,7 +133,7 @@ def refused(status: Status, reason: str) -> ImageMatch:
     return ImageMatch(none, none, np.zeros(0), np.zeros(0), status, reason)
 
 
-def _errors(camera: UnifiedCamera, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:
+def _errors(camera: CentralModel, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:
     """Covariance (2, n, 2, 2) [px²] of the pixels in both pictures: half of the difference's in each."""
     upright = np.linalg.det(found.affinities) > 0.0
     back = np.linalg.inv(np.where(upright[:, None, None], found.affinities, np.eye(2)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
@@ -29,11 +29,11 @@ class TagKind:
         self.dictionary = dictionary
         self.least = least
 
-    def find(self, camera: UnifiedCamera, image: ByteArray) -> FloatArray:
+    def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
         """Return the corners (n, 2) [px] of all tags, by number."""
         return self._points(camera, image).pixels
 
-    def match(self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
+    def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
         """Return the corners of the tags that both pictures show, by number.
 
         Raises:
@@ -50,7 +50,7 @@ class TagKind:
         return MatchedPoints(first.pixels[rows], second.pixels[others], noise, ids)
 
     def tracker(
-        self, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
+        self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
     ) -> CornerTracker:
         """Return a tracker of these corners."""
         del initial, goal
@@ -58,7 +58,7 @@ class TagKind:
             raise AssertionError("tag corners have numbers")
         return CornerTracker(camera, self.dictionary, matched.ids)
 
-    def _points(self, camera: UnifiedCamera, image: ByteArray) -> ImagePoints:
+    def _points(self, camera: CentralModel, image: ByteArray) -> ImagePoints:
         return find_tags(image, camera, self.dictionary).points
 
 
@@ -71,7 +71,7 @@ class CornerTracker:
         ids: (n,) of the corners, 4·tag + corner.
     """
 
-    def __init__(self, camera: UnifiedCamera, dictionary: str, ids: IntArray) -> None:
+    def __init__(self, camera: CentralModel, dictionary: str, ids: IntArray) -> None:
         tags, self._places = np.unique(ids // 4, return_inverse=True)
         self._rows = 4 * self._places + ids % 4
         self._tracker = TagTracker(camera, dictionary, [int(tag) for tag in tags])

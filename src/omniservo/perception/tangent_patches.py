@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.perception.patch_kernels import FloatImage, write_greys, write_rays
 
@@ -53,7 +53,7 @@ class TangentFrames:
         along = np.stack([(bearings * a).sum(1) for a in (self.first, self.second)], axis=1)
         return np.asarray(along / np.where(depth > 0.0, depth, np.nan)[:, None])
 
-    def jacobians(self, camera: UnifiedCamera) -> FloatArray:
+    def jacobians(self, camera: CentralModel) -> FloatArray:
         """∂pixel/∂place (n, 2, 2) [px] at the planes' points; NaN at the border of the camera's domain."""
         ends = _STEP * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
         pixels = camera.project(self.directions(np.broadcast_to(ends, (len(self), 4, 2))))[0]
@@ -68,7 +68,7 @@ def grid(half: int) -> FloatArray:
 
 
 def sample(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     image: FloatImage,
     frames: TangentFrames,
     places: FloatArray,

@@ -14,6 +14,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import to_unified
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
@@ -40,6 +42,7 @@ class PlanningProblem:
     """
 
     camera: UnifiedCamera
+    """one of another model is taken in its unified form; what that leaves is a part of `image_margin`"""
     points: FloatArray
     """target points h_j (n, 3) [m], 1 ≤ n ≤ 1e5, read-only"""
     initial_T_goal: RigidTransform
@@ -68,8 +71,7 @@ class PlanningProblem:
         )
 
     def __post_init__(self) -> None:
-        if not isinstance(self.camera, UnifiedCamera):
-            raise InputError(f"camera: {type(self.camera).__name__} given; a UnifiedCamera is needed")
+        self._take_unified_form()
         points = bounded_array("points", self.points, (None, 3))
         if not 1 <= len(points) <= MOST_POINTS:
             raise InputError(f"points: {len(points)} given; legal: 1 to {MOST_POINTS}")
@@ -88,6 +90,15 @@ class PlanningProblem:
                 f"degrees: {spelled(self.degrees)} given; Degrees(rotation, translation) is needed"
             )
         self._check_velocity()
+
+    def _take_unified_form(self) -> None:
+        """Put the unified form in the place of a camera of another model."""
+        given: Any = self.camera
+        if not isinstance(given, CentralModel):
+            raise InputError(f"camera: {type(given).__name__} given; a camera of any model is needed")
+        conversion = to_unified(given)
+        object.__setattr__(self, "camera", conversion.camera)
+        object.__setattr__(self, "_cost", conversion.cost)
 
     @property
     def image_margin(self) -> float:
@@ -147,8 +158,12 @@ class PlanningProblem:
 
     @cached_property
     def notices(self) -> tuple[str, ...]:
-        """What is odd in it, though legal: bodies that look as if their unit were another; a line each."""
-        return size_notices(self)
+        """What is odd in it, though legal: bodies that look as if their unit were another; a line each.
+
+        And what it costs that the camera was given in another model than the unified one.
+        """
+        cost: str = vars(self)["_cost"]
+        return (*filter(None, [cost]), *size_notices(self))
 
     @classmethod
     def load(cls, path: str | Path) -> PlanningProblem:

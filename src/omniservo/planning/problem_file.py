@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.camera_files import load_camera
-from omniservo.cameras import UnifiedCamera
+from omniservo.camera_files import named_model
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside
 from omniservo.geometry.arrays import FloatArray, finite_array
@@ -131,14 +131,14 @@ def _listed(name: str, value: Any, most: int) -> Any:
     return value
 
 
-def _camera(value: Any, folder: Path | None) -> UnifiedCamera:
-    if isinstance(value, UnifiedCamera):
+def _camera(value: Any, folder: Path | None) -> CentralModel:
+    if isinstance(value, CentralModel):
         return value
     if not isinstance(value, str):
-        return UnifiedCamera.from_dict(value, "camera")
+        return camera_from_dict(value, "camera")
     file = file_inside("camera", value, folder)
     try:
-        return load_camera(file)
+        return named_model(file)
     except InputError as error:
         name, message = spelled_name(value), str(error).removeprefix(str(file))
         raise InputError(f"camera: {name}{message}") from None

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import Curve, executed_curve, planned_curve
 from omniservo.reporting.style import (
@@ -86,7 +86,7 @@ def _ends(axes: Axes, start: FloatArray, goal: FloatArray) -> None:
     axes.plot(*goal.T, "*", ms=9, mfc=GOAL, mec="white", mew=0.6, ls="none", label="goal", zorder=4)
 
 
-def _image_limits(axes: Axes, camera: UnifiedCamera) -> None:
+def _image_limits(axes: Axes, camera: CentralModel) -> None:
     axes.set_facecolor(FORBIDDEN)
     border = Rectangle((-0.5, -0.5), camera.width, camera.height, facecolor="white", edgecolor="none")
     axes.add_patch(border)
@@ -103,7 +103,7 @@ def _image_limits(axes: Axes, camera: UnifiedCamera) -> None:
         axes.add_patch(Polygon(corners, facecolor=FORBIDDEN, edgecolor=QUIET, lw=1.0))
 
 
-def _lens_circle(camera: UnifiedCamera) -> FloatArray | None:
+def _lens_circle(camera: CentralModel) -> FloatArray | None:
     """Return the image (k, 2) [px] of the largest angle, a hair inside; None where the camera states none."""
     if camera.max_angle is None:
         return None
@@ -114,7 +114,7 @@ def _lens_circle(camera: UnifiedCamera) -> FloatArray | None:
     return np.asarray(pixels[valid], dtype=np.float64)
 
 
-def _on_plane(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
+def _on_plane(camera: CentralModel, pixels: FloatArray) -> FloatArray:
     bearings, valid = camera.unproject(pixels)
     seen = valid & (bearings[..., 2] > 0.0)
     return np.asarray(bearings[seen, :2] / bearings[seen, 2:], dtype=np.float64)

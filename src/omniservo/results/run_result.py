@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from omniservo.cameras.conversion import to_unified
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
@@ -94,9 +95,10 @@ class RunResult:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What a person must know of the problem, and of how fast the plan is followed."""
+        """What a person must know of camera and problem, and of how fast the plan is followed."""
         problem = () if self.plan is None else self.plan.problem.notices
-        return problem if self.motion is None else (*problem, *self.motion.notices)
+        motion = () if self.motion is None else self.motion.notices
+        return (*filter(None, [to_unified(self.task.camera).cost]), *problem, *motion)
 
     @property
     def is_filmed(self) -> bool:

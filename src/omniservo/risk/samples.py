@@ -75,5 +75,5 @@ class RiskSamples:
         return self._drawn(ALONE, self.seed + 2, (source,))
 
     def _drawn(self, count: int, seed: int | Sequence[int], sources: tuple[Source, ...]) -> Executions:
-        random, camera = np.random.default_rng(seed), self.problem.camera
+        random, camera = np.random.default_rng(seed), self.estimate.camera or self.problem.camera
         return Executions.of(self.problem, self.estimate.sample(random, count, sources, camera, self.rows))

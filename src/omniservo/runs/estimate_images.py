@@ -9,8 +9,8 @@ from typing import Literal
 
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.camera_files import named_camera
-from omniservo.cameras import UnifiedCamera
+from omniservo.camera_files import named_model
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.files.image_files import read_grey_image
@@ -36,7 +36,7 @@ class EstimatedImages:
 
 
 def estimate_images(
-    camera: str | UnifiedCamera,
+    camera: str | CentralModel,
     initial: Path,
     goal: Path,
     *,
@@ -49,7 +49,7 @@ def estimate_images(
     """Return what two image files say.
 
     Args:
-        camera: a calibration file, a preset's name, or a camera.
+        camera: a calibration file, a preset's name, or a camera, of any model.
         initial: the initial image.
         goal: the goal image.
         features: what is looked for.
@@ -62,7 +62,7 @@ def estimate_images(
         InputError: a file that is not what it should be, or too few features.
         NoSolutionError: the features cannot be matched.
     """
-    model = named_camera(camera) if isinstance(camera, str) else camera
+    model = named_model(camera) if isinstance(camera, str) else camera
     known = None if target is None else Target.load(target)
     if known is not None and displacement is not None:
         raise InputError("displacement, target: both given; one of them gives the scale")
@@ -89,7 +89,7 @@ def estimate_images(
 
 
 def estimate_in_cell(
-    task: str | Task, open_cell: OpenCell, *, camera: str | UnifiedCamera | None = None, seed: int = 0
+    task: str | Task, open_cell: OpenCell, *, camera: str | CentralModel | None = None, seed: int = 0
 ) -> EstimatedImages:
     """Return what a task's own two pictures say, taken in its cell; ``camera`` as `load_task` has it.
 
@@ -104,10 +104,10 @@ def estimate_in_cell(
         image, joints = next_image(cell.camera, cell.wait), cell.driver.read().joint_positions
     seen = see(feature_kind_of(loaded), loaded.camera, image.pixels, goal.image)
     found = estimate_task(loaded, cell.scene, seen, goal, joints)
-    return EstimatedImages(seen, replace(found, camera=loaded.camera))
+    return EstimatedImages(seen, found)
 
 
-def read_image(path: Path, camera: UnifiedCamera) -> ByteArray:
+def read_image(path: Path, camera: CentralModel) -> ByteArray:
     """Return an image file as grey values (height, width).
 
     Raises:

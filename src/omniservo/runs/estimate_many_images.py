@@ -12,8 +12,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.hand_eye import load_hand_eye, load_robot_poses, load_robot_sigmas
-from omniservo.camera_files import named_camera
-from omniservo.cameras import UnifiedCamera
+from omniservo.camera_files import named_model
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation import (
     FurtherView,
@@ -84,7 +84,7 @@ class EstimatedViews:
     images: tuple[Path, ...]
     points: JoinedPoints
     estimate: MultiViewEstimate
-    camera: UnifiedCamera
+    camera: CentralModel
     further: tuple[FurtherView, ...]
     """what one further image would gain, the best first; empty without an estimate"""
 
@@ -151,7 +151,7 @@ class EstimatedViews:
 
 
 def estimate_many_images(
-    camera: str | UnifiedCamera,
+    camera: str | CentralModel,
     images: Sequence[str | Path],
     *,
     features: KindName = "dots",
@@ -163,7 +163,7 @@ def estimate_many_images(
     """Return what two to `MOST_IMAGES` image files of a target that stands still say, in any order.
 
     Args:
-        camera: a calibration file, a preset's name, or a camera.
+        camera: a calibration file, a preset's name, or a camera, of any model.
         images: the files; poses are in the frame of the first that has one.
         features: what is looked for.
         dictionary: of the tags.
@@ -174,7 +174,7 @@ def estimate_many_images(
     Raises:
         InputError: a file that is not what it should be, or scales that do not go together.
     """
-    model = named_camera(camera) if isinstance(camera, str) else camera
+    model = named_model(camera) if isinstance(camera, str) else camera
     files, known = tuple(Path(image) for image in images), scale or ImageScale()
     if not 2 <= len(files) <= MOST_IMAGES:
         raise InputError(f"images: {len(files)} given; legal: 2 to {MOST_IMAGES}")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
@@ -35,7 +37,7 @@ def estimate_task(
         NoSolutionError: the pictures do not determine the motion.
     """
     if task.scale.tags:
-        return _with_pose(estimate_on_target(task.camera, seen.matched, task.target.known))
+        return _with_pose(task, estimate_on_target(task.camera, seen.matched, task.target.known))
     scale = _scale(task, scene, goal, joints)
     matched = seen.matched
     if isinstance(scale, tuple) and max(scale[0]) >= len(matched):
@@ -44,6 +46,7 @@ def estimate_task(
             "numbered from 0, top to bottom, then left to right in the initial picture"
         )
     return _with_pose(
+        task,
         estimate_two_view(
             task.camera,
             matched.initial,
@@ -53,12 +56,12 @@ def estimate_task(
             scale_sigma=task.scale.sigma,
             squares=matched.squares,
             windows=matched.window,
-        )
+        ),
     )
 
 
 def estimate_on_target(
-    camera: UnifiedCamera, matched: MatchedPoints, target: Target | None, dictionary: str | None = None
+    camera: CentralModel, matched: MatchedPoints, target: Target | None, dictionary: str | None = None
 ) -> TwoViewEstimate:
     """Return the metric estimate from the corners of a target's tags.
 
@@ -77,12 +80,13 @@ def estimate_on_target(
     )
 
 
-def _with_pose(estimate: TwoViewEstimate) -> TwoViewEstimate:
+def _with_pose(task: Task, estimate: TwoViewEstimate) -> TwoViewEstimate:
+    """Return the estimate with the task's camera; refuse one without a pose."""
     if estimate.status != "ok":
         raise NoSolutionError(
             f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}"
         )
-    return estimate
+    return replace(estimate, camera=task.camera)
 
 
 def _scale(task: Task, scene: Scene, goal: TaughtGoal, joints: FloatArray) -> TwoViewScale:

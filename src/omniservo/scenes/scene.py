@@ -11,7 +11,6 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
@@ -122,7 +121,7 @@ class Scene:
     world_T_base: RigidTransform
     """the arm's foot"""
     flange_T_camera: RigidTransform
-    camera: UnifiedCamera
+    camera: CentralModel
     """what whoever works with the pictures is told"""
     start_joints: FloatArray
     """(n,) [rad], within the arm's range"""

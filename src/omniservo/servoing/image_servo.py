@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import FeatureLoss, InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
@@ -74,7 +74,7 @@ class ImageServo:
 
     def __init__(
         self,
-        camera: UnifiedCamera,
+        camera: CentralModel,
         goal_pixels: npt.ArrayLike,
         *,
         goal_distances: npt.ArrayLike | None = None,

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array
 
 
 def image_speed(
-    camera: UnifiedCamera, path: Callable[..., Any], points: npt.ArrayLike, w: npt.ArrayLike
+    camera: CentralModel, path: Callable[..., Any], points: npt.ArrayLike, w: npt.ArrayLike
 ) -> FloatArray:
     """Return max |du/dw| over the points, (m,) [px] per unit of w: times ẇ it is the largest speed [px/s].
 

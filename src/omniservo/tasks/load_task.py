@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from omniservo.camera_files import load_camera, load_model, named_camera
-from omniservo.cameras import PRESETS, UnifiedCamera, preset
+from omniservo.camera_files import named_model
+from omniservo.cameras import PRESETS
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.files import is_file, read_document, stated_units
@@ -25,7 +25,7 @@ from omniservo.tasks.task_files import TaskFiles
 def load_task(
     task: str | Path,
     *,
-    camera: str | Path | UnifiedCamera | None = None,
+    camera: str | Path | CentralModel | None = None,
     packages: Mapping[str, str | Path] | None = None,
     allow_outside: bool = False,
 ) -> Task:
@@ -34,7 +34,7 @@ def load_task(
     Args:
         task: a name of `shipped_tasks`, or a file. A name wins over a file of the same name without ending.
         camera: replaces the task's: a preset's name, a calibration file or, of a file with several cameras or
-            one that needs a `max_angle`, what `omniservo.camera_files.named_camera` makes of it.
+            one that needs a `max_angle`, what `omniservo.camera_files.named_model` makes of it. Of any model.
         packages: folders of ROS packages by name, for the arm's meshes; they win over the task's own.
         allow_outside: whether the files that the task names may lie outside its folder. A task need not be
             trusted, and reads nothing elsewhere unless this says so.
@@ -42,7 +42,7 @@ def load_task(
     Raises:
         InputError: the file is not a valid task; the message names file, field, value and what is legal.
     """
-    replacement = named_camera(camera) if isinstance(camera, str | Path) else camera
+    replacement = named_model(camera) if isinstance(camera, str | Path) else camera
     path = task_file(task)
     files = TaskFiles(str(task), path.parent, allow_outside)
     return _from_file(path, files, replacement, packages)
@@ -51,7 +51,7 @@ def load_task(
 def _from_file(
     path: Path,
     files: TaskFiles,
-    replacement: UnifiedCamera | None,
+    replacement: CentralModel | None,
     packages: Mapping[str, str | Path] | None,
 ) -> Task:
     document, source = read_document(path), files.source
@@ -61,10 +61,11 @@ def _from_file(
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
-    fields["camera"] = replacement or _camera(fields.get("camera"), files)
+    fields["camera"] = replacement or _camera("camera", fields.get("camera"), files)
     truth = fields.get("simulation")
     if isinstance(truth, dict) and truth.get("true_camera") is not None:
-        fields["simulation"] = {**truth, "true_camera": _true_camera(truth["true_camera"], files)}
+        lens = _camera("simulation.true_camera", truth["true_camera"], files)
+        fields["simulation"] = {**truth, "true_camera": lens}
     fields["planning"] = with_obstacle_files(fields.get("planning", {}), files, context["length"])
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
@@ -77,36 +78,24 @@ def _from_file(
         raise InputError(_first_problem(error, source)) from None
 
 
-def _camera(value: Any, files: TaskFiles) -> UnifiedCamera:
-    if isinstance(value, dict):
-        return UnifiedCamera.from_dict(value, source=f"{files.source}: camera")
-    found = _preset_or_file("camera", value, files)
-    return found if isinstance(found, UnifiedCamera) else load_camera(found)
-
-
-def _true_camera(value: Any, files: TaskFiles) -> CentralModel:
-    field = "simulation.true_camera"
-    if isinstance(value, dict):
-        return camera_from_dict(value, source=f"{files.source}: {field}")
-    found = _preset_or_file(field, value, files)
-    return found if isinstance(found, UnifiedCamera) else load_model(found)
-
-
-def _preset_or_file(field: str, value: Any, files: TaskFiles) -> UnifiedCamera | Path:
+def _camera(field: str, value: Any, files: TaskFiles) -> CentralModel:
+    """Return the camera, of any model, that a field states: its fields, a preset's name or a file's."""
     source = files.source
+    if isinstance(value, dict):
+        return camera_from_dict(value, source=f"{source}: {field}")
     if not isinstance(value, str):
         raise InputError(
             f"{source}: {field}: {value!r} given; legal: a preset's name, a calibration file, a camera"
         )
     if value in PRESETS:
-        return preset(value)
+        return PRESETS[value]
     path = files.path(field, value)
     if not is_file(path):
         raise InputError(
             f"{source}: {field}: {spelled(value)} is neither a file nor a preset: {', '.join(PRESETS)}"
             f"{did_you_mean(value, PRESETS)}"
         )
-    return path
+    return named_model(path)
 
 
 def _found_arm(

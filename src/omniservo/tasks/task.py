@@ -234,7 +234,7 @@ class Task(Section):
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,63}$")]
     summary: Annotated[str, Field(max_length=200)]
     camera: Any
-    """a UnifiedCamera once loaded; in the file: a preset's name, a calibration file, or a camera"""
+    """a `CentralModel` once loaded; in the file: a preset's name, a calibration file, or a camera"""
     sensor: SensorSection = SensorSection()
     arm: ArmMount
     start: StartSection

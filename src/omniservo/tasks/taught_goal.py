@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, did_you_mean, spelled_name
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, owned
@@ -29,7 +29,7 @@ _MAX_PIXELS = 64_000_000
 class TaughtGoal:
     """The goal image with the camera that took it, its features and, where known, the arm's joints."""
 
-    camera: UnifiedCamera
+    camera: CentralModel
     image: ByteArray
     """(height, width) grey values"""
     features: FloatArray
@@ -77,7 +77,7 @@ class TaughtGoal:
         for name in _FIELDS:
             if name not in document:
                 raise InputError(f"{path}: {name}: missing; needed: {', '.join(_FIELDS)}")
-        camera = UnifiedCamera.from_dict(document["camera"], source=f"{path}: camera")
+        camera = camera_from_dict(document["camera"], f"{path}: camera")
         joints = document["joints"]
         return cls(
             camera,
@@ -87,7 +87,7 @@ class TaughtGoal:
         )
 
 
-def _image(encoded: object, camera: UnifiedCamera, source: str) -> ByteArray:
+def _image(encoded: object, camera: CentralModel, source: str) -> ByteArray:
     try:
         data = base64.b64decode(str(encoded), validate=True)
         with Image.open(io.BytesIO(data), formats=["PNG"]) as picture:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, frozen
@@ -33,7 +33,7 @@ class GoalImage:
     @classmethod
     def of(
         cls,
-        camera: UnifiedCamera,
+        camera: CentralModel,
         feature: Feature,
         path: CameraPath,
         points: FloatArray,

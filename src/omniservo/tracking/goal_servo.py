@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -56,7 +56,7 @@ class GoalServo:
 
     def __init__(
         self,
-        camera: UnifiedCamera,
+        camera: CentralModel,
         points: FloatArray,
         goal_pixels: FloatArray,
         *,

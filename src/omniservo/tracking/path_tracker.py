@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_image
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
 from omniservo.planning import CameraPath, Plan
@@ -47,7 +49,7 @@ class PathTracker:
 
     Args:
         plan: any plan with a path; its points, in the initial camera frame, are what the pixels show.
-        camera: the camera that takes the images.
+        camera: the camera that takes the images, of any model; pixels are those of its own images.
         goal_pixels: (n, 2) [px], the points in the goal image; None: where the plan's end sees them.
         initial_pixels: (n, 2) [px], the points in the initial image; with them and goal pixels the points
             are refined on the way, as `StructureRefinement` says.
@@ -67,7 +69,7 @@ class PathTracker:
     def __init__(
         self,
         plan: Plan,
-        camera: UnifiedCamera,
+        camera: CentralModel,
         *,
         goal_pixels: npt.ArrayLike | None = None,
         initial_pixels: npt.ArrayLike | None = None,
@@ -80,7 +82,8 @@ class PathTracker:
         """of the last step that gave a twist; None before the first"""
         if plan.path is None:
             raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
-        self._camera = camera
+        self._image = unified_image(camera)
+        self._camera = self._image.camera
         self._feature = feature_named(self.options.feature)
         self._points = np.ascontiguousarray(
             finite_array("plan.problem.points", plan.problem.points, (None, 3))
@@ -91,12 +94,13 @@ class PathTracker:
             )
         self._legs = [Leg(plan.path, time_law or RestToRestLaw(DEFAULT_DURATION))]
         self._refuse_points_behind(plan.path)
-        self._goal = GoalImage.of(camera, self._feature, plan.path, self._points, goal_pixels)
+        wanted = None if goal_pixels is None else self._carried("goal_pixels", goal_pixels)
+        self._goal = GoalImage.of(self._camera, self._feature, plan.path, self._points, wanted)
         self._goal_blend = GoalBlend(self._goal.offsets)
-        self._settings = _settings(self.options, camera)
+        self._settings = _settings(self.options, self._camera)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
-        self._structure = self._refinement(initial_pixels, goal_pixels)
+        self._structure = None if wanted is None else self._refinement(initial_pixels)
         self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
 
     @property
@@ -173,8 +177,9 @@ class PathTracker:
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
         w, w_dot = self._leg(time).w(time)
+        own_reference = self._image.returned(reference)
         self.report = TrackerReport(
-            time, w, w_dot, phase, used, reference, error, goal_error, pose, estimated, covariance, rms,
+            time, w, w_dot, phase, used, own_reference, error, goal_error, pose, estimated, covariance, rms,
             conditioning, factor < 1.0,
         )  # fmt: skip
         if self._structure is not None:
@@ -194,15 +199,17 @@ class PathTracker:
         pixels = np.empty((len(self._points), 2))
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
-        return pixels, seen
+        return self._image.returned(pixels), seen
 
-    def _refinement(
-        self, initial_pixels: npt.ArrayLike | None, goal_pixels: npt.ArrayLike | None
-    ) -> StructureRefinement | None:
+    def _carried(self, name: str, pixels: npt.ArrayLike) -> FloatArray:
+        """Return given pixels (n, 2) as the unified camera sees them."""
+        return self._image.inside(name, finite_array(name, pixels, (len(self._points), 2)))
+
+    def _refinement(self, initial_pixels: npt.ArrayLike | None) -> StructureRefinement | None:
         """Return what refines the points; None where a picture is missing."""
-        if initial_pixels is None or goal_pixels is None:
+        if initial_pixels is None:
             return None
-        initial = finite_array("initial_pixels", initial_pixels, (len(self._points), 2))
+        initial = self._carried("initial_pixels", initial_pixels)
         return StructureRefinement(self._camera, self._points, initial, self._goal.pixels, self._goal.pose)
 
     def _adopt(self, points: FloatArray | None) -> None:
@@ -284,7 +291,7 @@ class PathTracker:
             raise InputError(
                 f"time: {time:g} s given after an image of {self.report.time:g} s; it must not run backwards"
             )
-        return seen, used
+        return self._image.kept(seen, used)
 
     def _phase(self, time: float, goal_error: float, pose: FloatArray) -> Phase:
         """Return the phase of the step at ``time`` [s]."""

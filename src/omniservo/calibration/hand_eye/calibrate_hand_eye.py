@@ -26,7 +26,7 @@ from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.calibration.hand_eye.seen_view import SeenView, together, usable_views
 from omniservo.calibration.hand_eye.start import HandEyeStart, start
 from omniservo.calibration.hand_eye.wrong_views import robust_step
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 from omniservo.renamed import renamed_arguments
 
@@ -64,7 +64,7 @@ class _Fit:
 
 @renamed_arguments(base_T_tool="base_T_flange")
 def calibrate_hand_eye(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     base_T_flange: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
     image_points: Sequence[npt.ArrayLike],
     object_points: Sequence[npt.ArrayLike],
@@ -105,7 +105,7 @@ def calibrate_hand_eye(
 
 
 def _fit(
-    camera: UnifiedCamera, views: list[SeenView], reasons: list[str], turns: Sequence[RigidTransform]
+    camera: CentralModel, views: list[SeenView], reasons: list[str], turns: Sequence[RigidTransform]
 ) -> _Fit | Refusal:
     """Return the adjusted loop; views that are wrong get a reason."""
     refusal = too_few(len(views), reasons) or judge_rotations([view.base_T_flange for view in views])
@@ -134,7 +134,7 @@ def _fit(
 
 
 def _agreed(
-    camera: UnifiedCamera, views: list[SeenView], first: HandEyeStart, noise_px: float
+    camera: CentralModel, views: list[SeenView], first: HandEyeStart, noise_px: float
 ) -> tuple[LoopState, BoolArray] | Refusal:
     """Return what most views agree with, and which (n,) are wrong beside that.
 
@@ -156,7 +156,7 @@ def _agreed(
 
 
 def _adjusted(
-    camera: UnifiedCamera, views: list[SeenView], state: LoopState, noise_px: float
+    camera: CentralModel, views: list[SeenView], state: LoopState, noise_px: float
 ) -> _Fit | Refusal:
     seen = together(views)
     for _ in range(_STEPS):
@@ -173,7 +173,7 @@ def _adjusted(
 
 
 def _result(
-    camera: UnifiedCamera, fit: _Fit, views: list[SeenView], reasons: list[str], seconds: float
+    camera: CentralModel, fit: _Fit, views: list[SeenView], reasons: list[str], seconds: float
 ) -> HandEye:
     kept = {view.number: view for view in fit.views}
     told = []
@@ -197,7 +197,7 @@ def _result(
     )
 
 
-def _told(camera: UnifiedCamera, state: LoopState, view: SeenView | None, reason: str) -> HandEyeView:
+def _told(camera: CentralModel, state: LoopState, view: SeenView | None, reason: str) -> HandEyeView:
     """Return what is left over in a view."""
     if view is None:
         return _unseen(reason)

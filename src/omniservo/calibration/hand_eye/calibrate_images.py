@@ -14,7 +14,7 @@ from omniservo.calibration.boards import Board, find_board
 from omniservo.calibration.hand_eye.calibrate_hand_eye import calibrate_hand_eye
 from omniservo.calibration.hand_eye.hand_eye import HandEye
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.files.image_files import read_grey_image
@@ -32,7 +32,7 @@ _SAME = 1e-6
 class ImageHandEye:
     """A hand-eye calibration and the images that it is from."""
 
-    camera: UnifiedCamera
+    camera: CentralModel
     images: tuple[Path, ...]
     corners: tuple[FloatArray, ...]
     """of each image (k, 2) [px] what was found"""
@@ -49,7 +49,7 @@ class _Found:
 
 @renamed_arguments(base_T_tool="base_T_flange")
 def calibrate_hand_eye_images(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     base_T_flange: RigidTransform | Sequence[RigidTransform] | npt.ArrayLike,
     images: Sequence[str | Path],
     target: Board | Target,
@@ -91,7 +91,7 @@ def calibrate_hand_eye_images(
     return ImageHandEye(camera, paths, tuple(seen.pixels for seen in found), replace(result, views=views))
 
 
-def _look(image: ByteArray, camera: UnifiedCamera, target: Board | Target) -> _Found:
+def _look(image: ByteArray, camera: CentralModel, target: Board | Target) -> _Found:
     if isinstance(target, Board):
         view = find_board(image, target, camera)
         return _Found(view.pixels, view.object_points, view.reason, view.turnable)

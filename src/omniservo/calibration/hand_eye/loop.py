@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import FloatArray, IntArray
 
 _CAUCHY = 3.0
@@ -92,9 +92,7 @@ class LinearLoop:
         return replace(self, M=np.concatenate([self.M, self.by_scale[:, :, None]], axis=2))
 
 
-def linearise(
-    camera: UnifiedCamera, views: SeenViews, state: LoopState, sigma_px: float
-) -> LinearLoop | None:
+def linearise(camera: CentralModel, views: SeenViews, state: LoopState, sigma_px: float) -> LinearLoop | None:
     """Return what the views say near ``state``, or None where one of them does not see the board there.
 
     Corners count by Cauchy's loss with the standard deviation ``sigma_px`` of a coordinate.

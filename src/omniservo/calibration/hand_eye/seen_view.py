@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.hand_eye.loop import SeenViews
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation import estimate_pose
 from omniservo.geometry.arrays import FloatArray, finite_array
@@ -41,7 +41,7 @@ class SeenView:
         points = self.points if turned == 0 else turns[turned - 1].apply(self.points)
         return replace(self, poses=(self.poses[k],), points=points)
 
-    def residuals(self, camera: UnifiedCamera, camera_T_board: RigidTransform) -> FloatArray:
+    def residuals(self, camera: CentralModel, camera_T_board: RigidTransform) -> FloatArray:
         """Return projection − corner (k, 2) [px]; NaN where the camera cannot project."""
         return np.asarray(camera.project(camera_T_board.apply(self.points))[0] - self.pixels)
 
@@ -57,7 +57,7 @@ def together(views: Sequence[SeenView]) -> SeenViews:
 
 
 def usable_views(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     base_T_flange: RigidTransform,
     image_points: Sequence[npt.ArrayLike],
     object_points: Sequence[npt.ArrayLike],
@@ -89,7 +89,7 @@ def _rows(name: str, value: npt.ArrayLike, width: int) -> FloatArray:
 
 
 def _seen(
-    camera: UnifiedCamera,
+    camera: CentralModel,
     number: int,
     base_T_flange: RigidTransform,
     pixels: FloatArray,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -21,6 +22,11 @@ from omniservo.geometry.arrays import finite_number
 NOTICED_PX = 1e-3
 """A conversion that leaves less is the camera itself."""
 
+_WORTH_A_HINT = 1.0
+"""[px]"""
+
+_ANY_PX = 1e9
+
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
@@ -31,22 +37,36 @@ class Conversion:
     residual: Residual
     warnings: tuple[str, ...]
     """What a person must know about both cameras' domains."""
+    cost: str = ""
+    """What planning pays for it, in words; nothing where it is the model itself"""
 
 
-def to_unified(model: CentralModel, *, largest_px: float = 1.0) -> Conversion:
+def to_unified(model: CentralModel, *, largest_px: float | None = None) -> Conversion:
     """Return the unified camera that ``model`` is, or the nearest one over the field that is used.
 
     The field that is used is every pixel of the image, outside dead zone and mask, that the model can
     unproject. The nearest camera is the one whose largest residual is smallest; its k1, k2, p1, p2 are free
     (not where there is a mask). It keeps max_angle, dead zone and mask, sees no farther than the
-    model, and carries what `convert` leaves in ``deviation_px``, which plans add to their visibility margin.
+    model, and carries what `convert` leaves in ``deviation_px``, which plans add to their visibility margin:
+    a point that they keep in its image is in the model's, too.
 
     Raises:
-        InputError: the largest residual exceeds ``largest_px`` [px]; the message names it.
+        InputError: the largest residual exceeds ``largest_px`` [px], None: any will do; the message names it.
     """
     if isinstance(model, UnifiedCamera):
         return Conversion(model, exact(model), model.warnings)
-    found, residual = convert(model, UnifiedCamera, largest_px=largest_px)
+    if largest_px is None:
+        return _nearest(model)
+    bound, conversion = finite_number("largest_px", largest_px, minimum=0.0), _nearest(model)
+    if not conversion.residual.largest_px <= bound:
+        raise InputError(_refusal(model, conversion.camera, conversion.residual, bound))
+    return conversion
+
+
+@lru_cache(maxsize=32)
+def _nearest(model: CentralModel) -> Conversion:
+    """Return the conversion of another model, however far it is away."""
+    found, residual = convert(model, UnifiedCamera, largest_px=_ANY_PX)
     camera = cast(UnifiedCamera, found)
     warnings = model.warnings
     if residual.lost > 0.0 or np.isnan(residual.px).any():
@@ -56,7 +76,18 @@ def to_unified(model: CentralModel, *, largest_px: float = 1.0) -> Conversion:
             f"the unified camera stays one-to-one only up to {angle:.3f} deg from the axis: "
             f"{100.0 * residual.lost:.2g}% of the field is lost",
         )
-    return Conversion(camera, residual, warnings)
+    return Conversion(camera, residual, warnings, _cost(model, residual))
+
+
+def _cost(model: CentralModel, residual: Residual) -> str:
+    """Return what a conversion costs, and where it costs a pixel and more what a person can do."""
+    if residual.largest_px <= NOTICED_PX and residual.lost == 0.0:
+        return ""
+    words = (
+        f"image limits are planned with the unified camera nearest to this {_name(model)} camera: "
+        f"{residual}; they keep {residual.largest_px:.3g} px more"
+    )
+    return words if residual.largest_px < _WORTH_A_HINT else f"{words}. {where_it_ends(model)}"
 
 
 def convert(

@@ -44,6 +44,13 @@ class Residual:
     lost: float
     """The share of the field whose rays the camera cannot project, 0 to 1."""
 
+    def __str__(self) -> str:
+        lost = f", {100.0 * self.lost:.2g}% of the field lost" if self.lost > 0.0 else ""
+        return (
+            f"at most {self.largest_px:.3g} px ({math.degrees(self.largest_rad):.3g} deg) away,"
+            f" rms {self.rms_px:.3g} px{lost}"
+        )
+
 
 def used_pixels(model: CentralModel, steps: int = _GRID) -> FloatArray:
     """Return pixels (n, 2) of the field that is used: in the image and valid, with both borders.

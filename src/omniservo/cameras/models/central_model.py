@@ -17,8 +17,11 @@ class CentralModel(Protocol):
     """A camera whose rays meet in one point: `UnifiedCamera` and every class of this room.
 
     Inside its domain, `project` and `unproject` are inverse to each other (≤ 10⁻⁹ px). Outside, numbers are
-    NaN and ``valid`` is False, from both sides of the border.
+    NaN and ``valid`` is False, from both sides of the border. Models are values, and keys of a dict.
     """
+
+    def __hash__(self) -> int:
+        """Return the hash of all numbers."""
 
     @property
     def width(self) -> int:
@@ -61,6 +64,12 @@ class CentralModel(Protocol):
 
     def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return bearings (…, 3), unit, that pixels (…, 2) [px] see, and valid (…)."""
+
+    def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return `project`'s pixels, ∂pixel/∂point (…, 2, 3) [px/m], and valid; NaN where not valid."""
+
+    def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return `unproject`'s bearings, ∂bearing/∂pixel (…, 3, 2) [1/px], and valid; NaN where not valid."""
 
     def in_image(self, pixels: npt.ArrayLike) -> BoolArray:
         """Say which pixels (…, 2) [px] lie in the image, outside dead zone and mask."""

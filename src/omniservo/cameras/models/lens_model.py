@@ -9,6 +9,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from omniservo.cameras.camera_fields import (
     checked_fields,
@@ -24,7 +25,7 @@ from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.cameras.model_error import ModelError, model_error_from
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
 
 _COSINE_SLACK = 1e-15
 """a point at the largest angle itself is inside, whatever the rounding"""
@@ -33,6 +34,12 @@ _SLACK = 2e-13
 """on r: the rounded pixel of a valid point can be unprojected"""
 
 _LARGEST_SQUARE = 1e280
+
+_POINT_STEP = 1e-5
+"""over a point's distance"""
+
+_PIXEL_STEP = 1e-2
+"""[px]"""
 
 Model = TypeVar("Model", bound="LensModel")
 
@@ -112,6 +119,34 @@ class LensModel(KernelCamera, ABC):
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    def project_jacobian(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Project points (…, 3) [m] with ∂pixel/∂point, by central differences (to about 10⁻⁷ of it).
+
+        Returns:
+            pixels (…, 2) [px], jacobian (…, 2, 3) [px/m], valid (…); NaN where not valid, as within
+            10⁻⁵ rad of the domain's border.
+        """
+        pixels, valid = self.project(points)
+        centre = np.asarray(points, dtype=np.float64)
+        step = _POINT_STEP * np.linalg.norm(centre, axis=-1)[..., None, None]
+        ahead, behind = (self.project(centre[..., None, :] + s * step * np.eye(3))[0] for s in (1.0, -1.0))
+        with np.errstate(all="ignore"):  # a point at the origin has no step
+            slopes = np.swapaxes((ahead - behind) / (2.0 * step), -1, -2)
+        return _where_known(pixels, slopes, valid)
+
+    def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Unproject pixels (…, 2) [px] with ∂bearing/∂pixel, by central differences (to about 10⁻⁷ of it).
+
+        Returns:
+            bearings (…, 3), jacobian (…, 3, 2) [1/px], valid (…); NaN where not valid, as within 0.01 px of
+            the domain's border.
+        """
+        bearings, valid = self.unproject(pixels)
+        centre = np.asarray(pixels, dtype=np.float64)[..., None, :]
+        ahead, behind = (self.unproject(centre + s * _PIXEL_STEP * np.eye(2))[0] for s in (1.0, -1.0))
+        slopes = np.swapaxes((ahead - behind) / (2.0 * _PIXEL_STEP), -1, -2)
+        return _where_known(bearings, slopes, valid)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the model as it stands in a file; `camera_from_dict` gives an equal one."""
         lens = image_to_dict(self, self.max_angle)
@@ -137,6 +172,18 @@ class LensModel(KernelCamera, ABC):
         except InputError as error:
             text = str(error)
             raise InputError(text if text.startswith(source) else f"{source}: {text}") from None
+
+
+def _where_known(
+    values: FloatArray, slopes: FloatArray, valid: BoolArray
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return both with NaN where either is not known, and where both are."""
+    known = valid & np.isfinite(slopes).all(axis=(-2, -1))
+    return (
+        np.where(known[..., None], values, np.nan),
+        np.where(known[..., None, None], slopes, np.nan),
+        known,
+    )
 
 
 @dataclass(frozen=True)

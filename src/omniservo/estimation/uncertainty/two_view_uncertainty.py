@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.special import chdtri
 
 from omniservo.cameras import ModelError, UnifiedCamera
+from omniservo.cameras.conversion import UnifiedImage
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
 from omniservo.estimation.refinement.motion_search import Minimum
@@ -72,13 +73,16 @@ class Lens(NamedTuple):
     """by which the model's error is taken larger than stated, since residuals ask for it"""
 
     @classmethod
-    def of(cls, camera: UnifiedCamera, covariance: npt.ArrayLike | None) -> Lens:
+    def of(cls, image: UnifiedImage, covariance: npt.ArrayLike | None) -> Lens:
         """Return the directions of a covariance; none where it is None.
 
         Raises:
-            InputError: an illegal covariance.
+            InputError: an illegal covariance, or one of parameters that the camera does not have.
         """
-        return cls(camera, np.empty((0, 0)) if covariance is None else calibration_directions(covariance))
+        if covariance is None:
+            return cls(image.camera, np.empty((0, 0)))
+        image.refuse_parameters("calibration_covariance")
+        return cls(image.camera, calibration_directions(covariance))
 
     @property
     def error(self) -> ModelError | None:

@@ -1,0 +1,76 @@
+"""What `estimate_two_view` is given, checked, in the pixels of the unified image."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from omniservo.cameras.conversion import UnifiedImage
+from omniservo.errors import InputError
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
+
+ASSUMED_NOISE_PX = 0.5
+"""of fewer than eight matches where none is stated: they leave too few residuals to tell."""
+
+NO_SQUARES: IntArray = np.empty((0, 4), dtype=np.int64)
+
+
+def checked_pixels(
+    image: UnifiedImage, pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Return both images' pixels side by side (n, 4), and how large each is in the unified image (n, 2)."""
+    initial = finite_array("pixels_initial", pixels_initial, (None, 2))
+    goal = finite_array("pixels_goal", pixels_goal, (None, 2))
+    if len(initial) != len(goal):
+        raise InputError(
+            f"pixels_initial, pixels_goal: {len(initial)} and {len(goal)} rows given; row j of both must show"
+            " the same point"
+        )
+    if len(initial) == 0:
+        raise InputError("pixels_initial: no pixel given")
+    scales = np.stack([image.scale(initial), image.scale(goal)], axis=1)
+    return np.concatenate((initial, goal), axis=1), scales
+
+
+def checked_noise(noise: Any, px: FloatArray) -> FloatArray | None:
+    """Return σ of each point in either image (n, 2) [px]; ``px`` (n, 2) is what one of the camera's is."""
+    n = len(px)
+    if noise is None:
+        return ASSUMED_NOISE_PX * px if n < EIGHT_POINTS else None
+    if np.ndim(noise) == 0:
+        return finite_number("noise", noise, above=0.0) * px
+    sigmas = finite_array("noise", noise, (None, 2))
+    if len(sigmas) != n:
+        raise InputError(f"noise: {len(sigmas)} rows given; {n} are needed, one for each match")
+    if sigmas.min() <= 0.0:
+        raise InputError(f"noise: {sigmas.min():g} given; legal: > 0")
+    return sigmas * px
+
+
+def checked_squares(squares: npt.ArrayLike | None, n: int) -> IntArray:
+    """Return (m, 4) places of matches; no match is a corner of two squares."""
+    if squares is None:
+        return NO_SQUARES
+    places = np.asarray(squares)
+    if places.ndim != 2 or places.shape[1] != 4 or places.dtype.kind not in "iu":
+        raise InputError(f"squares: {places.dtype} {places.shape} given; whole numbers (m, 4) are needed")
+    if places.size and not 0 <= places.min() <= places.max() < n:
+        raise InputError(f"squares: {places.min()} to {places.max()} given; legal: 0 to {n - 1}")
+    if len(np.unique(places)) < places.size:
+        raise InputError("squares: a match stands twice; it is a corner of one square")
+    return places.astype(np.int64)
+
+
+def checked_windows(windows: npt.ArrayLike | None, px: FloatArray) -> FloatArray | None:
+    """Return the standard deviation of each match's window (n,) [px]."""
+    if windows is None:
+        return None
+    widths = finite_array("windows", windows, (None,))
+    if len(widths) != len(px):
+        raise InputError(f"windows: {len(widths)} numbers given; {len(px)} are needed, one for each match")
+    if widths.min() <= 0.0:
+        raise InputError(f"windows: {widths.min():g} given; legal: > 0")
+    return widths * px[:, 0]
