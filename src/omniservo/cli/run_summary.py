@@ -25,6 +25,12 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
         f"points in view by     {_of(metrics, 'visibility_planned_px')} {_planned(metrics)}, "
         f"{_of(metrics, 'visibility_executed_px')} executed"
     )
+    if metrics.get("looks"):
+        yield (
+            f"looked again          {metrics['looks']} ×; goal's position known to "
+            f"{_of(metrics, 'goal_sigma_before_looks_m')} (1σ) before, "
+            f"{_of(metrics, 'goal_sigma_after_looks_m')} after"
+        )
     yield f"computing             {_times(metrics)}"
     for notice in metrics.get("notices", ()):
         yield f"notice                {notice}"

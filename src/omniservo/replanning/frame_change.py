@@ -50,7 +50,7 @@ def problem_from(
         points=moved(here, problem.points),
         initial_T_goal=composed(here, problem.initial_T_goal),
         obstacles=tuple(seen_from(o, here, w) for o in problem.obstacles),
-        workspace=None if problem.workspace is None else _workspace(problem.workspace, here),
+        workspace=None if problem.workspace is None else seen_workspace(problem.workspace, here),
         degrees=Degrees(sigma, tau),
         initial_velocity=None if velocity is None else (1.0 - w) * velocity,
     )
@@ -77,8 +77,10 @@ def _turned_side(side: HalfSpace, here: RigidTransform) -> dict[str, Any]:
     return {"normal": normal, "offset": side.offset + float(normal @ here.translation)}
 
 
-def _workspace(workspace: Workspace, here: RigidTransform) -> Workspace:
-    """A box becomes six half-spaces: it no longer lies along the axes."""
+def seen_workspace(workspace: Workspace, here: RigidTransform) -> Workspace:
+    """Return it in another frame; a box that no longer lies along the axes becomes six half-spaces."""
+    if not here.rotation.magnitude() and not here.translation.any():
+        return workspace
     sides = list(workspace.half_spaces)
     if workspace.min is not None and workspace.max is not None:
         for axis, normal in enumerate(np.eye(3)):

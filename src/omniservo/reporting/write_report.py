@@ -15,6 +15,7 @@ from omniservo.reporting.files_beside import files_beside
 from omniservo.reporting.framed_figure import framed, in_page
 from omniservo.reporting.html import Markup, banner, joined, page, part, tag
 from omniservo.reporting.joint_section import joint_section
+from omniservo.reporting.looks import looks_section
 from omniservo.reporting.margin_parts import margin_parts
 from omniservo.reporting.replanning import replanning_section
 from omniservo.reporting.style import Drawing
@@ -75,6 +76,7 @@ def report_html(
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
         *(_animations(results, [p.animation for p in pictures])),
         *_paper(results),
+        *(block for r in results for block in _looks(r, several)),
         part("Figures", *_figures(results, drawn)),
         *(block for r in results for block in _replanning(r, several)),
         *(block for r in results for block in _joints(r, several)),
@@ -148,6 +150,13 @@ def _joints(result: RunResult, several: bool) -> list[Markup]:
     if found is None:
         return []
     return [part(f"Joint path: {_method(result)}" if several else "Joint path", found)]
+
+
+def _looks(result: RunResult, several: bool) -> list[Markup]:
+    found = looks_section(result)
+    if found is None:
+        return []
+    return [part(f"Looks before the plan: {_method(result)}" if several else "Looks before the plan", found)]
 
 
 def _replanning(result: RunResult, several: bool) -> list[Markup]:

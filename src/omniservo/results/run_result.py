@@ -10,6 +10,7 @@ from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
 from omniservo.results.run_log import RunLog
+from omniservo.results.taken_look import TakenLook
 from omniservo.results.whole_arm import WholeArm
 from omniservo.risk import RiskPlan
 from omniservo.tasks.task import Task
@@ -92,6 +93,8 @@ class RunResult:
     (perception_code, …); control (median of a step); whole run"""
     metrics: dict[str, object] = field(default_factory=dict)
     """as in metrics.json"""
+    looks: tuple[TakenLook, ...] = ()
+    """small moves before the plan; the task, and its initial camera frame, begin after the last of them"""
 
     @property
     def notices(self) -> tuple[str, ...]:

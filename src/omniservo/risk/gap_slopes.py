@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.estimation.arm_views import adjoint
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmBodies
 from omniservo.whole_arm.arm_setting import ArmSetting
@@ -42,7 +43,7 @@ def gap_slopes(
     With δ the joints move by J⁺δ.
     """
     to_joints = np.linalg.pinv(setting.arm.camera_jacobian(q, setting.flange_T_camera))
-    with_mount = to_joints @ (_adjoint(initial_T_camera.inv()) - np.eye(6))
+    with_mount = to_joints @ (adjoint(initial_T_camera.inv()) - np.eye(6))
     bodies.place(q)
     asked = bodies.asked(setting.clearance_around, setting.self_clearance)
     base_R_initial = setting.base_T_initial.rotation.as_matrix()
@@ -60,11 +61,3 @@ def gap_slopes(
         by_mount.append((near.slope @ with_mount - moved)[None])
         by_move.append((near.slope @ to_joints)[None])
     return GapSlopes(np.array(left), np.concatenate(by_mount), np.concatenate(by_move))
-
-
-def _adjoint(a_T_b: RigidTransform) -> FloatArray:
-    """Return Ad (6, 6): a twist (linear, angular) of frame b in frame a."""
-    rotation = a_T_b.rotation.as_matrix()
-    x, y, z = a_T_b.translation
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[rotation, cross @ rotation], [np.zeros((3, 3)), rotation]])

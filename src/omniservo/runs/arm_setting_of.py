@@ -17,7 +17,7 @@ TRACKING_PART = 0.5
 """of a task's risk: that the run leaves the tube. The rest is the estimate's and the mount's."""
 
 
-def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
+def arm_setting_of(task: Task, scene: Scene, *, with_tube: bool = True) -> ArmSetting:
     """Return arm and camera where they stand, on the floor, with the task's clearance and tracking margin."""
     planning, asked = task.planning, task.planning.arm_clearance
     return ArmSetting(
@@ -28,7 +28,7 @@ def arm_setting_of(task: Task, scene: Scene) -> ArmSetting:
         mounted=CAMERA_HOUSING,
         surroundings=(*_floor(scene), *_standing(scene)),
         clearance=None if asked is None else asked + planning.tracking_margin,
-        tube=tube_of(task),
+        tube=tube_of(task) if with_tube else None,
     )
 
 

@@ -15,6 +15,7 @@ _SECONDS = {
     "looking at the target": 0.1,
     "estimating motion and structure": 0.05,
     "planning": 0.1,
+    "looking again": 0.1,
     "following the path": 9.1,
     "filming": 2.8,
     "measuring the run": 0.8,

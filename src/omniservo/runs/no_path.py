@@ -7,6 +7,7 @@ import numpy as np
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
+from omniservo.risk import RiskPlan
 from omniservo.scenes.scene import Scene
 from omniservo.whole_arm import ArmPlan, ArmSetting
 
@@ -14,10 +15,17 @@ from omniservo.whole_arm import ArmPlan, ArmSetting
 class NoPath(NoSolutionError):
     """There is no path to follow."""
 
-    def __init__(self, plan: Plan, scene: Scene, setting: ArmSetting, found: ArmPlan | None) -> None:
-        """Keep what was planned; ``found``: with what the arm made of it, if it was asked."""
+    def __init__(
+        self,
+        plan: Plan,
+        scene: Scene,
+        setting: ArmSetting,
+        found: ArmPlan | None,
+        risk: RiskPlan | None = None,
+    ) -> None:
+        """Keep what was planned; ``found``: with what the arm made of it, ``risk``: at a risk, if asked."""
         super().__init__(f"no path: {plan.status}: {plan.reason}")
-        self.plan, self.scene, self.setting = plan, scene, setting
+        self.plan, self.scene, self.setting, self.risk = plan, scene, setting, risk
         self.posture = scene.start_joints if found is None else _posture(found, setting, scene)
         """(n,) the arm where it fails, as far as that is known [rad]"""
 

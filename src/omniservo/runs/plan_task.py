@@ -11,7 +11,7 @@ from omniservo.cameras.conversion import to_unified
 from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.planning import Degrees, Plan, PlanningProblem, Workspace, plan_path, widened_evenly
+from omniservo.planning import Degrees, Plan, PlanningProblem, plan_path, widened_evenly
 from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of, tube_of
 from omniservo.runs.no_path import NoPath
@@ -21,14 +21,18 @@ from omniservo.whole_arm import plan_with_arm
 
 
 def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
-    """Return the problem of goal and points (n, 3) [m] as estimated: clearance plus tracking margin.
+    """Return the problem of goal and points (n, 3) [m] as estimated, as a tracking tube widens it."""
+    problem, tube = asked_of(task, initial_T_goal, points), tube_of(task)
+    return problem if tube is None else widened_evenly(problem, tube.position, tube.image)
 
-    An obstacle with a clearance of its own keeps it: the tracking margin widens the common one. A tracking
-    tube widens all.
+
+def asked_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
+    """Return the same without what a tracking tube takes: clearance plus tracking margin.
+
+    An obstacle with a clearance of its own keeps it: the tracking margin widens the common one.
     """
     planning = task.planning
-    workspace = planning.workspace
-    problem = PlanningProblem(
+    return PlanningProblem(
         camera=to_unified(task.camera).camera,
         points=points,
         initial_T_goal=initial_T_goal,
@@ -37,11 +41,9 @@ def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -
         least_distance=planning.least_distance,
         visibility_margin=planning.visibility_margin,
         occlusion=planning.occlusion,
-        workspace=None if workspace is None else Workspace(np.array(workspace.min), np.array(workspace.max)),
+        workspace=None if planning.workspace is None else planning.workspace.workspace,
         degrees=Degrees(planning.degrees.rotation, planning.degrees.translation),
     )
-    tube = tube_of(task)
-    return problem if tube is None else widened_evenly(problem, tube.position, tube.image)
 
 
 def plan_task(
@@ -71,13 +73,22 @@ def plan_task(
         found = plan_with_arm(problem, setting, seed=seed)
         plan = found.plan
     else:
-        left = task.planning.risk * (1.0 if task.planning.tracking_tube is None else 1.0 - TRACKING_PART)
-        mount = task.arm.mount_covariance
         risk = plan_arm_with_risk(
-            problem, setting, estimate, risk=left, points=followed, seed=seed,
-            mount_covariance=None if mount is None else np.array(mount),
+            problem, setting, estimate, risk=risk_of_plan(task), points=followed, seed=seed,
+            mount_covariance=mount_covariance_of(task),
         )  # fmt: skip
         plan = risk.plan
     if plan.path is None or (method == "certified" and plan.status != "certified"):
-        raise NoPath(plan, scene, setting, found)
+        raise NoPath(plan, scene, setting, found, risk)
     return plan, risk
+
+
+def risk_of_plan(task: Task) -> float:
+    """Return the part of a task's risk that is the estimate's and the mount's; 0 where it states none."""
+    return (task.planning.risk or 0.0) * (1.0 if task.planning.tracking_tube is None else 1.0 - TRACKING_PART)
+
+
+def mount_covariance_of(task: Task) -> FloatArray | None:
+    """Return that of flange_T_camera as the task states it; None: exact."""
+    mount = task.arm.mount_covariance
+    return None if mount is None else np.array(mount)

@@ -82,6 +82,8 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
         "final": result.final_image,
     }.items():
         write_png(image, folder / f"{name}.png")
+    for number, look in enumerate(result.looks, start=1):
+        write_png(look.image, folder / f"look-{number}.png")
     progress("drawing figures", 0.0)
     drawn = tuple(drawings(result))
     write_drawings(drawn, folder)

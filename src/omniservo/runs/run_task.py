@@ -14,8 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError
-from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan
@@ -28,6 +27,7 @@ from omniservo.runs.film import film_of
 from omniservo.runs.followed_points import followed_points
 from omniservo.runs.in_view import require_in_view, require_unhidden
 from omniservo.runs.job_progress import Progress
+from omniservo.runs.look_again import Job, LookingPlanner
 from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.moves import Moves
 from omniservo.runs.pace import pace
@@ -106,12 +106,15 @@ def _run_in(
     estimate = _timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
     followed = followed_points(estimate, seen.matched.initial)
     progress("planning", 0.0)
-    plan, risk, motion = _planned(task, scene, estimate, followed, method, seed, seconds)
+    outside = cell.truth.outside_picture(scene.start_joints)
+    planner = LookingPlanner(Job(task, scene, seen, estimate, followed), cell, goal, seed, progress)
+    plan, risk, motion = _planned(planner, method, seed, seconds)
+    job, looks = planner.job, tuple(planner.looks)
+    task, scene, seen, estimate, followed = job.task, job.scene, job.seen, job.estimate, job.followed
     progress("following the path", 0.0)
     matched = seen.matched.where(followed)
-    truth = _truth(task, scene, goal, true_points(task, cell, matched.initial))
+    truth = _truth(task, scene, goal, true_points(task, cell, scene.start_joints, matched.initial))
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
-    outside = cell.truth.outside_picture(scene.start_joints)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, cell.truth, controller, replanner, truth.points)
@@ -126,6 +129,7 @@ def _run_in(
     return RunResult(
         task, method, goal, seen, estimate, followed, plan, risk, motion, whole_arm, log, final, outside,
         outside_final, film, truth, way, () if replanner is None else tuple(replanner.events), seconds,
+        looks=looks,
     )  # fmt: skip
 
 
@@ -142,19 +146,24 @@ def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage,
 
 
 def _planned(
-    task: Task,
-    scene: Scene,
-    estimate: TwoViewEstimate,
-    followed: IntArray,
-    method: Method,
-    seed: int,
-    seconds: dict[str, float],
+    planner: LookingPlanner, method: Method, seed: int, seconds: dict[str, float]
 ) -> tuple[Plan | None, RiskPlan | None, PlannedMotion | None]:
-    """Return plan, risk and motion; nothing for "ibvs", which plans nothing."""
+    """Return plan, risk and motion; nothing for "ibvs", which plans nothing. "paper" never looks again."""
     if method == "ibvs":
         return None, None, None
-    plan, risk = _timed("planning", seconds, lambda: plan_task(task, scene, estimate, followed, method, seed))
-    motion = pace(task, scene, plan)
+    if method == "paper":
+        job = planner.job
+        plan, risk = _timed(
+            "planning",
+            seconds,
+            lambda: plan_task(job.task, job.scene, job.estimate, job.followed, method, seed),
+        )
+    else:
+        plan, risk = _timed("planning", seconds, planner.plan)
+        if planner.looks:
+            seconds["planning"] -= planner.seconds
+            seconds["looking again"] = planner.seconds
+    motion = pace(planner.job.task, planner.job.scene, plan)
     return plan, risk, motion
 
 
@@ -271,7 +280,7 @@ def _margin_parts(whole: WholeArm) -> dict[str, object]:
 
 
 def _metrics(result: RunResult, seed: int) -> dict[str, object]:
-    seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items()}
+    seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items() if " " not in stage}
     seconds["control_seconds_median"] = seconds.pop("control_seconds")
     return {
         "task": result.task.name,
@@ -286,8 +295,25 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **motion_metrics(result),
         **_arm_metrics(result.whole_arm),
         **_replanning_metrics(result),
+        **_look_metrics(result),
         "planning_seconds": None,  # unless planned
         **seconds,
+    }
+
+
+def _look_metrics(result: RunResult) -> dict[str, object]:
+    """Return nothing for a run that needed no second look."""
+    if not result.looks:
+        return {}
+    first, last = result.looks[0].before, result.looks[-1].after
+    return {
+        "looks": len(result.looks),
+        "looks_motion_seconds": sum(look.motion_seconds for look in result.looks),
+        "looks_computing_seconds": sum(look.computing_seconds for look in result.looks),
+        "goal_sigma_before_looks_m": first.goal_m,
+        "goal_sigma_after_looks_m": last.goal_m,
+        "points_sigma_before_looks_m": first.points_m,
+        "points_sigma_after_looks_m": last.points_m,
     }
 
 

@@ -25,7 +25,5 @@ def safety_of_task(task: Task) -> SafetyOptions:
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
         exposure=sensor.exposure,
         readout=sensor.readout,
-        workspace=None
-        if box is None
-        else np.array([np.subtract(box.min, WORKSPACE_ROOM), np.add(box.max, WORKSPACE_ROOM)]),
+        workspace=None if box is None else box.bounds + np.array([[-WORKSPACE_ROOM], [WORKSPACE_ROOM]]),
     )

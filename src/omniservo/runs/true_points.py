@@ -9,13 +9,15 @@ from omniservo.runs.robot_cell import RobotCell
 from omniservo.tasks import Task
 
 
-def true_points(task: Task, cell: RobotCell, initial_pixels: FloatArray) -> FloatArray:
+def true_points(task: Task, cell: RobotCell, joints: FloatArray, initial_pixels: FloatArray) -> FloatArray:
     """Return the points (n, 3) [m], initial camera frame, that the initial picture shows at pixels (n, 2).
+
+    It was taken in ``joints`` (n,) [rad].
 
     A dot's point is its centre; of any other target it is what the pixel's ray meets.
     """
     if not task.target.dots:
-        seen = cell.truth.points_under(cell.scene.start_joints, initial_pixels)
+        seen = cell.truth.points_under(joints, initial_pixels)
         return np.asarray(task.start.world_T_camera.transform.inv().apply(seen))
     centers = np.array([dot.center for dot in task.target.dots])
     pixels, _ = task.camera.project(centers)

@@ -2,6 +2,7 @@
 
 from omniservo.safety.closed_loop import Controller, Step, TimeLimit, servo
 from omniservo.safety.feature_watch import FeatureWatch
+from omniservo.safety.joint_motion import OffPath, follow_joints
 from omniservo.safety.safety_options import SafetyOptions
 from omniservo.safety.supervisor import Passed, Supervisor
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
@@ -10,11 +11,13 @@ __all__ = [
     "Controller",
     "FeatureWatch",
     "FilteredTwist",
+    "OffPath",
     "Passed",
     "SafetyOptions",
     "Step",
     "Supervisor",
     "TimeLimit",
     "VisibilityFilter",
+    "follow_joints",
     "servo",
 ]

@@ -7,13 +7,25 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AliasChoices, Field, FiniteFloat, field_validator, model_validator
+from pydantic import (
+    AliasChoices,
+    Field,
+    FiniteFloat,
+    PrivateAttr,
+    StrictInt,
+    field_validator,
+    model_validator,
+)
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
+from omniservo.replanning.frame_change import seen_workspace
 from omniservo.robots import TrackingTube
 from omniservo.tasks.framed import Frame
 from omniservo.tasks.move import Move
@@ -28,6 +40,8 @@ from omniservo.tasks.turned import Turned
 
 FORMAT = "omniservo.task/1"
 """The task format that this version reads."""
+
+MOST_LOOKS = 10
 
 
 class Pose(Turned):
@@ -142,6 +156,24 @@ class WorkspaceSection(Section):
 
     min: Point
     max: Point
+    _here_T_box: RigidTransform = PrivateAttr(default_factory=RigidTransform.identity)
+
+    def transformed(self, a_T_b: RigidTransform) -> WorkspaceSection:
+        """Return the same, stated in frame b, in frame a, along whose axes it need not lie."""
+        there = self.model_copy()
+        there._here_T_box = a_T_b * self._here_T_box
+        return there
+
+    @property
+    def workspace(self) -> Workspace:
+        """The planner's."""
+        return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self._here_T_box)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) lowest and highest of the box's corners [m]."""
+        corners = self._here_T_box.apply(np.array(list(product(*zip(self.min, self.max, strict=True)))))
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
 
     @model_validator(mode="after")
     def _ordered(self) -> WorkspaceSection:
@@ -183,6 +215,9 @@ class Planning(Section):
     risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
     """probability that the executed path leaves any of these unmet because the estimate is uncertain: margins
     are widened for it; where absent the estimate is planned with as if it were exact"""
+    looks: Annotated[StrictInt, Field(ge=0, le=MOST_LOOKS)] = 2
+    """how often the arm may move a little and look again, where no plan fits the risk or it starts near a
+    singularity; 0: never"""
 
     @model_validator(mode="after")
     def _one_tracking(self) -> Planning:

@@ -57,10 +57,10 @@ def joint_curves(
         for end in ends:
             bend = _BEND * random.standard_normal(len(end)) if bent else 0.0
             joints = (1.0 - w) * start + w * end + 4.0 * w * (1.0 - w) * bend
-            yield JointCurve(joints, _path_near(problem, setting, joints))
+            yield JointCurve(joints, path_near(problem, setting, joints))
 
 
-def _path_near(problem: PlanningProblem, setting: ArmSetting, joints: FloatArray) -> CameraPath:
+def path_near(problem: PlanningProblem, setting: ArmSetting, joints: FloatArray) -> CameraPath:
     """Return the path from the identity to the goal that misses the postures least, φ and t by themselves."""
     here = setting.base_T_initial.inv()
     poses = [here * setting.arm.base_T_flange(q) * setting.flange_T_camera for q in joints]

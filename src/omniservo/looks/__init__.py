@@ -1,0 +1,18 @@
+"""Looking again: small certified moves after which more is known, or from whose end there is a plan."""
+
+from omniservo.looks.certified_move import FOLLOWED, CertifiedMove, certified_move
+from omniservo.looks.next_look import NextLook, next_look, uncertainty_parts, uncertainty_size
+from omniservo.looks.standing import Standing
+from omniservo.looks.what_is_missing import what_is_missing
+
+__all__ = [
+    "FOLLOWED",
+    "CertifiedMove",
+    "NextLook",
+    "Standing",
+    "certified_move",
+    "next_look",
+    "uncertainty_parts",
+    "uncertainty_size",
+    "what_is_missing",
+]

@@ -1,0 +1,82 @@
+"""A move is certified only where it is clear, in view and within the joints' ranges, with room for errors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+from tests.looks.conftest import FLANGE_T_CAMERA, MOUNT, START
+
+from omniservo.looks import FOLLOWED, CertifiedMove, certified_move
+from omniservo.looks.certified_move import following_tube, mount_room
+from omniservo.looks.next_look import structures
+from omniservo.robots import CAMERA_HOUSING, ArmBodies
+
+END = START + np.radians([6.0, -4.0, 5.0, 3.0, -4.0, 8.0])
+
+
+def move_of(here, end=END, samples=None):
+    samples = structures(here.estimate, 0) if samples is None else samples
+    return certified_move(here.asked, here.setting, samples, (here.start, end), here.mount)
+
+
+def test_a_free_move_keeps_every_sampled_structure_in_view_and_every_body_off(standing):
+    here = standing(obstacles=[((0.0, -0.3, 0.1), 0.04)])
+    move = move_of(here)
+    assert isinstance(move, CertifiedMove)
+    assert move.plan.status == "certified"
+    assert move.clearance.status == "clear"
+    bodies = here.setting.bodies(here.asked.obstacles)
+    samples = move.plan.problem.points
+    for q in move.joints(np.linspace(0.0, 1.0, 41)):
+        bodies.place(q)
+        asked = bodies.asked(here.setting.clearance_around, here.setting.self_clearance)
+        assert all(near.gap >= asked[near.pair] for near in bodies.near(0.05))
+        pixels, valid = here.asked.camera.project(here.camera_at(q).inv().apply(samples))
+        assert valid.all()
+        assert here.asked.camera.in_image(pixels).all()
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "end", "why"),
+    [
+        ([((0.06, 0.02, 0.0), 0.03)], END, "clearance obstacle 0|apart|overlap|start pose"),
+        ([], START + np.radians([0, 0, 0, 0, -130.0, 0]), "visibility|domain"),
+        ([], np.radians([10.0, 20.0, 110.0, 5.0, 140.0, 0.0]), "end of its range"),
+    ],
+    ids=["through a ball", "out of view", "beyond a joint's range"],
+)
+def test_a_move_that_is_not_certified_says_why(standing, obstacles, end, why):
+    found = move_of(standing(obstacles=obstacles), end)
+    assert isinstance(found, str)
+    assert any(words in found for words in why.split("|")), found
+
+
+def test_what_is_kept_for_joints_off_the_line_holds_for_every_point_of_the_arm(arm):
+    carried = [solid.moved(FLANGE_T_CAMERA) for solid in CAMERA_HOUSING]
+    bodies = ArmBodies(arm, mounted=carried)
+    tube, random = following_tube(bodies), np.random.default_rng(0)
+    most = dict.fromkeys(bodies.links, 0.0)
+    for _ in range(200):
+        q, rays = random.uniform(*arm.joint_range.T), random.normal(size=(len(bodies.shapes.radii), 3))
+        rays *= bodies.shapes.radii[:, None] / np.linalg.norm(rays, axis=1, keepdims=True)
+        ends = []
+        for at in (q, q + FOLLOWED * random.choice([-1.0, 1.0], arm.dof)):
+            bodies.place(at)
+            axes = bodies.scene.axes.reshape(-1, 3, 3)
+            ends.append(bodies.scene.places + np.einsum("gij,gj->gi", axes, np.nan_to_num(rays)))
+        gone = np.linalg.norm(ends[1] - ends[0], axis=1)
+        for link in bodies.links:
+            most[link] = max(most[link], float(gone[bodies.shapes_of(link)].max()))
+    assert all(0.0 < most[link] <= tube.links[link] for link in bodies.links)
+
+
+def test_the_mounts_error_moves_what_stands_still_by_no_more_than_is_kept():
+    pose = RigidTransform.from_exp_coords([0.2, -0.3, 0.1, 0.08, 0.02, -0.05])
+    room, random, worst = mount_room(pose, MOUNT, 0.5), np.random.default_rng(1), []
+    x = np.array([0.1, 0.2, 0.4])
+    for _ in range(500):
+        error = np.sqrt(np.diag(MOUNT)) * random.standard_normal(6)
+        mount = RigidTransform.from_exp_coords(np.concatenate([error[3:], error[:3]]))
+        there = mount.inv() * pose * mount
+        worst.append(np.linalg.norm(there.inv().apply(x) - pose.inv().apply(x)))
+    assert np.quantile(worst, 0.99) < room < 6.0 * np.quantile(worst, 0.99)
+    assert mount_room(pose, None, 0.5) == 0.0

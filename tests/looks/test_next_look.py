@@ -1,0 +1,73 @@
+"""Which look is taken, what is expected of it, and what is said where none helps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.looks.conftest import SINGULAR
+
+from omniservo.errors import InputError
+from omniservo.looks import NextLook, next_look, uncertainty_size, what_is_missing
+from omniservo.risk import plan_arm_with_risk
+from omniservo.whole_arm import plan_with_arm
+
+
+def is_planned(there):
+    """As if the estimate were exact."""
+    problem = replace(there.problem, initial_T_goal=there.estimate.initial_T_goal)
+    return plan_with_arm(problem, there.planned_setting).certified
+
+
+def is_planned_at_risk(there, risk=0.005):
+    return plan_arm_with_risk(
+        there.problem, there.planned_setting, there.estimate, risk=risk, mount_covariance=None
+    ).ok
+
+
+def test_a_start_near_a_singularity_is_left_by_a_certified_move_to_where_there_is_a_plan(standing, tube):
+    here = standing(start=SINGULAR, tube=tube)
+    assert not is_planned(here)
+    assert "singular" in here.reserve_missing
+    found = next_look(here, is_planned, 0)
+    assert isinstance(found, NextLook)
+    assert found.leads_to_plan
+    there = here.expected_after(found.move)
+    assert there.reserve_missing == ""
+    assert is_planned(there)
+    assert found.move.joints.singular_values[0] < tube.singular_value <= found.move.joints.singular_values[-1]
+
+
+def test_the_look_that_is_expected_to_tell_most_of_those_with_a_plan_is_taken(standing):
+    here = standing(noise=1.0)
+    found = next_look(here, lambda there: True, 0)
+    assert found.size == pytest.approx(uncertainty_size(here.expected_after(found.move).estimate))
+    assert found.size < 0.6 * uncertainty_size(here.estimate)
+
+
+def test_a_look_after_which_nothing_is_known_better_is_not_taken(standing):
+    here = replace(standing(), optimum=None)
+    found = next_look(here, lambda there: False, 0)
+    assert isinstance(found, str)
+    assert "nor to make what is uncertain smaller" in found
+
+
+def test_a_candidate_that_cannot_be_planned_from_is_no_plan(standing):
+    def refuses(there):
+        raise InputError("nothing is left of the image")
+
+    assert not next_look(standing(), refuses, 0).leads_to_plan
+
+
+def test_what_would_have_to_be_better_is_found_by_making_it_so(standing, tube):
+    here = standing(start=SINGULAR, tube=tube)
+    assert "singular value: " in what_is_missing(here, is_planned)
+    close = standing(tube=replace(tube, links=dict.fromkeys(tube.links, 0.3)))
+    assert "tube: " in what_is_missing(close, is_planned)
+    asked = []
+
+    def needs_quiet_pixels(there):
+        asked.append(float(np.median(there.optimum.views.noise)))
+        return asked[-1] <= 0.2
+
+    assert "pixels: a quarter as uncertain" in what_is_missing(standing(), needs_quiet_pixels)
+    assert what_is_missing(standing(), lambda there: False).startswith("there would be none if everything")
