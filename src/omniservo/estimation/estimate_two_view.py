@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +33,10 @@ from omniservo.estimation.status.square_evidence import fit_squares
 from omniservo.estimation.status.two_motions import judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_input import (
+    check_choice,
     checked_noise,
     checked_pixels,
+    checked_scale,
     checked_squares,
     checked_windows,
 )
@@ -50,7 +52,7 @@ from omniservo.estimation.uncertainty.two_view_uncertainty import (
     total_covariances,
     two_view_uncertainty,
 )
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 from omniservo.geometry.quaternions import CAYLEY, QUATERNION
 
 Scale = float | tuple[tuple[int, int], float]
@@ -125,16 +127,28 @@ def estimate_two_view(
     started = time.perf_counter()
     image = unified_image(camera)
     pixels, px = checked_pixels(image, pixels_initial, pixels_goal)
-    fixed = _checked_scale(scale, scale_sigma, len(pixels))
-    _check_choice("method", method, METHODS)
-    _check_choice("rotation", rotation, tuple(ROTATIONS))
+    fixed = checked_scale(scale, scale_sigma, len(pixels))
+    check_choice("method", method, METHODS)
+    check_choice("rotation", rotation, tuple(ROTATIONS))
     lens, sigmas = Lens.of(image, calibration_covariance), checked_noise(noise, px)
     known = checked_squares(squares, len(pixels)), checked_windows(windows, px)
     request = TwoViewRequest(ROTATIONS[rotation], *fixed, scale_sigma, lens, *known, sigmas)
+    return _estimate_inside(image, pixels, method, robust, request, started)
+
+
+def _estimate_inside(
+    image: UnifiedImage,
+    pixels: FloatArray,
+    method: str,
+    robust: bool,
+    request: TwoViewRequest,
+    started: float,
+) -> TwoViewEstimate:
+    """Estimate, from the matches in the camera's domain where it is ``robust`` and some are outside."""
     try:
         return _estimate(image, pixels, method, robust, request, started)
     except InputError:
-        inside = in_domain(camera, pixels[:, :2], pixels[:, 2:]) if robust else None
+        inside = in_domain(image.own, pixels[:, :2], pixels[:, 2:]) if robust else None
         if inside is None or inside.all():
             raise
     lost = request.rejected(inside)
@@ -161,31 +175,6 @@ def _estimate(
         return estimate_planar(matches, robust, request, started)
     plane = _virtual_plane(image.camera, matches) if method == "virtual-plane" else None
     return _estimate_few(matches, plane, robust, request, started)
-
-
-def _check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
-    if given not in legal:
-        raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
-
-
-def _checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
-    """Return the pair of points and the length that fix the scale."""
-    finite_number("scale_sigma", sigma, minimum=0.0, maximum=0.0 if scale is None else 1.0)
-    legal = "legal: None, metres between the camera centres, or ((i, j), metres) between two points"
-    if scale is None:
-        return None, None
-    if not isinstance(scale, tuple | list):
-        return None, finite_number("scale", scale, above=0.0)
-    if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
-        raise InputError(f"scale: {scale!r} given; {legal}")
-    indices = []
-    for index in scale[0]:
-        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
-            raise InputError(f"scale: index {index!r} given; legal: whole numbers from 0 to {n - 1}")
-        indices.append(int(index))
-    if indices[0] == indices[1]:
-        raise InputError(f"scale: point {indices[0]} given twice; two different points are needed")
-    return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)
 
 
 def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:

@@ -34,6 +34,7 @@ from omniservo.estimation.view_poses import (
     PlacedViews,
     place_all,
     place_by_displacements,
+    place_by_known_points,
     place_linked,
     place_others,
     pose_of,
@@ -157,7 +158,7 @@ class _Adjustment:
     def place(self) -> tuple[Any, str]:
         """Place all views and return "ok", or status and evidence."""
         views, prior = self.views, self.prior
-        if isinstance(self.length, GaugeLength) and _place_by_known_points(views, self.length):
+        if isinstance(self.length, GaugeLength) and place_by_known_points(views, self.length):
             place_others(views)
         else:
             status, words = place_all(views, self.robust)
@@ -422,20 +423,6 @@ class _Adjustment:
                 statuses.append("by_displacement" if view in self.linked and seen < LEAST_OF_VIEW else "ok")
                 reasons.append("")
         return tuple(statuses), tuple(reasons)
-
-
-def _place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
-    """Place the views in which the known points tell the pose; True where at least two do."""
-    if len(length.known) < LEAST_POINTS or not length.is_one_frame:
-        return False
-    for view in range(len(views.seen)):
-        rows = views.seen[view, length.indices]
-        if rows.sum() >= LEAST_POINTS:
-            views.place(view, length.known[rows], length.indices[rows])
-    if views.placed.sum() >= 2:
-        return True
-    views.placed[:] = False
-    return False
 
 
 def residuals_of(views: PlacedViews) -> FloatArray:

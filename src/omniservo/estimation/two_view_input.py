@@ -74,3 +74,29 @@ def checked_windows(windows: npt.ArrayLike | None, px: FloatArray) -> FloatArray
     if widths.min() <= 0.0:
         raise InputError(f"windows: {widths.min():g} given; legal: > 0")
     return widths * px[:, 0]
+
+
+def check_choice(name: str, given: str, legal: tuple[str, ...]) -> None:
+    """Raise InputError where something else is given."""
+    if given not in legal:
+        raise InputError(f"{name}: {given!r} given; legal: {', '.join(legal)}")
+
+
+def checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | None, float | None]:
+    """Return the pair of points and the length that fix the scale."""
+    finite_number("scale_sigma", sigma, minimum=0.0, maximum=0.0 if scale is None else 1.0)
+    legal = "legal: None, metres between the camera centres, or ((i, j), metres) between two points"
+    if scale is None:
+        return None, None
+    if not isinstance(scale, tuple | list):
+        return None, finite_number("scale", scale, above=0.0)
+    if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
+        raise InputError(f"scale: {scale!r} given; {legal}")
+    indices = []
+    for index in scale[0]:
+        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
+            raise InputError(f"scale: index {index!r} given; legal: whole numbers from 0 to {n - 1}")
+        indices.append(int(index))
+    if indices[0] == indices[1]:
+        raise InputError(f"scale: point {indices[0]} given twice; two different points are needed")
+    return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)

@@ -17,6 +17,7 @@ from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.minimal_solvers.triangulation import triangulate_views
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_points import CheckedPoints
+from omniservo.estimation.view_scale import GaugeLength
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 THRESHOLD_PX = 3.0
@@ -255,3 +256,17 @@ def place_others(views: PlacedViews) -> None:
 def pose_of(row: FloatArray) -> RigidTransform:
     """Return a row of ``poses`` as a pose."""
     return RigidTransform.from_components(row[4:], Rotation.from_quat(row[:4]))
+
+
+def place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
+    """Place the views in which the known points tell the pose; True where at least two do."""
+    if len(length.known) < LEAST_POINTS or not length.is_one_frame:
+        return False
+    for view in range(len(views.seen)):
+        rows = views.seen[view, length.indices]
+        if rows.sum() >= LEAST_POINTS:
+            views.place(view, length.known[rows], length.indices[rows])
+    if views.placed.sum() >= 2:
+        return True
+    views.placed[:] = False
+    return False
