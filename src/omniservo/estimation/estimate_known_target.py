@@ -107,11 +107,8 @@ def estimate_known_target(
         rows = np.asarray(pixels)
         if rows.shape != (n, 2):
             raise InputError(f"{name}: shape {rows.shape} given; {(n, 2)} is needed")
-        use = seen[place].copy()
-        inside = in_domain(camera, finite_array(name, rows[use], (None, 2))) if robust else None
-        if inside is not None and not inside.all():
-            outside[np.flatnonzero(use)[~inside]] = True
-            use[use] = inside
+        use = _in_domain(camera, rows, seen[place], name) if robust else seen[place]
+        outside |= seen[place] & ~use
         known = known_pixels(
             image, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
         )
@@ -140,6 +137,14 @@ def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _V
     fit, members = fit_pose(view.known.where(kept), robust), np.zeros(len(kept), dtype=np.bool_)
     members[kept] = fit.members
     return _View(view.known, replace(fit, members=members), view.rows)
+
+
+def _in_domain(camera: UnifiedCamera, pixels: FloatArray, visible: BoolArray, name: str) -> BoolArray:
+    """Return the visible points (n,) whose pixels (n, 2) the camera may have seen; all where most are not."""
+    inside, use = in_domain(camera, finite_array(name, pixels[visible], (None, 2))), visible.copy()
+    if inside is not None:
+        use[visible] = inside
+    return use
 
 
 def _checked_visible(visible: Any, n: int) -> BoolArray:

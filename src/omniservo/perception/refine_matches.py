@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
+from omniservo.perception.agreeing_pairs import agreeing_pairs
 from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
@@ -31,7 +32,7 @@ CORRELATED = (1.1, 20.0)
 patches differ, by 1 − correlation, the less it is noise and the farther what differs hangs together."""
 LEAST_SHARE = 1.0 / 16.0
 """of the features of the picture that has fewer. As many pairs are wrong however few are right: fewer pairs
-cannot be trusted."""
+are trusted only where they agree on one motion beyond chance."""
 MOST_ERROR = 0.3
 """[px] standard deviation of the worst pair, in its worst direction"""
 
@@ -116,7 +117,7 @@ def refine_matches(
     good[good] = _once(start[good], found.correlation[good])
     count = int(good.sum())
     least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
-    if count < least:
+    if count < least and agreeing_pairs(camera, start[good], pixels[good]) is None:
         seen_in = f"{len(initial.points)} and {len(goal.points)} features"
         words = f"{count} of {len(good)} pairs look alike all round; {least} are needed, of {seen_in}"
         return refused("too_few", words)

@@ -1,0 +1,102 @@
+"""Do pairs of bearings agree on one motion, more of them than chance brings about?
+
+Wrong pairs lie anywhere; right ones lie on the epipolar circles of one essential matrix. That k of n pairs do
+so with the best of all matrices by chance is to be expected
+
+    (n − 8) C(n, k) C(k, 8) p^(k − 8)
+
+times, p the share of pairs put together at random that lie as near (Moisan, Stival 2004). Matrices come from
+samples of eight pairs and from all that agree.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import gammaln
+
+from omniservo.cameras import UnifiedCamera
+from omniservo.geometry.arrays import BoolArray, FloatArray
+
+SAMPLED = 8
+SAMPLES = 600
+LEAST_AGREEING = 40
+"""fewer say too little of the motion: of two dozen, one or two wrong ones decide it"""
+BAND_PX = 1.5
+"""Pairs agree within so many pixels."""
+FALSE_ALARMS = 1e-6
+LEAST_CHANCE = 1e-3
+ROUNDS = 3
+
+
+def agreeing_pairs(camera: UnifiedCamera, initial: FloatArray, goal: FloatArray) -> BoolArray | None:
+    """Return which pairs agree on one motion; None where they are no more than chance brings about.
+
+    Args:
+        camera: took both images.
+        initial: (n, 2) [px].
+        goal: (n, 2) [px], the same points.
+    """
+    if len(initial) < LEAST_AGREEING:
+        return None
+    x, y = camera.unproject(initial)[0], camera.unproject(goal)[0]
+    band = BAND_PX * 0.5 * (_radians_per_pixel(camera, initial) + _radians_per_pixel(camera, goal))
+    rng = np.random.default_rng(0)
+    samples = rng.random((SAMPLES, len(x))).argpartition(SAMPLED, axis=1)[:, :SAMPLED]
+    matrices = _essential(x[samples], y[samples])
+    agree = _distances(matrices, x, y) < band
+    best = int(agree.sum(axis=1).argmax())
+    matrix, members = matrices[best], agree[best]
+    for _ in range(ROUNDS):
+        if np.count_nonzero(members) < LEAST_AGREEING:
+            return None
+        again = _essential(x[None, members], y[None, members])
+        more = (_distances(again, x, y) < band)[0]
+        if np.count_nonzero(more) <= np.count_nonzero(members):
+            break
+        matrix, members = again[0], more
+    return members if _chance(matrix, (x, y), members, band) < FALSE_ALARMS else None
+
+
+def _chance(
+    matrix: FloatArray, pairs: tuple[FloatArray, FloatArray], members: BoolArray, band: FloatArray
+) -> float:
+    """Return how many matrices agree with as many pairs, to be expected of pairs that are all wrong."""
+    n, k = len(members), int(np.count_nonzero(members))
+    turned = [np.roll(pairs[1], shift, axis=0) for shift in range(1, n)]
+    near = [(_distances(matrix[None], pairs[0], other)[0] < band).mean() for other in turned]
+    share = max(float(np.mean(near)), LEAST_CHANCE)
+    log = (
+        math.log(n - SAMPLED) + _log_choose(n, k) + _log_choose(k, SAMPLED) + (k - SAMPLED) * math.log(share)
+    )
+    return math.exp(min(log, 50.0))
+
+
+def _essential(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Essential matrices (m, 3, 3) with xᵀEy ≈ 0, of bearings (m, k, 3), k ≥ 8, least squares."""
+    products = (x[:, :, :, None] * y[:, :, None, :]).reshape(len(x), -1, 9)
+    _, vectors = np.linalg.eigh(np.swapaxes(products, 1, 2) @ products)
+    left, _, right = np.linalg.svd(vectors[:, :, 0].reshape(-1, 3, 3))
+    return np.asarray(left @ np.diag([1.0, 1.0, 0.0]) @ right)
+
+
+def _distances(matrices: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Angles (m, n) [rad] of bearings from their epipolar circles, the larger of both images'."""
+    of_x, of_y = y @ np.swapaxes(matrices, 1, 2), x @ matrices
+    products = np.abs((of_x * x).sum(axis=2))
+    least = np.minimum(np.linalg.norm(of_x, axis=2), np.linalg.norm(of_y, axis=2))
+    return np.asarray(products / np.maximum(least, 1e-12))
+
+
+def _radians_per_pixel(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
+    """(n,) the root of a pixel's solid angle; a large one at the rim, where that is not known."""
+    around, valid = camera.unproject(
+        pixels[:, None] + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+    )
+    area = np.linalg.norm(np.cross(around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]), axis=1)
+    return np.asarray(np.sqrt(np.where(valid.all(axis=1), area, np.nanmedian(area))))
+
+
+def _log_choose(n: int, k: int) -> float:
+    return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
