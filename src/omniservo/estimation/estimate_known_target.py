@@ -109,15 +109,13 @@ def estimate_known_target(
             raise InputError(f"{name}: shape {rows.shape} given; {(n, 2)} is needed")
         use = _in_domain(camera, rows, seen[place], name) if robust else seen[place]
         outside |= seen[place] & ~use
-        known = known_pixels(
-            image, target[use], rows[use], None if sigmas is None else sigmas[use, place], name
-        )
+        noise_px = None if sigmas is None else sigmas[use, place]
+        known = known_pixels(image, target[use], rows[use], noise_px, name)
         if use.sum() < LEAST_POINTS:
             words = f"{PICTURES[place]} picture: {use.sum()} points; at least {LEAST_POINTS} are needed"
             return TwoViewEstimate.without_pose(n, "too_few_points", words, started)
         views.append(_of_whole_squares(_View(known, fit_pose(known, robust), use), squares, robust))
-    refused = _refused(views)
-    if refused is not None:
+    if (refused := _refused(views)) is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
     return _with_pose(image.camera, target, views, seen & ~outside, relative, started)
 
@@ -139,7 +137,7 @@ def _of_whole_squares(view: _View, squares: IntArray | None, robust: bool) -> _V
     return _View(view.known, replace(fit, members=members), view.rows)
 
 
-def _in_domain(camera: UnifiedCamera, pixels: FloatArray, visible: BoolArray, name: str) -> BoolArray:
+def _in_domain(camera: CentralModel, pixels: FloatArray, visible: BoolArray, name: str) -> BoolArray:
     """Return the visible points (n,) whose pixels (n, 2) the camera may have seen; all where most are not."""
     inside, use = in_domain(camera, finite_array(name, pixels[visible], (None, 2))), visible.copy()
     if inside is not None:

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from scipy.special import gammaln
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 SAMPLED = 8
@@ -30,7 +30,7 @@ LEAST_CHANCE = 1e-3
 ROUNDS = 3
 
 
-def agreeing_pairs(camera: UnifiedCamera, initial: FloatArray, goal: FloatArray) -> BoolArray | None:
+def agreeing_pairs(camera: CentralModel, initial: FloatArray, goal: FloatArray) -> BoolArray | None:
     """Return which pairs agree on one motion; None where they are no more than chance brings about.
 
     Args:
@@ -89,7 +89,7 @@ def _distances(matrices: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray
     return np.asarray(products / np.maximum(least, 1e-12))
 
 
-def _radians_per_pixel(camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
+def _radians_per_pixel(camera: CentralModel, pixels: FloatArray) -> FloatArray:
     """(n,) the root of a pixel's solid angle; a large one at the rim, where that is not known."""
     around, valid = camera.unproject(
         pixels[:, None] + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
