@@ -195,7 +195,61 @@ roi: {{x_offset: 0, y_offset: 0, height: 0, width: 0, do_rectify: False}}
 ---
 """
 
+ORB_SLAM = """%YAML:1.0
+
+# Camera Parameters
+File.version: "1.0"
+Camera.type: "KannalaBrandt8"
+Camera1.fx: 311.0
+Camera1.fy: 312.0
+Camera1.cx: 320.25
+Camera1.cy: 239.5
+Camera1.k1: 0.01
+Camera1.k2: -0.02
+Camera1.k3: 0.003
+Camera1.k4: -0.0004
+Camera2.fx: 300.0
+Camera2.fy: 300.0
+Camera2.cx: 320.0
+Camera2.cy: 240.0
+Camera2.k1: 0.0
+Camera2.k2: 0.0
+Camera2.k3: 0.0
+Camera2.k4: 0.0
+Camera.width: 640
+Camera.height: 480
+Camera.newWidth: 320
+Camera.fps: 30
+Stereo.T_c1_c2: !!opencv-matrix
+   rows: 4
+   cols: 4
+   dt: f
+   data: [1.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+ORBextractor.nFeatures: 1000
+"""
+
 SAMPLES = {
+    "ORB-SLAM3, the first of a stereo fisheye": (ORB_SLAM, {"name": "Camera1"}, FISHEYE),
+    "ORB-SLAM2, five coefficients, size from the caller": (
+        "%YAML:1.0\n\nCamera.fx: 611.0\nCamera.fy: 612.0\nCamera.cx: 320.25\nCamera.cy: 239.5\n"
+        "Camera.k1: -0.3\nCamera.k2: 0.1\nCamera.p1: 1.0e-3\nCamera.p2: -2.0e-3\nCamera.k3: 0.02\n"
+        "Camera.fps: 30.0\nCamera.RGB: 1\n",
+        {"size": (640, 480)},
+        BROWN,
+    ),
+    "ORB-SLAM3, four coefficients": (
+        'Camera.type: "PinHole"\nCamera.fx: 611.0\nCamera.fy: 612.0\nCamera.cx: 320.25\nCamera.cy: 239.5\n'
+        "Camera.k1: -0.3\nCamera.k2: 0.1\nCamera.p1: 0.001\nCamera.p2: -0.002\n"
+        "Camera.width: 640\nCamera.height: 480\n",
+        {},
+        RADTAN,
+    ),
+    "ORB-SLAM3, rectified": (
+        'Camera.type: "Rectified"\nCamera1.fx: 611.0\nCamera1.fy: 612.0\nCamera1.cx: 320.25\n'
+        "Camera1.cy: 239.5\nCamera.width: 640\nCamera.height: 480\n",
+        {},
+        PLAIN,
+    ),
     "own, another model": (json.dumps({"format": "omniservo.camera/1", **FISHEYE.to_dict()}), {}, FISHEYE),
     "OpenCV omnidir, XML, xi a number": (cv_xml(*OMNI_FIELDS, "<xi>1.125</xi>"), {}, OMNIDIR),
     "OpenCV omnidir, XML, xi a matrix": (cv_xml(*OMNI_FIELDS, cv_matrix("xi", 1, 1, "1.125")), {}, OMNIDIR),

@@ -91,6 +91,17 @@ CHANGES = [
     ),
     ("ROS plumb_bob", ("611., 0., 320.25", "0., 0., 320.25"), "line 4: camera_matrix: a focal length of 0"),
     ("ROS equidistant", (", -0.0004]", "]"), "line 12: distortion_coefficients.data: 3 numbers given; 1 x 4"),
+    (
+        "ORB-SLAM3, the first of a stereo fisheye",
+        ('"KannalaBrandt8"', '"Fisheye"'),
+        "line 5: Camera.type: 'Fisheye' given; legal: 'PinHole', 'KannalaBrandt8', 'Rectified'",
+    ),
+    ("ORB-SLAM3, the first of a stereo fisheye", ("Camera1.k2: -0.02\n", ""), "Camera1.k2: missing"),
+    (
+        "ORB-SLAM3, the first of a stereo fisheye",
+        ("Camera1.fx: 311.0", "Camera1.fx: 0"),
+        "Camera1.fx: 0 given",
+    ),
     ("ROS message", ("binning_x: 0", "binning_x: 2"), "binning_x: a binned image"),
     ("ROS message", ("x_offset: 0", "x_offset: 8"), "roi.x_offset: a part of the sensor"),
     ("ROS message", ("height: 0, width: 0", "height: 0, width: 320"), "roi.width: a part of the sensor"),

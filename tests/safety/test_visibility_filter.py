@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.lens_conversions import PUBLISHED
 from scipy.optimize import minimize
 from scipy.spatial.transform import RigidTransform
 
@@ -111,9 +112,10 @@ def test_a_twist_that_keeps_every_rate_passes_unchanged(name):
     assert answer.active == 0
 
 
-@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("name", [*CAMERAS, *PUBLISHED])
 def test_random_commands_of_half_a_minute_lose_no_point(name):
-    camera, rng = CAMERAS[name], np.random.default_rng(4)
+    """Of a camera of another model, in its own image."""
+    camera, rng = {**CAMERAS, **PUBLISHED}[name], np.random.default_rng(4)
     points, _ = seen_points(camera, rng, 6)
     visibility, lost = VisibilityFilter(camera, options=OPTIONS), False
     blind = points

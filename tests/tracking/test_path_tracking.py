@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.lens_conversions import PUBLISHED
 from kinematic_loop import (
     FISHEYE,
     FRONT,
@@ -26,6 +27,8 @@ from omniservo.tracking.path_state import path_state
 PAST_90 = ring([60, 95, 110, 75, 100, 115, 85, 70, 105])
 SHORT = bent_path(translation=(0.05, -0.08, 0.06), bend=(0.02, 0.03, 0.02))
 
+TINY = bent_path((0.03, -0.02, 0.05), (0.02, -0.05, 0.1), (0.01, 0.01, 0.01))
+
 EXACT = TrackerOptions(delay=0.005, tolerance_px=1e-7)
 """The twist acts for 10 ms from the exposure on: 5 ms on average."""
 
@@ -34,6 +37,9 @@ SCENES = {
     "fisheye": (FISHEYE, FRONT, bent_path()),
     "fisheye past 90 degrees": (WIDE, PAST_90, SHORT),
     "parabolic mirror": (PARABOLIC, ring([60, 95, 80, 75, 100, 105, 85, 70, 95]), SHORT),
+    "Kannala-Brandt": (PUBLISHED["RealSense T265, fisheye"], FRONT, bent_path()),
+    "OCam past 90 degrees": (PUBLISHED["Kodak, OCam, 235°"], PAST_90, SHORT),
+    "five coefficients": (PUBLISHED["RealSense, colour"], 0.4 * FRONT + np.array([0.0, 0.02, 0.4]), TINY),
     "hyperbolic mirror": (HYPERBOLIC, ring([60, 95, 80, 75, 100, 105, 85, 70, 95]), SHORT),
 }
 

@@ -17,6 +17,7 @@ from omniservo.camera_files.formats import (
     mei_toolbox,
     ocamcalib,
     opencv,
+    orb_slam,
     own,
     ros,
     svo,
@@ -73,6 +74,7 @@ _READERS: tuple[_Reader, ...] = (
     colmap,
     mei_toolbox,
     visp,
+    orb_slam,
 )
 
 WRITTEN: dict[str, WrittenFormat] = {
@@ -106,7 +108,8 @@ def load_model(
     """Return the camera of a calibration file as the file has it; its content tells the format.
 
     Read are our own format, OpenCV's FileStorage, Kalibr chains, CamOdoCal and VINS, Basalt, ROS CameraInfo,
-    OCamCalib, SVO, BoofCV, COLMAP, values of Mei's toolbox and ViSP; docs/camera.md lists what of each.
+    OCamCalib, SVO, BoofCV, COLMAP, values of Mei's toolbox, ViSP and settings of ORB-SLAM; docs/camera.md
+    lists what of each.
 
     Args:
         path: a file of at most 1 MB. Nothing in it is executed or followed.
@@ -139,7 +142,7 @@ def read_model(
         raise InputError(
             f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS"
             " (model_type), Basalt, ROS CameraInfo, OCamCalib, SVO, BoofCV, COLMAP cameras.txt,"
-            " Mei's toolbox (xi), ViSP"
+            " Mei's toolbox (xi), ViSP, ORB-SLAM settings"
         )
     if model is not None and reader is not opencv:
         raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")

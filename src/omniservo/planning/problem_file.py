@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.camera_files import named_model
+from omniservo.camera_files.camera_files import read_model
+from omniservo.camera_files.usual_error import with_error
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside
@@ -138,7 +139,8 @@ def _camera(value: Any, folder: Path | None) -> CentralModel:
         return camera_from_dict(value, "camera")
     file = file_inside("camera", value, folder)
     try:
-        return named_model(file)
+        found, source = read_model(file)
+        return with_error(found, None, source)
     except InputError as error:
         name, message = spelled_name(value), str(error).removeprefix(str(file))
         raise InputError(f"camera: {name}{message}") from None

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.estimation import TwoViewEstimate
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.runs.plan_task import problem_of
+from omniservo.tasks import Task
 
 MOST_POINTS = 40
 """More add little to the control and all must stay in view."""
@@ -14,7 +16,13 @@ WELL_KNOWN = 0.7
 """Where there are more, this share of them is considered: those whose position is known best."""
 
 
-def followed_points(estimate: TwoViewEstimate, pixels: FloatArray) -> IntArray:
+ENOUGH = 12
+"""So many points that both ends of a path show with its margin will do: no path shows the others."""
+
+
+def followed_points(
+    estimate: TwoViewEstimate, pixels: FloatArray, shown: BoolArray | None = None
+) -> IntArray:
     """Return the rows (m,) of the points to follow, ascending: inliers, well known, spread over the picture.
 
     Up to `MOST_POINTS` all inliers; of more, one after the other the point farthest in the picture from
@@ -23,8 +31,12 @@ def followed_points(estimate: TwoViewEstimate, pixels: FloatArray) -> IntArray:
     Args:
         estimate: with status "ok".
         pixels: (n, 2) [px] of its points in the initial picture.
+        shown: (n,) which of them both ends of a path show (`shown_at_ends`): where these are `ENOUGH`, the
+            others are not followed. None: all.
     """
     members = np.flatnonzero(estimate.inliers)
+    if shown is not None and np.count_nonzero(shown[members]) >= ENOUGH:
+        members = members[shown[members]]
     if len(members) <= MOST_POINTS:
         return members
     spread = np.trace(estimate.points_covariance[members], axis1=1, axis2=2)
@@ -37,3 +49,17 @@ def followed_points(estimate: TwoViewEstimate, pixels: FloatArray) -> IntArray:
         chosen.append(int(members[np.argmax(gaps)]))
         gaps = np.minimum(gaps, np.linalg.norm(pixels[members] - pixels[chosen[-1]], axis=1))
     return np.sort(np.array(chosen))
+
+
+def shown_at_ends(task: Task, estimate: TwoViewEstimate) -> BoolArray:
+    """Return which points (n,) lie inside the image's cones, with the task's whole margin, at both ends."""
+    pose, points = estimate.initial_T_goal, estimate.points
+    if pose is None:
+        return np.zeros(len(points), dtype=np.bool_)
+    problem = problem_of(task, pose, points[estimate.inliers])
+    limits = problem.camera.image_limits(problem.image_margin)
+    shown = np.ones(len(points), dtype=np.bool_)
+    for seen in (points, pose.inv().apply(points)):
+        reach = np.linalg.norm(seen, axis=1)[:, None] * limits.kappas
+        shown &= (seen @ limits.normals.T <= reach).all(axis=1)  # False for NaN
+    return shown

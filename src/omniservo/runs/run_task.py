@@ -24,7 +24,7 @@ from omniservo.robots import CameraImage, next_image
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
-from omniservo.runs.followed_points import followed_points
+from omniservo.runs.followed_points import followed_points, shown_at_ends
 from omniservo.runs.in_view import require_in_view, require_unhidden
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.look_again import Job, LookingPlanner
@@ -104,7 +104,7 @@ def _run_in(
     seen = _timed("perception", seconds, lambda: see(kind, task.camera, image.pixels, goal.image))
     progress("estimating motion and structure", 0.0)
     estimate = _timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
-    followed = followed_points(estimate, seen.matched.initial)
+    followed = followed_points(estimate, seen.matched.initial, shown_at_ends(task, estimate))
     progress("planning", 0.0)
     outside = cell.truth.outside_picture(scene.start_joints)
     planner = LookingPlanner(Job(task, scene, seen, estimate, followed), cell, goal, seed, progress)
