@@ -1,16 +1,19 @@
 """Whole arms at a stated risk of 1%, executed in the closed loop: how often is anything violated?
 
-Run: ``python -m benchmarks.arm_loops [--count 1000] [--arm NAME]``. A task: a target of 20 points, none to
-come nearer than 5 cm, a goal view and one to three balls about the way there (`tests.whole_arm.arm_scenes`),
-such that `plan_with_arm` finds a plan where everything is known exactly. Then nothing is: the two pictures
-have 0.5 px of noise; focal lengths and principal point are each off by 2% (1σ); the camera's mount by 2 mm
-and 0.2° (rms); motion and structure come from the pictures, their scale from the arm's joint readings and
-that mount. Half of the risk is the tracking's (the shipped tube), a quarter the camera's demands', a quarter
-the links'.
+Run: ``python -m benchmarks.arm_loops [--count 1000] [--arm NAME] [--looks 2]``. A task: a target of 20
+points, none to come nearer than 5 cm, a goal view and one to three balls about the way there
+(`tests.whole_arm.arm_scenes`), such that `plan_with_arm` finds a plan where everything is known exactly.
+Then nothing is: the two pictures have 0.5 px of noise; focal lengths and principal point are each off by 2%
+(1σ); the camera's mount by 2 mm and 0.2° (rms); motion and structure come from the pictures, their scale from
+the arm's joint readings and that mount. Half of the risk is the tracking's (the shipped tube), a quarter the
+camera's demands', a quarter the links'.
 
-With ``--rendered`` the points are dots, found in rendered pictures from the first two on, which dot is which
-told by the truth in these two; the noise is added to where they are found. Tasks in which fewer than
-`LEAST_FOUND` are found in both are left out.
+Where there is no plan the arm looks again (`omniservo.looks`), up to ``--looks`` times: it moves a little,
+sees the points with noise from there, and plans from there. Its moves are judged, too.
+
+With ``--rendered``, which never looks again, the points are dots, found in rendered pictures from the first
+two on, which dot is which told by the truth in these two; the noise is added to where they are found. Tasks
+in which fewer than `LEAST_FOUND` are found in both are left out.
 
 The plan is followed on projected pixels with 0.5 px of noise at 30 frames a second, 20 ms late, by simulated
 drives with acceleration limits. Judged is the truth: MuJoCo's distances of all bodies every 10 ms (10 mm are
@@ -23,10 +26,12 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from benchmarks.arm_looks import Looked, Seen, look_on, standing_of
 from benchmarks.arm_runs import (
     FAR,
     LEAST_DISTANCE,
@@ -48,6 +53,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.looks import Standing
 from omniservo.planning import PlanningProblem, widened_evenly
 from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.robots import Arm, JointPath, TrackingTube, follow_path, load_arm, shipped_arms, shipped_tube
@@ -94,6 +100,8 @@ class Outcome:
     """how much less the executed run had left than the plan, as planned [m]"""
     left: float = np.nan
     """least that any pair of bodies had left, executed [m]"""
+    looks: int = 0
+    """how often was looked again"""
 
 
 def projected(
@@ -160,7 +168,48 @@ def planned(
     return answer, stated
 
 
-def outcome(arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = False) -> Outcome | None:
+def looked_again(
+    truth: Truth,
+    problem: PlanningProblem,
+    setting: ArmSetting,
+    known: Known,
+    measured: TrackingTube,
+    looks: int,
+    random: np.random.Generator,
+    seed: int,
+) -> Looked | None:
+    """Return what looking again comes to; None: there is no plan after that either.
+
+    The truth's points are those that are in both pictures.
+    """
+    to_camera = np.eye(6)
+    to_camera[:3, :3] = known.flange_T_camera.rotation.as_matrix().T
+    mount = to_camera @ known.mount_covariance @ to_camera.T
+    goal = truth.base_T_initial * problem.initial_T_goal * truth.flange_T_camera.inv()
+    seen = Seen(
+        known.estimate, known.camera_covariance, mount, goal * known.flange_T_camera, known.pictures[1],
+        ((truth.start, known.pictures[0]),),
+    )  # fmt: skip
+    stated = replace(
+        setting,
+        base_T_initial=truth.arm.base_T_flange(truth.start) * known.flange_T_camera,
+        flange_T_camera=known.flange_T_camera,
+    )
+    asked = replace(problem, camera=known.camera, visibility_margin=VISIBLE_PX)
+    here = standing_of(asked, stated, measured.at(TRACKING_PART * RISK), seen)
+
+    def plan_from(there: Standing) -> RiskPlan:
+        return plan_arm_with_risk(
+            there.problem, there.planned_setting, there.estimate, risk=RISK * (1.0 - TRACKING_PART),
+            mount_covariance=known.mount_covariance, seed=seed,
+        )  # fmt: skip
+
+    return look_on(here, seen, truth, plan_from, looks, random, seed)
+
+
+def outcome(
+    arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = False, looks: int = 0
+) -> Outcome | None:
     """Return what becomes of a task; None where it has no plan though everything is known."""
     random = np.random.default_rng([SEED, seed])
     problem, setting = random_task(arm, random, **TARGET)
@@ -185,23 +234,34 @@ def outcome(arm: Arm, measured: TrackingTube, seed: int, *, rendered: bool = Fal
         return Outcome("no estimate")
     if known.estimate.status != "ok":
         return Outcome("no estimate")
-    try:
+    answer = None
+    with suppress(InputError):  # the start keeps too little of its ranges, or nothing is left of the image
         answer, stated = planned(truth, problem, setting, known, measured, seed)
-    except InputError:  # the start keeps too little of its ranges, or nothing is left of the image
-        return Outcome("no plan")
+    estimate, camera, first = known.estimate, known.camera, known.pictures[0]
+    truth, again = replace(truth, points=truth.points[known.rows]), None
+    if answer is None or not answer.ok:
+        if looks and not rendered:
+            again = looked_again(truth, problem, setting, known, measured, looks, random, seed)
+        if again is None:
+            return Outcome("no plan")
+        here, answer, truth, first = again.standing, again.answer, again.truth, again.pixels
+        estimate, camera, stated = here.estimate, here.problem.camera, here.planned_setting
     path = answer.plan.path
-    if not answer.ok or path is None:
-        return Outcome("no plan")
+    assert path is not None
     frames = stated.base_T_initial, stated.flange_T_camera
     branch = follow_path(arm, path, *frames, start=truth.start, aim=answer.plan.aim).best
-    inliers = np.flatnonzero(known.estimate.inliers)
-    followed = replace(truth, points=truth.points[known.rows[inliers]])
-    pictures = known.pictures[0][inliers], known.pictures[1][inliers]
+    inliers = np.flatnonzero(estimate.inliers)
+    followed = replace(truth, points=truth.points[inliers])
+    pictures = first[inliers], known.pictures[1][inliers]
     run = execute(
         followed, answer.plan, branch, random,
-        camera=known.camera, flange_T_camera=known.flange_T_camera, pictures=pictures, dots=dots,
+        camera=camera, flange_T_camera=known.flange_T_camera, pictures=pictures, dots=dots,
     )  # fmt: skip
-    return _judged(followed, problem, stated, branch, answer, run)
+    asked = replace(stated, clearance=setting.clearance)
+    judged = _judged(followed, problem, asked, branch, answer, run)
+    if again is None:
+        return judged
+    return replace(judged, failures=(*judged.failures, *sorted(again.failures)), looks=again.looks)
 
 
 def _judged(
@@ -233,14 +293,16 @@ def _judged(
     return Outcome("executed", tuple(k for k, bad in failures.items() if bad), run.stop, kept, used, left)
 
 
-def outcomes(arms: list[str], count: int, first: int, *, rendered: bool) -> Iterator[tuple[str, Outcome]]:
+def outcomes(
+    arms: list[str], count: int, first: int, *, rendered: bool, looks: int
+) -> Iterator[tuple[str, Outcome]]:
     """Yield what becomes of tasks, arm by arm in turn, until so many were executed."""
     loaded = {name: (load_arm(name), shipped_tube(name)) for name in arms}
     seed, executed = first, 0
     while executed < count:
         seed += 1
         for name, (arm, measured) in loaded.items():
-            found = outcome(arm, measured, seed, rendered=rendered)
+            found = outcome(arm, measured, seed, rendered=rendered, looks=looks)
             if found is not None:
                 executed += found.status == "executed"
                 yield name, found
@@ -262,6 +324,7 @@ def report(found: list[tuple[str, Outcome]]) -> Iterator[str]:
         kept, used = (1e3 * np.array([getattr(o, x) for o in ran]) for x in ("kept", "used"))
         yield (
             f"{name} | {len(of_arm)} | {counts['no estimate']} | {counts['no plan']} | {n} |"
+            f" {sum(o.looks > 0 for o in ran)} | {100 * n / len(of_arm):.0f}% |"
             f" {sum(stops.values())} | {k} ({100 * k / n:.1f}%, {100 * low:.1f} … {100 * high:.1f}%) |"
             f" {np.median(kept):.0f} |"
             f" {np.nanmedian(used):.1f} / {np.nanquantile(used, 0.99):.1f}"
@@ -278,15 +341,26 @@ def main() -> None:
     parser.add_argument("--arm", choices=shipped_arms(), action="append")
     parser.add_argument("--first", type=int, default=0, help="seed to begin after")
     parser.add_argument("--every", type=int, default=0, help="print the table after so many tasks, too")
+    parser.add_argument(
+        "--looks", type=int, default=2, help="how often is looked again where there is no plan"
+    )
     parser.add_argument("--rendered", action="store_true", help="dots in rendered pictures")
     asked = parser.parse_args()
     found: list[tuple[str, Outcome]] = []
     head = (
-        "| arm | tasks | no estimate | no plan at 1% | executed | stopped by name | failed (95% interval) |"
+        "| arm | tasks | no estimate | no plan at 1% | executed | of them after looks | executed, share |"
+        " stopped by name | failed (95% interval) |"
         " margin kept, median [mm] | used, median / 99% [mm] |"
     )
     for number, one in enumerate(
-        outcomes(asked.arm or list(shipped_arms()), asked.count, asked.first, rendered=asked.rendered), 1
+        outcomes(
+            asked.arm or list(shipped_arms()),
+            asked.count,
+            asked.first,
+            rendered=asked.rendered,
+            looks=asked.looks,
+        ),
+        1,
     ):
         found.append(one)
         if asked.every and number % asked.every == 0:

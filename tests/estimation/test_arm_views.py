@@ -76,9 +76,15 @@ def scenes(**changes):
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"lens": 0.0}, {"lens": 0.0, "noise": 0.1, "field": 0.3}, {"lens": 0.0, "wrong": 0.2}],
-    ids=["lens 2% off", "lens exact", "model error", "wrong matches"],
-)  # fmt: skip
+    "changes",
+    [
+        {},
+        {"lens": 0.0, "noise": 0.05},
+        {"lens": 0.0, "noise": 0.1, "field": 0.3},
+        {"lens": 0.0, "wrong": 0.2},
+    ],
+    ids=["lens 2% off", "mount alone", "model error", "wrong matches"],
+)
 def test_the_stated_covariance_of_the_goal_holds_the_truth(changes):
     squares = []
     for goal, _, views, start in scenes(**changes):
@@ -100,7 +106,7 @@ def test_one_more_view_more_than_halves_the_uncertainty_and_the_error_follows():
             errors.append(
                 [np.linalg.norm(e.initial_T_goal.translation - goal.translation) for e in (start, estimate)]
             )
-    assert np.median(after) < 0.4 * np.median(before)
+    assert np.median(after) < 0.5 * np.median(before)
     assert np.median(errors, axis=0)[1] < 0.7 * np.median(errors, axis=0)[0]
 
 

@@ -39,10 +39,11 @@ def test_a_free_move_keeps_every_sampled_structure_in_view_and_every_body_off(st
     ("obstacles", "end", "why"),
     [
         ([((0.06, 0.02, 0.0), 0.03)], END, "clearance obstacle 0|apart|overlap|start pose"),
+        ([((0.11, 0.0, -0.15), 0.05)], END, "apart|overlap"),
         ([], START + np.radians([0, 0, 0, 0, -130.0, 0]), "visibility|domain"),
         ([], np.radians([10.0, 20.0, 110.0, 5.0, 140.0, 0.0]), "end of its range"),
     ],
-    ids=["through a ball", "out of view", "beyond a joint's range"],
+    ids=["through a ball", "a link near a ball", "out of view", "beyond a joint's range"],
 )
 def test_a_move_that_is_not_certified_says_why(standing, obstacles, end, why):
     found = move_of(standing(obstacles=obstacles), end)

@@ -52,6 +52,24 @@ def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
     assert page.count("<img") == 1
 
 
+def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
+    document = shipped("whole-arm-1")
+    document["start"] = {"joints": [10, 20, 70, 5, 0.4, 0]}  # axes 4 and 6 are all but parallel
+    document["teach"] = {"initial_T_goal": {"translation": [60, -40, 90], "rotation_vector": [5, -8, 10]}}
+    document["target"]["boards"][-1]["half_extents"] = [160, 160, 10]  # none of it where the arm stands
+    document["scale"], document["obstacles"] = {"odometry": True}, []
+    document["planning"] |= {"obstacles": [], "looks": 0}
+    with pytest.raises(NoSolutionError, match="singular"):
+        run_task(load_task(written(tmp_path, document)), SimulatedCell, filmed=False)
+    document["planning"]["looks"] = 1
+    result = run_task(load_task(written(tmp_path, document)), SimulatedCell, filmed=False)
+    assert "singular" in result.looks[0].before.outcome
+    assert result.metrics["status"] == "converged"
+    assert result.metrics["final_translation_error_m"] < 5e-4
+    assert result.motion.joints.singular_values.min() > 0.02
+    assert result.log.column("joints")[0] == pytest.approx(result.motion.joints.positions[0], abs=1e-3)
+
+
 def test_where_no_look_helps_it_says_what_would_have_to_be_better(tmp_path):
     task = task_with(tmp_path, clearance=20, risk=0.01, looks=1, visibility_margin=150)
     with pytest.raises(NoSolutionError, match=r"(better|exactly)"):
