@@ -15,6 +15,7 @@ from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.minimal_solvers.triangulation import triangulate_views
+from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_points import CheckedPoints
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -255,3 +256,19 @@ def place_others(views: PlacedViews) -> None:
 def pose_of(row: FloatArray) -> RigidTransform:
     """Return a row of ``poses`` as a pose."""
     return RigidTransform.from_components(row[4:], Rotation.from_quat(row[:4]))
+
+
+def residuals_of(views: PlacedViews) -> FloatArray:
+    """Return projection minus pixel (v, n, 2) [px], NaN where there is no pose, place or pixel."""
+    residuals = np.full(views.pixels.shape, np.nan)
+    for view in np.flatnonzero(views.placed):
+        write_pose_residuals(
+            views.camera.parameters,
+            views.points,
+            views.pixels[view],
+            views.poses[view, :4],
+            views.poses[view, 4:],
+            residuals[view],
+        )
+    residuals[~views.seen] = np.nan
+    return residuals
