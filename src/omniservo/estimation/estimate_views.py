@@ -18,7 +18,7 @@ from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.multi_view_estimate import MultiViewEstimate, ViewStatus
 from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.refinement.view_adjustment import ViewProblem, ViewState, adjust
-from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT, write_pose_residuals
+from omniservo.estimation.robust.pose_search import GATE, PRIOR_NOISE_PX, PRIOR_WEIGHT
 from omniservo.estimation.status.evidence import largest_noise
 from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews, error_of
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
@@ -38,6 +38,7 @@ from omniservo.estimation.view_poses import (
     place_linked,
     place_others,
     pose_of,
+    residuals_of,
 )
 from omniservo.estimation.view_scale import GaugeLength, ViewScale, checked_scale
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, owned
@@ -423,19 +424,3 @@ class _Adjustment:
                 statuses.append("by_displacement" if view in self.linked and seen < LEAST_OF_VIEW else "ok")
                 reasons.append("")
         return tuple(statuses), tuple(reasons)
-
-
-def residuals_of(views: PlacedViews) -> FloatArray:
-    """Return projection minus pixel (v, n, 2) [px], NaN where there is no pose, place or pixel."""
-    residuals = np.full(views.pixels.shape, math.nan)
-    for view in np.flatnonzero(views.placed):
-        write_pose_residuals(
-            views.camera.parameters,
-            views.points,
-            views.pixels[view],
-            views.poses[view, :4],
-            views.poses[view, 4:],
-            residuals[view],
-        )
-    residuals[~views.seen] = math.nan
-    return residuals

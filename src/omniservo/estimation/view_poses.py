@@ -15,6 +15,7 @@ from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.minimal_solvers.triangulation import triangulate_views
+from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_points import CheckedPoints
 from omniservo.estimation.view_scale import GaugeLength
@@ -270,3 +271,19 @@ def place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:
         return True
     views.placed[:] = False
     return False
+
+
+def residuals_of(views: PlacedViews) -> FloatArray:
+    """Return projection minus pixel (v, n, 2) [px], NaN where there is no pose, place or pixel."""
+    residuals = np.full(views.pixels.shape, np.nan)
+    for view in np.flatnonzero(views.placed):
+        write_pose_residuals(
+            views.camera.parameters,
+            views.points,
+            views.pixels[view],
+            views.poses[view, :4],
+            views.poses[view, 4:],
+            residuals[view],
+        )
+    residuals[~views.seen] = np.nan
+    return residuals
