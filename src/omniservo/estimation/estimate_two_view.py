@@ -295,8 +295,7 @@ def _with_pose(
     arrays = (chosen.parameters, chosen.pixels, chosen.weights)
     if not determines_motion(*arrays, *solution):
         return TwoViewEstimate.without_pose(n, "not_converged", UNDETERMINED, started)
-    points = _all_points(matches, fit, *solution)
-    residuals = np.empty_like(matches.pixels)
+    points, residuals = _all_points(matches, fit, *solution), np.empty_like(matches.pixels)
     write_residuals(matches.parameters, matches.pixels, rotation, translation, points, residuals)
     square, weighted = residual_sums(residuals, matches.weights, fit.members)
     known, shares, raised, words = _noise(matches, fit, request, weighted)
@@ -308,9 +307,9 @@ def _with_pose(
 
     def law() -> JointUncertainty:
         seen = np.tile(np.eye(2).ravel(), (members.size, 2)) if plane is None else plane[1][fit.members]
-        response = alone = linear_response(*arrays, seen, *solution, length.between)
-        if shares is not None:
-            alone = linear_response(*arrays, seen * shares, *solution, length.between)
+        response = linear_response(*arrays, seen, *solution, length.between)
+        own = None if shares is None else linear_response(*arrays, seen * shares, *solution, length.between)
+        alone = response if own is None else own
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
         both = Responses(response, alone)
         return two_view_uncertainty(members, rivals, both, solution, *sigmas, length, lens)
