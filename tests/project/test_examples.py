@@ -85,6 +85,16 @@ def test_estimate_from_images_finds_the_motion_between_two_files(tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"initial.png", "goal.png"}
 
 
+def test_estimate_from_several_files_finds_every_motion_within_what_it_states(tmp_path):
+    text = run("estimate_from_several_files", tmp_path)
+    assert "ok, 4 of 4 views" in text
+    for view in (1, 2, 3):
+        off, sigma = numbers(f"view-{view}.png: off by # mm, sigma # mm", text)
+        assert off <= 3.0 * sigma + 0.01
+        assert sigma < 0.2
+    assert "one more image, at best: FurtherView" in text
+
+
 def test_calibrate_camera_finds_the_lens_that_took_the_pictures(tmp_path):
     text = run("calibrate_camera", tmp_path)
     assert "ok: 8 of 8 images" in text

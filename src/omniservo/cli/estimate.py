@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -20,10 +20,10 @@ from omniservo.cli.camera_options import (
 from omniservo.cli.estimate_views import (
     EdgeOption,
     LengthOption,
+    Lengths,
     MountOption,
     PosesOption,
     estimate_views_of,
-    scale_of,
 )
 from omniservo.cli.output import (
     CameraNameOption,
@@ -45,7 +45,14 @@ if TYPE_CHECKING:
     from omniservo.estimation import TwoViewEstimate
     from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
     from omniservo.geometry.arrays import FloatArray
+    from omniservo.runs.estimate_images import EstimatedImages
 
+WhatArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="A shipped task or a YAML file; or images of a target that stands still, in any order."
+    ),
+]
 FeaturesOption = Annotated[
     Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
 ]
@@ -70,12 +77,7 @@ _FAR = 20.0
 
 
 def estimate(
-    what: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="A shipped task or a YAML file; or images of a target that stands still, in any order."
-        ),
-    ] = None,
+    what: WhatArgument = None,
     camera: CameraOption = None,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
@@ -108,60 +110,83 @@ def estimate(
     for path in filter(None, (out, report)):
         writable(path, force=force)
     asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
-    task = what[0] if what and len(what) == 1 else None
-    more = length is not None or tag_edge is not None or poses is not None or mount is not None
-    if what and len(what) > 1 and (len(what) > TWO or more):
+    lengths = Lengths(length, tag_edge, poses, mount)
+    _say_far(output, displacement)
+    if what and len(what) > 1 and (len(what) > TWO or lengths.any):
         if planar or report is not None or initial is not None or goal is not None:
             raise InputError("estimate: --initial, --goal, --planar and --report are for two images")
-        replacement = asked.opened()
-        if replacement is None:
-            raise InputError("camera: missing; images need --camera")
-        _say_far(output, displacement)
-        estimate_views_of(
-            output,
-            replacement,
-            [Path(image) for image in what],
-            (features, dictionary),
-            scale_of(displacement, length, tag_edge, target, poses, mount),
-            out,
-            force,
-        )
+        scale = lengths.scale(displacement, target)
+        estimate_views_of(output, asked.opened(), what, (features, dictionary), scale, out, force)
         return
-    if more:
-        raise InputError("estimate: --length, --tag-edge, --poses and --mount need images: IMAGE IMAGE …")
-    if what and len(what) == TWO:
-        if initial is not None or goal is not None:
-            raise InputError("estimate: two images and --initial or --goal given; give one pair")
-        initial, goal = (Path(image) for image in what)
-    images = initial is not None or goal is not None
-    of_images = features != "dots" or any(x is not None for x in (dictionary, target, displacement)) or planar
-    _check_files(task, camera, initial, goal)
-    with output.working("loading") as progress:
-        from omniservo.reporting import write_estimate_report
-        from omniservo.runs import estimate_images, estimate_in_cell
-        from omniservo.simulation import SimulatedCell
-        from omniservo.tasks import load_task
-
-        progress("estimating")
-        replacement, known = asked.opened(), packages_of(package)
-        if task is not None and not images and not of_images:
-            loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
-            found = estimate_in_cell(loaded, SimulatedCell, seed=seed)
-        elif task is None and replacement is not None and initial is not None and goal is not None:
-            found = estimate_images(
-                replacement, initial, goal, features=features, dictionary=dictionary, target=target,
-                displacement=displacement, planar=planar,
-            )  # fmt: skip
-        else:
-            raise InputError(_NEEDED)
+    task, pair = _task_or_pair(what, (initial, goal), lengths)
+    kind = _Kind(features, dictionary, target, displacement, planar)
+    _check_files(task, camera, *pair)
+    found = _estimated(output, asked, task, pair, kind, (package, allow_outside, seed))
     if report is not None:
+        from omniservo.reporting import write_estimate_report
+
         write_estimate_report(found.seen, found.estimate, report, force=force)
         output.written(report)
     if out is not None:
         found.estimate.save(out, force=force)
         output.written(out)
-    _say_far(output, displacement)
     _say(output, found.estimate)
+
+
+class _Kind(NamedTuple):
+    """What is said of two images."""
+
+    features: Literal["dots", "tags", "natural"]
+    dictionary: str | None
+    target: Path | None
+    displacement: float | None
+    planar: bool
+
+    @property
+    def is_said(self) -> bool:
+        """Whether anything is."""
+        rest = (self.dictionary, self.target, self.displacement)
+        return self.features != "dots" or any(x is not None for x in rest) or self.planar
+
+
+_Pair = tuple[Path | None, Path | None]
+
+
+def _task_or_pair(what: list[str] | None, pair: _Pair, lengths: Lengths) -> tuple[str | None, _Pair]:
+    """Return the task, or the two images, that the arguments and options name."""
+    if lengths.any:
+        raise InputError("estimate: --length, --tag-edge, --poses and --mount need images: IMAGE IMAGE …")
+    if what is None or len(what) < TWO:
+        return what[0] if what else None, pair
+    if pair != (None, None):
+        raise InputError("estimate: two images and --initial or --goal given; give one pair")
+    return None, (Path(what[0]), Path(what[1]))
+
+
+def _estimated(
+    output: Output,
+    asked: CameraAsked,
+    task: str | None,
+    pair: _Pair,
+    kind: _Kind,
+    said: tuple[list[str] | None, bool, int],
+) -> EstimatedImages:
+    """Return what a task's own images, or two files, say; ``said``: packages, outside files, seed."""
+    initial, goal = pair
+    with output.working("loading") as progress:
+        from omniservo.runs import estimate_images, estimate_in_cell
+        from omniservo.simulation import SimulatedCell
+        from omniservo.tasks import load_task
+
+        progress("estimating")
+        camera, (package, allow_outside, seed) = asked.opened(), said
+        if task is not None and pair == (None, None) and not kind.is_said:
+            known = packages_of(package)
+            loaded = load_task(task, camera=camera, packages=known, allow_outside=allow_outside)
+            return estimate_in_cell(loaded, SimulatedCell, seed=seed)
+        if task is None and camera is not None and initial is not None and goal is not None:
+            return estimate_images(camera, initial, goal, **kind._asdict())
+    raise InputError(_NEEDED)
 
 
 def _check_files(task: str | None, camera: str | None, *images: Path | None) -> None:

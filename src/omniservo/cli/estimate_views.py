@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
@@ -34,50 +34,56 @@ MountOption = Annotated[
 ]
 
 Features = Literal["dots", "tags", "natural"]
-_PARTS = 3
 _TOLD = 3
 """further images of which is said what they would gain"""
 
 
-def scale_of(
-    displacement: float | None,
-    length: str | None,
-    edge: float | None,
-    target: Path | None,
-    poses: str | None,
-    mount: Path | None,
-) -> ImageScale:
-    """Return what is known of lengths.
+class Lengths(NamedTuple):
+    """What only several images take."""
 
-    Raises:
-        InputError: a length that is not I:J:METRES.
-    """
-    from omniservo.runs import ImageScale
+    length: str | None
+    edge: float | None
+    poses: str | None
+    mount: Path | None
 
-    between = None
-    if length is not None:
-        parts = length.split(":")
-        try:
-            between = int(parts[0]), int(parts[1]), float(parts[2])
-        except (ValueError, IndexError):
-            parts = []
-        if len(parts) != _PARTS or between is None:
-            raise InputError(f"length: {spelled(length)} given; legal: I:J:METRES, as 0:5:0.12")
-    return ImageScale(displacement, between, edge, target, poses, mount)
+    @property
+    def any(self) -> bool:
+        """Whether anything is given."""
+        return any(value is not None for value in self)
+
+    def scale(self, displacement: float | None, target: Path | None) -> ImageScale:
+        """Return what is known of lengths.
+
+        Raises:
+            InputError: a length that is not I:J:METRES.
+        """
+        from omniservo.runs import ImageScale
+
+        between = None
+        if self.length is not None:
+            try:
+                i, j, metres = self.length.split(":")
+                between = int(i), int(j), float(metres)
+            except ValueError:
+                words = f"length: {spelled(self.length)} given; legal: I:J:METRES, as 0:5:0.12"
+                raise InputError(words) from None
+        return ImageScale(displacement, between, self.edge, target, self.poses, self.mount)
 
 
 def estimate_views_of(
     output: Output,
-    camera: CentralModel,
-    images: Sequence[Path],
+    camera: CentralModel | None,
+    images: Sequence[str],
     kind: tuple[Features, str | None],
     scale: ImageScale,
     out: Path | None,
     force: bool,
 ) -> None:
     """Estimate, say what came of it, and write ``out``."""
-    for image in images:
-        require_file(image)
+    if camera is None:
+        raise InputError("camera: missing; images need --camera")
+    for name in images:
+        require_file(Path(name))
     with output.working("loading") as progress:
         from omniservo.runs import estimate_many_images
 

@@ -81,7 +81,7 @@ class Slopes(NamedTuple):
     """(v, m, 2, q)"""
 
 
-class ViewBlocks(NamedTuple):
+class AdjustmentBlocks(NamedTuple):
     """JᵀJ and Jᵀr of the pixels alone, c = 6(v − 1) + q common unknowns."""
 
     common: FloatArray
@@ -161,7 +161,7 @@ def slopes_of(problem: ViewProblem, state: ViewState) -> Slopes:
     return Slopes(residuals, by_pose, by_point, by_camera)
 
 
-def blocks_of(slopes: Slopes) -> ViewBlocks:
+def blocks_of(slopes: Slopes) -> AdjustmentBlocks:
     """Return the normal equations of the pixels."""
     v, m = slopes.residuals.shape[:2]
     q, size = slopes.by_camera.shape[3], 6 * (v - 1)
@@ -180,10 +180,10 @@ def blocks_of(slopes: Slopes) -> ViewBlocks:
         mixed[:, at] = np.swapaxes(slopes.by_pose[view], 1, 2) @ slopes.by_point[view]
     own = np.einsum("vmci,vmck->mik", slopes.by_point, slopes.by_point)
     pull = np.einsum("vmci,vmc->mi", slopes.by_point, slopes.residuals)
-    return ViewBlocks(common, gradient, own, pull, mixed)
+    return AdjustmentBlocks(common, gradient, own, pull, mixed)
 
 
-def reduced(blocks: ViewBlocks, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+def reduced(blocks: AdjustmentBlocks, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the Schur complement (c, c) and K (m, 3, c) = V⁻¹Wᵀ, by which points follow: dh = own − K dc."""
     follow = inverse @ np.swapaxes(blocks.mixed, 1, 2)
     m, _, c = follow.shape
@@ -215,7 +215,7 @@ def extra_information(
 
 def _system(
     problem: ViewProblem, state: ViewState, held: int | None
-) -> tuple[ViewBlocks, FloatArray, FloatArray]:
+) -> tuple[AdjustmentBlocks, FloatArray, FloatArray]:
     blocks = blocks_of(slopes_of(problem, state))
     weight = 0.0
     if held is not None:
@@ -225,7 +225,7 @@ def _system(
 
 
 def _step(
-    blocks: ViewBlocks, extra: FloatArray, pull: FloatArray, damping: float
+    blocks: AdjustmentBlocks, extra: FloatArray, pull: FloatArray, damping: float
 ) -> tuple[FloatArray, FloatArray, float]:
     """Return the step of the common unknowns (c,) and of the points (m, 3), and what it promises."""
     diagonal = np.arange(3)

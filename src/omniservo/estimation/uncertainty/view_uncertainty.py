@@ -21,8 +21,8 @@ import numpy as np
 from omniservo.cameras import ModelError
 from omniservo.estimation.refinement.view_adjustment import (
     FAR_POINT_DAMPING,
+    AdjustmentBlocks,
     Slopes,
-    ViewBlocks,
     ViewProblem,
     ViewState,
     blocks_of,
@@ -47,7 +47,7 @@ class ViewResponse:
     """How the optimum answers displaced pixels."""
 
     slopes: Slopes
-    blocks: ViewBlocks
+    blocks: AdjustmentBlocks
     inverse: FloatArray
     """(m, 3, 3) V⁻¹"""
     follow: FloatArray
