@@ -64,6 +64,7 @@ def test_the_scale_is_how_much_larger_a_small_square_becomes():
     u, v = corners[..., 0], corners[..., 1]
     area = 0.5 * np.abs(np.sum(u * np.roll(v, -1, axis=1) - v * np.roll(u, -1, axis=1), axis=1))
     assert image.scale(pixels) == pytest.approx(np.sqrt(area) / 0.02, rel=1e-3)
+    assert unified_image(ended(T265, 80.0)).scale(np.array([[2.0, 2.0]])) == 1.0, "where there is no bearing"
 
 
 def test_the_unified_image_has_the_model_error_of_the_own_model_alone():

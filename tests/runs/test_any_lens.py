@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 from benchmarks.lens_conversions import PUBLISHED
+from tests.runs.changed_task import shipped, written
+from tests.runs.test_looks import BOX
 
 from omniservo.camera_files import load_model
 from omniservo.cameras.conversion import to_unified
+from omniservo.cameras.models import KannalaBrandt
 from omniservo.runs import run_task, teach_goal
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import TaughtGoal, load_task
@@ -50,6 +53,24 @@ def test_a_run_with_a_file_of_ocamcalib_is_certified_and_converges(shared_data):
     result = run_with(path, PAPER)
     assert result.task.camera.to_dict()["model"] == load_model(path).to_dict()["model"] == "ocam"
     keeps_its_promises(result, result.task.camera)
+
+
+def test_a_run_that_looks_again_does_so_with_the_camera_s_own_model(tmp_path):
+    """As `test_looks` has it: at a risk of 1% there is no plan before the look.
+
+    The lens has a T265's coefficients, and the image of that task's own camera.
+    """
+    document = shipped("whole-arm-1")
+    document["obstacles"] = [BOX]
+    box = {"type": "box", **BOX}
+    document["planning"] |= {"obstacles": [box], "clearance": 20, "risk": 0.01}
+    document["scale"] = {"displacement": 223.557, "sigma": 0.15}
+    lens = KannalaBrandt(130.0, 130.0, 316.8, 254.9, 659, 432, k=PUBLISHED["RealSense T265, fisheye"].k)
+    assert to_unified(lens).residual.largest_px > 1.0
+    result = run_task(load_task(written(tmp_path, document), camera=lens), SimulatedCell, filmed=False)
+    keeps_its_promises(result, lens)
+    (look,) = result.looks
+    assert look.after.goal_m < 0.1 * look.before.goal_m
 
 
 def test_a_taught_goal_keeps_the_camera_as_it_is(tmp_path):

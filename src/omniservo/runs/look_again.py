@@ -10,6 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.estimation.arm_views import (
@@ -22,7 +24,7 @@ from omniservo.estimation.arm_views import (
     chain_of,
 )
 from omniservo.estimation.estimate_arm_views import estimate_arm_views
-from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.looks import (
     FOLLOWED,
     NextLook,
@@ -41,7 +43,7 @@ from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.begun_elsewhere import begun_elsewhere
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
-from omniservo.runs.followed_points import followed_points
+from omniservo.runs.followed_points import followed_points, shown_at_ends
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.no_path import NoPath
 from omniservo.runs.plan_task import asked_of, mount_covariance_of, plan_task, risk_of_plan
@@ -169,7 +171,7 @@ class LookingPlanner:
         if estimate.initial_T_goal is None:
             return False
         pixels, _ = task.camera.project(np.nan_to_num(estimate.points, nan=1.0))
-        followed = followed_points(estimate, pixels)
+        followed = followed_points(estimate, pixels, shown_at_ends(task, estimate))
         problem, setting = there.problem, there.planned_setting
         if task.planning.risk is None:
             problem = replace(
@@ -250,7 +252,8 @@ class LookingPlanner:
                 _standing_of(Job(task, scene, seen, standing.estimate, job.followed)),
                 optimum=standing.optimum,
             )
-        followed = followed_points(standing.estimate, seen.matched.initial)
+        shown = shown_at_ends(task, standing.estimate)
+        followed = followed_points(standing.estimate, seen.matched.initial, shown)
         self.job = Job(task, scene, seen, standing.estimate, followed)
         self._standing = standing
         self._shots.insert(0, Shot(image, joints, seen.matched))
@@ -295,7 +298,7 @@ class LookingPlanner:
         poses = [here.arm.base_T_flange(q) * here.flange_T_camera for q in base]
         reached = chain_of(poses[0], [None, *poses[1:]])
         return ArmViews(
-            self._first.task.camera, pixels, seen, noise, reached, known_errors,
+            *_unified(self._first.task, pixels, seen, noise), reached, known_errors,
             is_guess=matched.noise is None, windows=matched.window,
         ), points  # fmt: skip
 
@@ -335,12 +338,23 @@ class LookingPlanner:
             length = LengthPrior(scale.displacement, scale.sigma)
         else:
             length = self._known_errors(start, None).length
+        pixels, seen = np.stack((matched.initial, matched.goal)), np.ones((2, n), dtype=np.bool_)
         views = ArmViews(
-            task.camera, np.stack((matched.initial, matched.goal)), np.ones((2, n), dtype=np.bool_), noise,
-            (RigidTransform.identity(), None), KnownErrors(self._standing.mount, None, length),
+            *_unified(task, pixels, seen, noise), (RigidTransform.identity(), None),
+            KnownErrors(self._standing.mount, None, length),
             is_guess=matched.noise is None, windows=matched.window,
         )  # fmt: skip
         return estimate_arm_views(views, job.estimate)[1]
+
+
+def _unified(
+    task: Task, pixels: FloatArray, seen: BoolArray, noise: FloatArray
+) -> tuple[UnifiedCamera, FloatArray, BoolArray, FloatArray]:
+    """Return camera, pixels (v, n, 2), which are seen, and noise (v, n), in the unified image."""
+    image = unified_image(task.camera)
+    carried = image.carried(pixels)
+    seen = seen & np.isfinite(carried).all(axis=2)
+    return image.camera, np.where(seen[..., None], carried, 0.0), seen, noise * image.scale(pixels)
 
 
 def _standing_of(job: Job) -> Standing:

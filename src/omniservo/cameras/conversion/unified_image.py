@@ -71,7 +71,8 @@ class UnifiedImage:
             return np.ones(pixels.shape[:-1])
         steps = _STEP * np.eye(2)
         slopes = self.carried(pixels[..., None, :] + steps) - self.carried(pixels[..., None, :] - steps)
-        scale = np.sqrt(np.abs(np.linalg.det(slopes)))
+        (a, b), (c, d) = np.moveaxis(slopes, (-2, -1), (0, 1))
+        scale = np.sqrt(np.abs(a * d - b * c))
         return np.where(np.isfinite(scale), scale, 1.0)
 
     def kept(self, pixels: FloatArray, valid: BoolArray) -> tuple[FloatArray, BoolArray]:
