@@ -199,7 +199,7 @@ def test_a_run_ends_in_five_lines_in_mm():
     lines = list(run_summary(METRICS))
     assert len(lines) == 5
     assert lines[0] == "converged: 0.0406 mm, 0.0142°, 0.0163 px off the taught view; nothing was touched"
-    assert lines[1].endswith("65.00 mm certified, 64.98 mm executed (55.00 mm asked)")
+    assert lines[1].endswith("65.00 mm certified, 64.98 mm executed (55.00 mm required)")
     assert not [line for line in lines if "None" in line or "[]" in line or "loading" in line]
     touched = {**METRICS, "status": "contact", "contacts": [["link_6", "obstacle 0"]], "plan_status": None}
     touched |= {"planning_seconds": None, "clearance_planned_m": None, "visibility_planned_px": None}

@@ -37,7 +37,8 @@ def test_the_two_pictures_give_the_taught_motion(prepared):
     task, estimate, *_ = prepared
     true = task.teach.initial_T_goal.transform
     error = true.inv() * estimate.initial_T_goal
-    assert estimate.inliers.mean() > (0.9 if task.target.textures else 0.999)
+    # JPEG moves a tag's corner by several times what its fit can state; such a corner may be left out
+    assert estimate.inliers.mean() > (0.9 if task.target.textures or task.sensor.jpeg else 0.999)
     assert np.linalg.norm(error.translation) < 1e-3
     assert error.rotation.magnitude() < np.deg2rad(0.2)
 
