@@ -25,8 +25,11 @@ LENSES = {
 
 def run_with(lens, name):
     """A run of a shipped task with another camera, and fewer images a second, which take most of the time."""
-    task = load_task(name, camera=lens)
-    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 8.0})})
+    return run_slowly(load_task(name, camera=lens))
+
+
+def run_slowly(task):
+    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 5.0})})
     return run_task(task, SimulatedCell, filmed=False)
 
 
@@ -67,7 +70,7 @@ def test_a_run_that_looks_again_does_so_with_the_camera_s_own_model(tmp_path):
     document["scale"] = {"displacement": 223.557, "sigma": 0.15}
     lens = KannalaBrandt(130.0, 130.0, 316.8, 254.9, 659, 432, k=PUBLISHED["RealSense T265, fisheye"].k)
     assert to_unified(lens).residual.largest_px > 1.0
-    result = run_task(load_task(written(tmp_path, document), camera=lens), SimulatedCell, filmed=False)
+    result = run_slowly(load_task(written(tmp_path, document), camera=lens))
     keeps_its_promises(result, lens)
     (look,) = result.looks
     assert look.after.goal_m < 0.1 * look.before.goal_m
