@@ -10,6 +10,9 @@ from pathlib import Path
 
 from omniservo.renamed import renamed
 
+TERMINATED = 143
+"""exit status of a process that SIGTERM ended, as `SystemExit` has it"""
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxtuple, _SHORT.maxdict = 4, 6, 6, 3
 _SHORT.maxstring = _SHORT.maxlong = _SHORT.maxother = 50

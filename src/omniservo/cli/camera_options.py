@@ -68,7 +68,7 @@ def open_model(
 
 
 @dataclass(frozen=True)
-class CameraAsked:
+class CameraOptions:
     """Which camera a command is told of, in the words of its options."""
 
     camera: str | None

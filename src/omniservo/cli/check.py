@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import CameraAsked, LargestOption, MaxAngleOption, ModelOption, SizeOption
+from omniservo.cli.camera_options import CameraOptions, LargestOption, MaxAngleOption, ModelOption, SizeOption
 from omniservo.cli.output import CameraNameOption, JsonOption, Output, QuietOption, answer_is_no
 from omniservo.files import require_file
 
@@ -36,7 +36,7 @@ def check(
         from omniservo.calibration import check_camera
         from omniservo.files.image_files import read_grey_image
 
-        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px)
+        asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px)
         opened = asked.opened_from(camera)
         images = [read_grey_image(path) for path in (reference, now)]
         progress("finding the reference again")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import typer
 
 from omniservo.cli.camera_options import (
-    CameraAsked,
     CameraErrorOption,
+    CameraOptions,
     LargestOption,
     MaxAngleOption,
     ModelOption,
@@ -109,7 +109,7 @@ def estimate(
     output = Output(as_json, quiet)
     for path in filter(None, (out, report)):
         writable(path, force=force)
-    asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
+    asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
     lengths = Lengths(length, tag_edge, poses, mount)
     _say_far(output, displacement)
     if what and len(what) > 1 and (len(what) > TWO or lengths.any):
@@ -165,7 +165,7 @@ def _task_or_pair(what: list[str] | None, pair: _Pair, lengths: Lengths) -> tupl
 
 def _estimated(
     output: Output,
-    asked: CameraAsked,
+    asked: CameraOptions,
     task: str | None,
     pair: _Pair,
     kind: _Kind,

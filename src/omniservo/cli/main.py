@@ -15,9 +15,9 @@ import typer
 
 import omniservo
 from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify, warm_up
-from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, TERMINATED, WRONG_INPUT
+from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
-from omniservo.errors import AlreadyExists, InputError, NoSolutionError
+from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError
 
 _GARBAGE = (20_000, 20, 20)
 """Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""

@@ -22,8 +22,6 @@ WRONG_INPUT = 2
 """the input or the call is wrong"""
 INTERRUPTED = 130
 """by Ctrl-C"""
-TERMINATED = 143
-"""by SIGTERM"""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from omniservo.cli.camera_options import (
-    CameraAsked,
     CameraErrorOption,
+    CameraOptions,
     LargestOption,
     MaxAngleOption,
     ModelOption,
@@ -79,7 +79,7 @@ def run(
         from omniservo.tasks import TaughtGoal, load_task
 
         taught = None if goal is None else TaughtGoal.load(goal)
-        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
+        asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
         replacement, known = asked.opened(), packages_of(package)
         loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
         folder = out if out is not None else _folder(loaded.name, method, force)

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from omniservo.cli.camera_options import (
-    CameraAsked,
     CameraErrorOption,
+    CameraOptions,
     LargestOption,
     MaxAngleOption,
     ModelOption,
@@ -48,7 +48,7 @@ def teach(
         from omniservo.tasks import load_task
 
         progress("teaching")
-        asked = CameraAsked(camera, camera_name, size, model, max_angle, largest_px, camera_error)
+        asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
         loaded = load_task(
             task, camera=asked.opened(), packages=packages_of(package), allow_outside=allow_outside
         )

@@ -187,14 +187,6 @@ def with_lens(camera: UnifiedCamera, change: FloatArray) -> UnifiedCamera:
     return replace(camera, **fields)
 
 
-def adjoint(a_T_b: RigidTransform) -> FloatArray:
-    """Return Ad (6, 6): a twist (linear, angular) of frame b in frame a."""
-    rotation = a_T_b.rotation.as_matrix()
-    x, y, z = a_T_b.translation
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[rotation, cross @ rotation], [np.zeros((3, 3)), rotation]])
-
-
 def chain_of(
     first: RigidTransform, others: Sequence[RigidTransform | None]
 ) -> tuple[RigidTransform | None, ...]:

@@ -4,7 +4,9 @@ A kernel that may need something, a point cloud's proof say, has it compiled, th
 point cloud. What is `late` is called through a *cell*, eight bytes that hold the address of its machine code:
 0 until the first call, which has it loaded, or compiled, by Python.
 
-Private parts of Numba, tried with 0.68.1: `call_conv.call_function` and what it gives.
+Private parts of Numba, tried with 0.68.1: `call_conv` (`get_function_type`, `call_function`,
+`return_user_exc`, `return_status_propagate`), `CompileResult.library.get_pointer_to_function` and
+`fndesc.llvm_func_name`.
 """
 
 from __future__ import annotations
@@ -18,14 +20,13 @@ from functools import wraps
 from importlib import import_module
 from typing import Any, NamedTuple, TypeVar, cast
 
+from omniservo.errors import TERMINATED
+
 CELL_ENDING = ".cell"
 """of the symbols of cells"""
 
 _FILL = "omniservo.fill"
 _NUMBER = {"None": "none", "int": "int64", "float": "float64", "bool": "boolean"}
-
-TERMINATED = 143
-"""the exit status of a process that SIGTERM ended"""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -160,14 +161,14 @@ def _call_through(symbol: str, context: Any, builder: Any, called: Any, argument
     fill = cgutils.get_or_insert_function(module, ir.FunctionType(number, [byte]), _FILL)
     with cgutils.if_unlikely(builder, cgutils.is_null(builder, builder.load(cell))):
         ended = builder.call(fill, [builder.bitcast(cell, byte)])
-        for code, interrupt, told in _INTERRUPTS:
+        for code, interrupt, its_arguments in _INTERRUPTS:
             with cgutils.if_unlikely(builder, builder.icmp_signed("==", ended, number(code))):
-                context.call_conv.return_user_exc(builder, interrupt, told)
-    code = builder.load(cell)
-    with cgutils.if_unlikely(builder, cgutils.is_null(builder, code)):
+                context.call_conv.return_user_exc(builder, interrupt, its_arguments)
+    kernel = builder.load(cell)
+    with cgutils.if_unlikely(builder, cgutils.is_null(builder, kernel)):
         context.call_conv.return_user_exc(builder, RuntimeError, (f"{symbol}: not compiled",))
     status, result = context.call_conv.call_function(
-        builder, code, called.return_type, called.args, arguments
+        builder, kernel, called.return_type, called.args, arguments
     )
     with cgutils.if_unlikely(builder, status.is_error):
         context.call_conv.return_status_propagate(builder, status)

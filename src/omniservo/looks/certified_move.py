@@ -1,4 +1,4 @@
-"""Straight moves in joint space that are proven before they are made, for all that an estimate allows."""
+"""Straight moves in joint space that are proven before they are made, for structures an estimate allows."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.estimation.arm_views import adjoint
 from omniservo.field_docs import with_field_docs
+from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Degrees, Plan, PlanningProblem, widened_evenly
 from omniservo.planning.judged_plan import judged_plan

@@ -256,7 +256,7 @@ def timings(result: RunResult) -> Markup:
         "perception": "finding and matching the points of two images",
         "estimation": "motion and structure",
         "planning": "planning, certificate included",
-        "looking again": "looking again, simulation of the moves included",
+        "looking_again": "looking again, simulation of the moves included",
         **{f"{stage}_code": "… of it loading or compiling code" for stage in STAGES},
         "control": "one control step, median",
         "whole": "the whole job, simulation and figures included",

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.estimation.arm_views import adjoint
+from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmBodies
 from omniservo.whole_arm.arm_setting import ArmSetting

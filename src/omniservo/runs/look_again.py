@@ -20,10 +20,10 @@ from omniservo.estimation.arm_views import (
     ArmViewsOptimum,
     KnownErrors,
     LengthPrior,
-    adjoint,
     chain_of,
 )
 from omniservo.estimation.estimate_arm_views import estimate_arm_views
+from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.looks import (
     FOLLOWED,
@@ -46,7 +46,7 @@ from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.followed_points import followed_points, shown_at_ends
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.no_path import NoPath
-from omniservo.runs.plan_task import asked_of, mount_covariance_of, plan_task, risk_of_plan
+from omniservo.runs.plan_task import mount_covariance_of, plan_task, problem_without_tube, risk_of_plan
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.see import see
@@ -366,7 +366,7 @@ def _standing_of(job: Job) -> Standing:
         to_camera = np.eye(6)
         to_camera[:3, :3] = scene.flange_T_camera.rotation.as_matrix().T
         mount = to_camera @ covariance @ to_camera.T
-    asked = asked_of(task, estimate.initial_T_goal, estimate.points[estimate.inliers])
+    asked = problem_without_tube(task, estimate.initial_T_goal, estimate.points[estimate.inliers])
     setting = arm_setting_of(task, scene, with_tube=False)
     return Standing(asked, setting, tube_of(task), estimate, None, mount)
 

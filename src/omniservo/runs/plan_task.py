@@ -22,11 +22,11 @@ from omniservo.whole_arm import plan_with_arm
 
 def problem_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
     """Return the problem of goal and points (n, 3) [m] as estimated, as a tracking tube widens it."""
-    problem, tube = asked_of(task, initial_T_goal, points), tube_of(task)
+    problem, tube = problem_without_tube(task, initial_T_goal, points), tube_of(task)
     return problem if tube is None else widened_evenly(problem, tube.position, tube.image)
 
 
-def asked_of(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
+def problem_without_tube(task: Task, initial_T_goal: RigidTransform, points: FloatArray) -> PlanningProblem:
     """Return the same without what a tracking tube takes: clearance plus tracking margin.
 
     An obstacle with a clearance of its own keeps it: the tracking margin widens the common one.

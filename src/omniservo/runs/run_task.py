@@ -162,7 +162,7 @@ def _planned(
         plan, risk = _timed("planning", seconds, planner.plan)
         if planner.looks:
             seconds["planning"] -= planner.seconds
-            seconds["looking again"] = planner.seconds
+            seconds["looking_again"] = planner.seconds
     motion = pace(planner.job.task, planner.job.scene, plan)
     return plan, risk, motion
 
@@ -280,7 +280,7 @@ def _margin_parts(whole: WholeArm) -> dict[str, object]:
 
 
 def _metrics(result: RunResult, seed: int) -> dict[str, object]:
-    seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items() if " " not in stage}
+    seconds = {f"{stage}_seconds": value for stage, value in result.seconds.items()}
     seconds["control_seconds_median"] = seconds.pop("control_seconds")
     return {
         "task": result.task.name,

@@ -24,13 +24,13 @@ from omniservo.estimation.arm_views import (
     GOAL,
     ArmViewsOptimum,
     LengthPrior,
-    adjoint,
     lens_directions,
     mount_directions,
     seen_from_first,
     weights_of,
 )
 from omniservo.estimation.uncertainty.calibration_response import pixel_slopes
+from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import FloatArray, IntArray
 
 REPEATS = np.repeat([1e-4, 1e-4], 3)
