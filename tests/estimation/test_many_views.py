@@ -161,8 +161,8 @@ def test_an_error_of_the_mount_stands_in_all_displacements_of_an_arm():
     shifts = []
     for _ in range(400):
         wrong = moved(mount, rng.normal(size=6) * np.sqrt(np.diag(spread)))
-        off = KnownDisplacements.of_poses(flanges, wrong, position_sigma=1e-4, rotation_sigma=1e-4)
-        pairs = zip(off.first_T_second, known.first_T_second, strict=True)
+        off = [(flanges[0] * wrong).inv() * flange * wrong for flange in flanges[1:]]
+        pairs = zip(off, known.first_T_second, strict=True)
         shifts.append(np.concatenate([a.translation - b.translation for a, b in pairs]))
     rows = np.concatenate([6 * k + np.arange(3) for k in range(3)])
     of_mount = (known.covariance - exact.covariance)[np.ix_(rows, rows)]

@@ -23,9 +23,8 @@ from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.planning.end_poses import violation_at_end
 
 obstacle = {"type": "sphere", "center": [0, -0.05, 0.1], "radius": 0.02}
-if sys.argv[1] == "box":
-    obstacle = {"type": "box", "center": [0, -0.05, 0.1], "half_extents": [0.02, 0.02, 0.02],
-                "quaternion": [0, 0, 0, 1]}
+if sys.argv[1] == "wall":
+    obstacle = {"type": "half_space", "normal": [0, 0, 1], "offset": -0.3}
 names = []
 with CompilerWatch(names.append) as watch:
     violation_at_end(omniservo.PlanningProblem.from_dict({
@@ -42,7 +41,7 @@ print(*names)
 
 @pytest.fixture(scope="module")
 def compiled_by(tmp_path_factory):
-    """What a process compiles that judges the ends of a path past a ball or a box, after those before it."""
+    """What a process compiles that judges the ends of a path past a ball or a wall, after those before it."""
     cache = tmp_path_factory.mktemp("cache")
 
     def names(obstacle):
@@ -56,12 +55,12 @@ def compiled_by(tmp_path_factory):
 
 
 def test_families_that_a_problem_lacks_are_not_compiled_and_later_only_what_was_lacking(compiled_by):
-    first, second = set(compiled_by("ball")), set(compiled_by("box"))
+    first, second = set(compiled_by("ball")), set(compiled_by("wall"))
     assert "pose_margins" in first
-    assert not first & {"body_margin", "solid_gap", "cloud_margin", "mask_margin", "sight_margin"}
-    assert {"body_margin", "solid_gap"} <= second
-    assert not second & {"pose_margins", "cloud_margin", "mask_margin", "sight_margin"}
-    assert compiled_by("box") == compiled_by("ball") == []
+    assert not first & {"free_side_margin", "body_margin", "cloud_margin", "mask_margin", "sight_margin"}
+    assert "free_side_margin" in second
+    assert not second & {"pose_margins", "body_margin", "cloud_margin", "mask_margin", "sight_margin"}
+    assert compiled_by("wall") == compiled_by("ball") == []
 
 
 @late

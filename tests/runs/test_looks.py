@@ -20,6 +20,7 @@ def task_with(folder, **planning):
     """The paper's target past a box, its displacement known to 15%, at a risk of 1%."""
     document = shipped("whole-arm-1")
     document["obstacles"] = [BOX]
+    document["sensor"]["rate"] = 8  # images take most of the time
     document["planning"] |= {"obstacles": [{"type": "box", **BOX}], "clearance": 20, "risk": 0.01} | planning
     document["scale"] = {"displacement": 223.557, "sigma": 0.15}
     return load_task(written(folder, document))
@@ -54,6 +55,7 @@ def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
 
 def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document = shipped("whole-arm-1")
+    document["sensor"]["rate"] = 8
     document["start"] = {"joints": [10, 20, 70, 5, 0.4, 0]}  # axes 4 and 6 are all but parallel
     document["teach"] = {"initial_T_goal": {"translation": [60, -40, 90], "rotation_vector": [5, -8, 10]}}
     document["target"]["boards"][-1]["half_extents"] = [160, 160, 10]  # none of it where the arm stands
