@@ -90,6 +90,21 @@ def test_a_late_kernel_gives_what_it_gives_in_python_and_its_errors_reach_the_ca
         _sum_of_inverses(1, np.zeros(2))
 
 
+@late
+def _first(values: np.ndarray) -> float:
+    return values[0]
+
+
+@kernel
+def _calls_first(values: np.ndarray) -> float:
+    return _first(values)
+
+
+def test_a_late_kernel_is_compiled_for_each_type_of_its_arguments():
+    for kind in (np.float64, np.float32, np.int64):
+        assert _calls_first(np.array([3, 4], dtype=kind)) == 3.0
+
+
 def test_what_returns_an_array_cannot_be_late():
     def ones(n: int) -> np.ndarray:
         return np.ones(n)
