@@ -101,8 +101,12 @@ def _calls_first(values: np.ndarray) -> float:
 
 
 def test_a_late_kernel_is_compiled_for_each_type_of_its_arguments():
-    for kind in (np.float64, np.float32, np.int64):
-        assert _calls_first(np.array([3, 4], dtype=kind)) == 3.0
+    for kind in (np.float64, np.float32, np.int64):  # returned as the annotation says, whoever calls first
+        values = np.array([3, 4], dtype=kind)
+        if kind is np.int64:
+            assert _first(values) == 3.0
+        assert _calls_first(values) == 3.0
+        assert _first(values) == 3.0
 
 
 def test_what_returns_an_array_cannot_be_late():

@@ -70,6 +70,9 @@ def called_late(compiled: Any, function: F) -> F:
     def called_from_python(*arguments: Any) -> Any:
         return compiled(*arguments)
 
+    compile_for = compiled.compile
+    # What a call from Python compiles is what cells hold, too: both return what callers take it to return.
+    compiled.compile = lambda kinds: compile_for(signature(returned, *kinds))
     _functions[function.__module__, function.__qualname__] = compiled
 
     @type_callable(called_from_python)  # type: ignore[untyped-decorator]
