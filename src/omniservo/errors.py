@@ -149,6 +149,30 @@ class ClockFault(ServoStop):
     reason = "clock_fault"
 
 
+class StaleJoints(ServoStop):
+    """The arm's newest joint state is older than is acted on, though its connection stands."""
+
+    reason = "stale_joints"
+
+
+class ConnectionLost(RobotLost):
+    """The connection to the arm, or to the process that drives it, is gone."""
+
+    reason = "connection"
+
+
+class ProtectiveStop(ServoStop):
+    """The arm's controller stopped it: protective stop or emergency stop."""
+
+    reason = "protective_stop"
+
+
+class NotInControl(ServoStop):
+    """Another program, the pendant or nobody commands the arm, or somebody else does besides."""
+
+    reason = "not_in_control"
+
+
 class InvalidData(ServoStop):
     """What robot, camera or controller gave in mid motion has not the form that it must have."""
 

@@ -2,7 +2,7 @@
 
 from omniservo.renamed import renamed
 from omniservo.robots.arm import Arm
-from omniservo.robots.arm_driver import ArmDriver, RobotState
+from omniservo.robots.arm_driver import ArmDriver, ArmMode, RobotState
 from omniservo.robots.arm_files import SHOWN_GROUP
 from omniservo.robots.camera_source import CameraImage, CameraSource
 from omniservo.robots.collision.arm_bodies import ArmBodies
@@ -38,6 +38,7 @@ __all__ = [
     "ArmBodies",
     "ArmClearance",
     "ArmDriver",
+    "ArmMode",
     "CameraImage",
     "CameraSource",
     "Closeness",

@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 import numpy.typing as npt
 
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
+
+
+class ArmMode(StrEnum):
+    """What an arm's controller lets a program do with it."""
+
+    READY = "ready"
+    """it moves as commanded"""
+    PROTECTIVE_STOP = "protective_stop"
+    """the controller stopped it, for a collision or a limit of its own"""
+    EMERGENCY_STOP = "emergency_stop"
+    """somebody pressed the button"""
+    NOT_IN_CONTROL = "not_in_control"
+    """another program or the pendant commands it, its controller is not active, or its brakes are on"""
 
 
 @with_field_docs
@@ -22,6 +36,8 @@ class RobotState:
     """(n,) [rad]"""
     joint_velocities: FloatArray
     """(n,) [rad/s]"""
+    mode: ArmMode = ArmMode.READY
+    """what the arm's controller lets a program do"""
 
 
 @runtime_checkable

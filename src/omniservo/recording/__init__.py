@@ -1,0 +1,1 @@
+"""Runs as MCAP files, which Foxglove and ROS 2 tools open."""
