@@ -102,6 +102,8 @@ def log_of(task, estimate, plan, steps):
                 error_px=float(np.sqrt(np.mean(np.sum((detected - reference) ** 2, axis=1)))),
                 goal_error_px=float(np.sqrt(np.mean(np.sum((detected - goal_pixels) ** 2, axis=1)))),
                 estimated_position=truth.translation,
+                measured_position=truth.translation,
+                measured_rotation=truth.rotation.as_rotvec(),
                 true_position=truth.translation,
                 true_rotation=truth.rotation.as_rotvec(),
                 true_pixels=pixels,
@@ -138,8 +140,7 @@ def build(name="paper-example-1", method="certified", steps=40):
         whole_arm=None if plan is None else whole_arm_of(task, scene, plan, None, motion, way, log),
         log=log,
         final_image=picture(task.camera, goal_dots, 2),
-        outside_initial=outside_picture(0.0),
-        outside_final=outside_picture(1.0),
+        outside=(outside_picture(0.0), outside_picture(1.0)),
         film=Film(
             times=tuple(row.time for row in frames),
             camera=tuple(picture(task.camera, row.pixels, 9) for row in frames),

@@ -59,7 +59,7 @@ def test_noise_of_the_camera_costs_few_bytes(made_up_run, tmp_path):
     film = Film(
         tuple(np.linspace(0.0, 4.0, 40).tolist()),
         tuple(image.astype(np.uint8) for image in noisy),
-        (run.outside_final,) * 40,
+        (run.outside[1],) * 40,
     )
     write_animation(replace(run, film=film), tmp_path / "a.gif")
     assert (tmp_path / "a.gif").stat().st_size < 1_500_000

@@ -1,11 +1,13 @@
 """A whole job in a cell that is not the simulator: arm and camera are two objects of their own."""
 
+import csv
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.robots import CameraImage, RobotState
-from omniservo.runs import run_task
+from omniservo.runs import run_into, run_task
 from omniservo.scenes import scene_of_task
 from omniservo.simulation import UnifiedRenderer, World
 from omniservo.tasks import load_task
@@ -119,6 +121,41 @@ def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
     assert np.linalg.norm(off.translation) < 1e-3
     assert off.rotation.magnitude() < np.deg2rad(0.2)
     assert [cell.driver.closed for cell in cells] == [True, True]  # the goal's and the run's
+
+
+def test_without_truth_what_was_executed_is_what_joints_and_images_say(tmp_path):
+    cells = []
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        if len(cells) == 2:  # the run's; the goal was taught before
+            cells[-1].truth, cells[-1].camera.close = None, lambda: None
+        return cells[-1]
+
+    task = load_task("paper-example-1")
+    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 1.0 / PERIOD})})
+    metrics = run_into(tmp_path, task, open_cell)["certified"]
+    assert metrics["status"] == "converged"
+    assert metrics["final_translation_error_m"] is None
+    assert metrics["arm_clearance_executed_m"] is None
+    assert metrics["contacts"] == []
+    log = csv.DictReader((tmp_path / "log.csv").read_text().splitlines())
+    rows = [row for row in log if float(row["time"]) > 0.0]
+        row
+        for row in csv.DictReader((tmp_path / "log.csv").read_text().splitlines())
+        if float(row["time"]) > 0.0
+    ]
+    assert all(row["true_position_0"] == "nan" for row in rows)
+    world_T_initial = task.start.world_T_camera.transform
+    known = [pose for image, pose in cells[-1].camera.exposed.values()]
+    for row in rows:
+        measured = world_T_initial.apply([float(row[f"measured_position_{i}"]) for i in range(3)])
+        assert min(np.linalg.norm(measured - pose.translation) for pose in known) < 2e-4
+    assert metrics["clearance_planned_m"] <= metrics["clearance_executed_m"] + 2e-3
+    page = (tmp_path / "report.html").read_text()
+    assert "whether anything was touched is not measured on a real robot" in page
+    assert "Right: the arm from outside" not in page
+    assert not (tmp_path / "outside.png").exists()
 
 
 def test_a_cell_is_closed_when_its_job_fails():

@@ -20,6 +20,8 @@ _FOOTER = 40
 _TEXT = 24
 """[px]: half as large, where a page shows the film at half its width, is still read"""
 _GAP = 6
+_HEIGHT = 480
+"""of the camera's image where there is none from outside [px]"""
 _FINE = 2
 """Marks are drawn at this multiple of the size and averaged down."""
 
@@ -79,13 +81,15 @@ def _pictures(result: RunResult) -> Iterator[Image.Image]:
     """Yield the composed images in the order of time."""
     film = result.film
     if not film.times:
-        yield _composed(result, result.seen.initial_image, result.outside_initial, 0, last=True)
+        outside = None if result.outside is None else result.outside[0]
+        yield _composed(result, result.seen.initial_image, outside, 0, last=True)
         return
     times = result.log.column("time")
-    camera, outside = _stilled(film.camera), _stilled(film.outside)
+    camera = _stilled(film.camera)
+    outsides = _stilled(film.outside) if film.outside else [None] * len(camera)
     for k, time in enumerate(film.times):
         steps = int(np.searchsorted(times, time, side="right"))
-        yield _composed(result, camera[k], outside[k], steps, last=k == len(film.times) - 1)
+        yield _composed(result, camera[k], outsides[k], steps, last=k == len(film.times) - 1)
 
 
 def _stilled(images: Sequence[ByteArray]) -> list[ByteArray]:
@@ -100,17 +104,20 @@ def _stilled(images: Sequence[ByteArray]) -> list[ByteArray]:
 
 
 def _composed(
-    result: RunResult, camera: ByteArray, outside: ByteArray, steps: int, *, last: bool
+    result: RunResult, camera: ByteArray, outside: ByteArray | None, steps: int, *, last: bool
 ) -> Image.Image:
-    """Put both images side by side over a line of words, after ``steps`` control steps."""
-    height = outside.shape[0]
-    left, right = _scaled(camera, height), Image.fromarray(outside)
+    """Put the image, and beside it that from outside, over a line of words, after ``steps`` control steps."""
+    height = _HEIGHT if outside is None else outside.shape[0]
+    left = _scaled(camera, height)
     ways = result.log.column("pixels")[:steps] if steps else np.empty((0, 0, 2))
     _mark(left, ways, result.goal_pixels, left.height / camera.shape[0])
     left = left.reduce(_FINE)
-    page = Image.new("RGB", (left.width + _GAP + right.width, height + _FOOTER), "white")
+    right = None if outside is None else Image.fromarray(outside)
+    width = left.width if right is None else left.width + _GAP + right.width
+    page = Image.new("RGB", (width, height + _FOOTER), "white")
     page.paste(left, (0, 0))
-    page.paste(right, (left.width + _GAP, 0))
+    if right is not None:
+        page.paste(right, (left.width + _GAP, 0))
     font = ImageFont.truetype(Path(get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), _TEXT)
     words = _words(result, steps, last=last)
     ImageDraw.Draw(page).text((4, height + 6), words, fill="#1c1f24", font=font)

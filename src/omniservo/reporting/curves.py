@@ -78,9 +78,9 @@ def planned_curve(result: RunResult) -> Curve | None:
 
 
 def executed_curve(result: RunResult) -> Curve:
-    """Return what the arm did: points as detected, poses and visibility from the simulator's truth."""
+    """Return what the arm did: points as detected; poses and visibility are true, or as measured."""
     log, count = result.log, len(result.followed)
-    positions = _column(log, "true_position", (3,))
+    positions = log.executed("position")
     pixels = _column(log, "pixels", (count, 2))
     bearings, valid = result.task.camera.unproject(pixels)
     valid &= np.isfinite(pixels).all(axis=-1)
@@ -88,12 +88,12 @@ def executed_curve(result: RunResult) -> Curve:
         time=_column(log, "time", ()),
         w=_column(log, "w", ()),
         positions=positions,
-        rotations=_column(log, "true_rotation", (3,)),
+        rotations=log.executed("rotation"),
         pixels=pixels,
         plane=_on_plane(bearings, valid),
         points_left_out=int(np.sum(valid & (bearings[..., 2] <= 0.0))),
         clearances=obstacle_distances(result.task, _column(log, "time", ()), positions),
-        visibility=_worst(image_distance(result.task.camera, _column(log, "true_pixels", (count, 2)))),
+        visibility=_worst(image_distance(result.task.camera, log.executed("pixels").reshape(-1, count, 2))),
     )
 
 

@@ -98,7 +98,7 @@ def visibility(result: RunResult) -> Drawing:
 
 def arm_gap(result: RunResult) -> Drawing | None:
     """Draw the gap between the arm and the obstacles' bodies over time; None without a step or a body."""
-    if not result.log.rows or not result.truth.obstacle_corners:
+    if not result.log.rows or result.truth is None or not result.truth.obstacle_corners:
         return None
     figure = new_figure(5.8, 3.8)
     axes = figure.subplots()

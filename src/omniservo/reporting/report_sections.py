@@ -283,10 +283,10 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
 
 def animation(data: bytes, result: RunResult) -> Markup:
     """Return the animation as a figure."""
-    words = (
-        "Left: the eye-in-hand camera, with the feature trajectories (orange) and rings where the goal image "
-        "has them (blue). Right: the arm from outside. In the run's own time."
-    )
+    camera = "the eye-in-hand camera, with the feature trajectories (orange) and rings where the goal image "
+    words = f"{camera}has them (blue)"
+    words = f"Left: {words}. Right: the arm from outside" if result.outside else words[:1].upper() + words[1:]
+    words = f"{words}. In the run's own time."
     return tag(
         "figure", inlined(data, "gif", f"animation of the {result.method} run"), tag("figcaption", words)
     )

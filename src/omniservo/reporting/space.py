@@ -86,7 +86,7 @@ def space_of(result: RunResult, upright: UprightAxes) -> Space:
         points=points,
         bodies=tuple(
             faces
-            for corners in result.truth.obstacle_corners
+            for corners in (() if result.truth is None else result.truth.obstacle_corners)
             if (faces := cut_faces(box_faces(upright.apply(corners)), view))
         ),
         keep_out=tuple(

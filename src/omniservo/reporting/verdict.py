@@ -42,6 +42,8 @@ def verdict_of(result: RunResult) -> Verdict:
 
 
 def _nearest(result: RunResult) -> str:
+    if result.truth is None:
+        return "whether anything was touched is not measured on a real robot"
     gap = result.metrics.get("arm_clearance_executed_m")
     if not isinstance(gap, int | float):
         return "nothing was touched"

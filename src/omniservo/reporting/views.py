@@ -43,12 +43,14 @@ def views(result: RunResult) -> Drawing:
     )
 
 
-def outside(result: RunResult) -> Drawing:
-    """Draw the robot and the obstacle at both ends, as a bystander sees them."""
+def outside(result: RunResult) -> Drawing | None:
+    """Draw the robot and the obstacle at both ends, as a bystander sees them; None on a real robot."""
+    if result.outside is None:
+        return None
     figure = new_figure(9.6, 3.9)
     left, right = figure.subplots(1, 2)
-    _picture(left, result.outside_initial, "Start")
-    _picture(right, result.outside_final, "End")
+    _picture(left, result.outside[0], "Start")
+    _picture(right, result.outside[1], "End")
     task = result.task
     named = {
         "obstacles (brick red)": task.obstacles,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, field, fields
+from typing import Literal
 
 import numpy as np
 
@@ -45,8 +46,12 @@ class LogRow:
     """rms of detected minus goal image [px]"""
     estimated_position: FloatArray
     """(3,) camera centre estimated from the image, initial camera frame [m]"""
+    measured_position: FloatArray
+    """(3,) camera centre by the joints as read round the exposure, initial camera frame [m]"""
+    measured_rotation: FloatArray
+    """(3,) likewise the rotation vector of initial_R_camera [rad]"""
     true_position: FloatArray
-    """truth: (3,) camera centre, initial camera frame [m]"""
+    """truth: (3,) camera centre, initial camera frame [m]; NaN on a real robot, as is all truth"""
     true_rotation: FloatArray
     """truth: (3,) rotation vector of initial_R_camera [rad]"""
     true_pixels: FloatArray
@@ -71,6 +76,20 @@ class RunLog:
     def column(self, name: str) -> FloatArray:
         """Return one field of all rows, stacked: (steps, …)."""
         return np.asarray([getattr(row, name) for row in self.rows], dtype=np.float64)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether rows have the truth beside them, as only the simulator knows it."""
+        return bool(self.rows) and bool(np.isfinite(self.rows[0].true_position).all())
+
+    def executed(self, name: Literal["position", "rotation", "pixels"]) -> FloatArray:
+        """Return the camera's executed positions or rotations (steps, 3), or the points (steps, n, 2) [px].
+
+        The truth where there is one; on a real robot what joints and images say.
+        """
+        measured = "pixels" if name == "pixels" else f"measured_{name}"
+        found = self.column(f"true_{name}" if self.has_truth else measured)
+        return found if self.rows or name == "pixels" else found.reshape(0, 3)
 
     def to_csv(self) -> str:
         """Return the log as CSV: arrays spread over columns ``name_0, name_1_0, …``."""

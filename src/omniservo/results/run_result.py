@@ -41,7 +41,7 @@ class Film:
     camera: tuple[ByteArray, ...]
     """(height, width) each, what the camera saw"""
     outside: tuple[ByteArray, ...]
-    """(rows, columns, 3) each, a bystander's view"""
+    """(rows, columns, 3) each, a bystander's view; none on a real robot"""
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class RunResult:
     """the clearance of all links; None where nothing was planned"""
     log: RunLog
     final_image: ByteArray
-    outside_initial: ByteArray
-    """(rows, columns, 3) robot and obstacle at the start"""
-    outside_final: ByteArray
+    outside: tuple[ByteArray, ByteArray] | None
+    """(rows, columns, 3) robot and obstacle at the start and at the end; None on a real robot"""
     film: Film
-    truth: Truth
+    truth: Truth | None
+    """None on a real robot"""
     way: FollowedWay | None
     """the plan's way and what was taken up after it; None where nothing was planned"""
     replannings: tuple[Replanning, ...]

@@ -14,13 +14,18 @@ FRAMES = 40
 """enough for a fluent animation of a few seconds, small enough for a README"""
 
 
-def film_of(log: RunLog, images: Sequence[CameraImage], truth: GroundTruth) -> Film:
-    """Return evenly spaced moments of the run, seen by the camera and from outside."""
+def film_of(log: RunLog, images: Sequence[CameraImage], truth: GroundTruth | None) -> Film:
+    """Return evenly spaced moments of the run, seen by the camera and, where there is truth, from outside."""
     if not log.rows:
         return Film((), (), ())
     chosen = np.unique(np.linspace(0, len(log.rows) - 1, FRAMES).round().astype(int))
+    outside = (
+        ()
+        if truth is None
+        else (truth.outside_picture(log.rows[i].joints, images[i].time, quick=True) for i in chosen)
+    )
     return Film(
         times=tuple(log.rows[i].time for i in chosen),
         camera=tuple(images[i].pixels for i in chosen),
-        outside=tuple(truth.outside_picture(log.rows[i].joints, images[i].time, quick=True) for i in chosen),
+        outside=tuple(outside),
     )

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import numpy as np
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
 from omniservo.results import LogRow, RunLog
 from omniservo.robots import CameraImage
-from omniservo.runs.ground_truth import GroundTruth
+from omniservo.runs.robot_cell import RobotCell
 from omniservo.safety import Controller, Step
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
+
+
+class _TrueColumns(TypedDict):
+    """The fields of a `LogRow` that are truth."""
+
+    true_position: FloatArray
+    true_rotation: FloatArray
+    true_pixels: FloatArray
+    arm_clearance: float
 
 
 class Recorder:
@@ -20,15 +31,18 @@ class Recorder:
     def __init__(
         self,
         task: Task,
-        truth: GroundTruth,
+        cell: RobotCell,
         controller: Controller,
         replanner: Replanner | None,
-        points: FloatArray,
+        points: FloatArray | None,
     ) -> None:
-        """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels."""
+        """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels.
+
+        None where there is no truth.
+        """
         self._camera = task.camera
-        self._world_T_initial = task.start.world_T_camera.transform
-        self._truth = truth
+        self._initial_T_world = task.start.world_T_camera.transform.inv()
+        self._scene, self._truth = cell.scene, cell.truth
         self._controller = controller
         self._replanner = replanner
         self._points = points
@@ -37,12 +51,11 @@ class Recorder:
         """what the camera saw, one per row"""
 
     def step(self, step: Step) -> None:
-        """Add a row. The truth is that of the image's exposure."""
+        """Add a row."""
         report = self._controller.report
         if report is None:
             raise AssertionError("a step without a report")
-        truth = self._world_T_initial.inv() * self._truth.world_T_camera(step.image.time)
-        true_pixels, _ = self._camera.project(truth.inv().apply(self._points))
+        measured = self._initial_T_world * self._scene.world_T_camera(step.exposure_joints)
         self._log.rows.append(
             LogRow(
                 time=step.time,
@@ -60,14 +73,31 @@ class Recorder:
                 error_px=report.error_px,
                 goal_error_px=report.goal_error_px,
                 estimated_position=report.initial_T_camera.translation,
-                true_position=truth.translation,
-                true_rotation=truth.rotation.as_rotvec(),
-                true_pixels=true_pixels,
-                arm_clearance=self._truth.arm_obstacle_distance(),
+                measured_position=measured.translation,
+                measured_rotation=measured.rotation.as_rotvec(),
+                **self._true_columns(step),
                 control_seconds=step.control_seconds,
             )
         )
         self.images.append(step.image)
+
+    def _true_columns(self, step: Step) -> _TrueColumns:
+        """Return the truth of the image's exposure; NaN without one."""
+        if self._truth is None or self._points is None:
+            none = np.full(3, np.nan)
+            return _TrueColumns(
+                true_position=none,
+                true_rotation=none,
+                true_pixels=np.full_like(step.pixels, np.nan),
+                arm_clearance=np.nan,
+            )
+        truth = self._initial_T_world * self._truth.world_T_camera(step.image.time)
+        return _TrueColumns(
+            true_position=truth.translation,
+            true_rotation=truth.rotation.as_rotvec(),
+            true_pixels=self._camera.project(truth.inv().apply(self._points))[0],
+            arm_clearance=self._truth.arm_obstacle_distance(),
+        )
 
     def _planned(self, step: Step) -> FloatArray:
         if self._replanner is None:
@@ -76,7 +106,8 @@ class Recorder:
 
     def finish(self, stop: ServoStop | None) -> RunLog:
         """Return the log with how the run ended."""
-        self._log.contacts |= self._truth.contacts()
+        if self._truth is not None:
+            self._log.contacts |= self._truth.contacts()
         if stop is not None:
             self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
         return self._log

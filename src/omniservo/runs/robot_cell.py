@@ -31,8 +31,8 @@ class RobotCell(Protocol):
         ...
 
     @property
-    def truth(self) -> GroundTruth:
-        """What the job is scored against."""
+    def truth(self) -> GroundTruth | None:
+        """What the job is scored against; None on a real robot."""
         ...
 
     def wait(self, duration: float) -> None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureTracker, MatchedPoints
 from omniservo.planning import Plan
@@ -106,29 +106,33 @@ def _run_in(
     estimate = _timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
     followed = followed_points(estimate, seen.matched.initial, shown_at_ends(task, estimate))
     progress("planning", 0.0)
-    outside = cell.truth.outside_picture(scene.start_joints)
+    outside_initial = _outside(cell, scene.start_joints)
     planner = LookingPlanner(Job(task, scene, seen, estimate, followed), cell, goal, seed, progress)
     plan, risk, motion = _planned(planner, method, seed, seconds)
     job, looks = planner.job, tuple(planner.looks)
     task, scene, seen, estimate, followed = job.task, job.scene, job.seen, job.estimate, job.followed
     progress("following the path", 0.0)
     matched = seen.matched.where(followed)
-    truth = _truth(task, scene, goal, true_points(task, cell, scene.start_joints, matched.initial))
+    truth = None
+    if cell.truth is not None:
+        points = true_points(task, cell.truth, scene.start_joints, matched.initial)
+        truth = _truth(task, scene, goal, points)
     controller = _controller(task, plan, motion, estimate.points[followed], matched)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
-    recorder = Recorder(task, cell.truth, controller, replanner, truth.points)
+    recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points)
     log = _drive(task, cell, controller, replanner, tracker, recorder, progress)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
     progress("measuring the run", 0.0)
     final = next_image(cell.camera, cell.wait).pixels
-    outside_final = cell.truth.outside_picture(cell.driver.read().joint_positions)
+    outside_final = _outside(cell, cell.driver.read().joint_positions)
+    outside = None if outside_initial is None or outside_final is None else (outside_initial, outside_final)
     way = None if replanner is None else followed_way(replanner)
     whole_arm = whole_arm_of(task, scene, plan, risk, motion, way, log)
     return RunResult(
         task, method, goal, seen, estimate, followed, plan, risk, motion, whole_arm, log, final, outside,
-        outside_final, film, truth, way, () if replanner is None else tuple(replanner.events), seconds,
+        film, truth, way, () if replanner is None else tuple(replanner.events), seconds,
         looks=looks,
     )  # fmt: skip
 
@@ -136,6 +140,11 @@ def _run_in(
 def _film(log: RunLog, recorder: Recorder, cell: RobotCell, progress: Progress) -> Film:
     progress("filming", 0.0)
     return film_of(log, recorder.images, cell.truth)
+
+
+def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:
+    """Return a bystander's picture of the arm in ``joints`` (n,) [rad]; None where nobody can take one."""
+    return None if cell.truth is None else cell.truth.outside_picture(joints)
 
 
 def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage, FloatArray]:

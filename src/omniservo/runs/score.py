@@ -16,13 +16,15 @@ from omniservo.tracking.followed_way import FollowedWay
 
 
 def score(
-    task: Task, plan: Plan | None, way: FollowedWay | None, log: RunLog, truth: Truth
+    task: Task, plan: Plan | None, way: FollowedWay | None, log: RunLog, truth: Truth | None
 ) -> dict[str, object]:
     """Return the metrics that compare the executed run with the truth, and with what the plan promised.
 
+    Without truth, on a real robot, what was executed is what joints and images say.
+
     Lengths in m, angles in rad, pixels in px; None where a quantity does not exist.
     """
-    positions = log.column("true_position").reshape(-1, 3)
+    positions = log.executed("position")
     return {
         "status": _status(log),
         "reason": log.stop_message,
@@ -43,7 +45,7 @@ def score(
 
 
 def _least_arm_clearance(task: Task, log: RunLog) -> float | None:
-    return float(np.min(log.column("arm_clearance"))) if log.rows and task.obstacles else None
+    return float(np.min(log.column("arm_clearance"))) if log.has_truth and task.obstacles else None
 
 
 def _filtered(log: RunLog) -> int:
@@ -66,17 +68,23 @@ def _least_clearance(task: Task, times: FloatArray, positions: FloatArray) -> fl
 
 
 def _least_visibility(task: Task, log: RunLog) -> float | None:
-    """Smallest distance of a true dot to the image limits [px]; None where one left the camera's domain."""
+    """Smallest distance of a dot to the image limits [px]; None where one left the camera's domain.
+
+    Without truth: of those that were found.
+    """
     if not log.rows:
         return None
-    least = float(np.min(image_distance(task.camera, log.column("true_pixels"))))
+    distances = image_distance(task.camera, log.executed("pixels"))
+    least = float(np.min(distances if log.has_truth else distances[np.isfinite(distances)], initial=np.inf))
+    least = least if least < np.inf else np.nan
     return None if np.isnan(least) else least
 
 
-def _final_errors(log: RunLog, truth: Truth) -> dict[str, object]:
-    """Pose error at the end against the taught pose, and the image error as detected."""
-    if not log.rows:
-        return {"final_error_px": None, "final_translation_error_m": None, "final_rotation_error_rad": None}
+def _final_errors(log: RunLog, truth: Truth | None) -> dict[str, object]:
+    """Pose error at the end against the taught pose, where that is known, and the image error as detected."""
+    if not log.rows or truth is None:
+        error = log.rows[-1].goal_error_px if log.rows else None
+        return {"final_error_px": error, "final_translation_error_m": None, "final_rotation_error_rad": None}
     last = log.rows[-1]
     initial_T_camera = RigidTransform.from_components(
         last.true_position, Rotation.from_rotvec(last.true_rotation)
@@ -94,6 +102,6 @@ def _deviation(way: FollowedWay | None, log: RunLog) -> float | None:
     if way is None or not log.rows:
         return None
     planned = way.positions(1001)
-    executed = log.column("true_position")
+    executed = log.executed("position")
     gaps = np.linalg.norm(executed[:, None, :] - planned[None, :, :], axis=2)
     return float(np.max(np.min(gaps, axis=1)))

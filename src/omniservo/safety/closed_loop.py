@@ -112,6 +112,8 @@ class Step:
     time: float
     """of the image's exposure, since the loop's first image [s]"""
     image: CameraImage
+    exposure_joints: FloatArray
+    """(n,) as read round the image's exposure [rad]"""
     state: RobotState
     pixels: FloatArray
     """(n, 2) [px], NaN where lost"""
@@ -224,7 +226,8 @@ class _Loop:
         self.commanded = True
         passed = supervisor.carry(filtered.twist, wish)
         seconds = perf_counter() - before
-        return Step(time, image, state, pixels, valid, filtered, passed, seconds)
+        exposed = supervisor.history.at(np.array([image.time]))[0][0]
+        return Step(time, image, exposed, state, pixels, valid, filtered, passed, seconds)
 
     def _found(self, image: CameraImage, time: float) -> tuple[FloatArray, BoolArray]:
         """Return the points found (n, 2) [px], as they were at the time stamp, and which (n,)."""
