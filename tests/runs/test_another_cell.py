@@ -141,10 +141,6 @@ def test_without_truth_what_was_executed_is_what_joints_and_images_say(tmp_path)
     assert metrics["contacts"] == []
     log = csv.DictReader((tmp_path / "log.csv").read_text().splitlines())
     rows = [row for row in log if float(row["time"]) > 0.0]
-        row
-        for row in csv.DictReader((tmp_path / "log.csv").read_text().splitlines())
-        if float(row["time"]) > 0.0
-    ]
     assert all(row["true_position_0"] == "nan" for row in rows)
     world_T_initial = task.start.world_T_camera.transform
     known = [pose for image, pose in cells[-1].camera.exposed.values()]
