@@ -72,16 +72,15 @@ def test_a_step_either_way_is_a_fault_within_a_second_and_stays_one(step, rate):
         stepped = true > 1010.0
         try:
             mapped = clocks.monotonic(stamp + step * stepped, arrival)
-            assert mapped <= arrival
-            if stepped and step < 0.0:  # until it is noticed data look old, never fresh
-                assert mapped < true + 0.01
-        except ClockFault as fault:
-            assert stepped
-            assert ("ahead" if step > 0 else "back") in str(fault)
-            seen = true - 1010.0 if seen is None else seen
+        except ClockFault:
+            seen = true - 1010.0
+            break
+        assert mapped <= arrival
+        if stepped and step < 0.0:  # until it is noticed data look old, never fresh
+            assert mapped < true + 0.01
     assert seen is not None
-    assert seen < (0.1 if step > 0 else 0.9)
-    with pytest.raises(ClockFault):
+    assert 0.0 < seen < (0.1 if step > 0 else 0.9)
+    with pytest.raises(ClockFault, match="ahead" if step > 0 else "back"):
         clocks.monotonic(2000.0, 2000.0)
 
 
@@ -103,7 +102,7 @@ def test_a_stamp_that_stands_still_is_no_step_but_grows_old():
 
 
 @pytest.mark.parametrize(
-    "stamp, arrival", [(math.nan, 1.0), (1.0, math.nan), (math.inf, 1.0), (1.0, -math.inf)]
+    ("stamp", "arrival"), [(math.nan, 1.0), (1.0, math.nan), (math.inf, 1.0), (1.0, -math.inf)]
 )
 def test_what_is_no_time_is_refused_and_changes_nothing(stamp, arrival):
     clocks = ClockMap()

@@ -68,7 +68,7 @@ def test_an_old_or_repeated_reading_changes_nothing_and_a_clock_set_back_is_told
 
 
 @pytest.mark.parametrize(
-    "bad, kind",
+    ("bad", "kind"),
     [
         ({"joint_positions": np.array([0.0, np.nan, 0.0])}, NotFinite),
         ({"joint_velocities": np.array([0.0, 0.0, np.inf])}, NotFinite),

@@ -53,7 +53,7 @@ def test_the_servers_clock():
 
 
 @pytest.mark.parametrize(
-    "name, value",
+    ("name", "value"),
     [("latency", -1.0), ("jitter", np.nan), ("loss", 1.1), ("clock_offset", np.inf), ("drift_ppm", 1e6)],
 )
 def test_what_no_line_does_is_refused(name, value):
