@@ -61,6 +61,7 @@ class Arm:
                 is legal.
         """
         self.path = Path(file)
+        self._packages = packages
         self._file = read_arm_file(self.path, flange, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
@@ -84,6 +85,10 @@ class Arm:
         self.chain = self._read_chain()
         """The same kinematics as arrays, for compiled code: not to be written to."""
         self._geometry = self._read_geometry()
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        """Another process reads the file again."""
+        return _read_again, (self.path.absolute(), self.flange, self._packages)
 
     tool = renamed_attribute("tool", "flange")
     tool_link = renamed_attribute("tool_link", "flange_link")
@@ -405,3 +410,7 @@ _ANOTHER_UNIT = 5.0
 def _place(base_T_flange: RigidTransform) -> str:
     place = np.array2string(np.asarray(base_T_flange.translation), precision=4, separator=", ")
     return f"flange pose at {place} m in the base frame"
+
+
+def _read_again(file: Path, flange: str, packages: Mapping[str, str | Path] | None) -> Arm:
+    return Arm(file, flange=flange, packages=packages)

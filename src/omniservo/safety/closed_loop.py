@@ -1,6 +1,7 @@
 """The closed loop: image → points → twist → joint velocities → arm → image, until done or stopped.
 
-Any arm can be driven by any camera on it, real or simulated, but through its `Supervisor` alone.
+Any arm can be driven by any camera on it, real or simulated, but through its `Supervisor` alone, in this
+process or another.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -16,13 +17,16 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, StaleImage
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.perception import FeatureTracker
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.image_watch import ImageWatch
 from omniservo.safety.moving_image import MovingImage
-from omniservo.safety.supervisor import Passed, Supervisor, Wish, as_stop
+from omniservo.safety.supervised_robot import SupervisedRobot
+from omniservo.safety.supervisor import Passed, Wish, as_stop
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
+
+if TYPE_CHECKING:  # what drives an arm loads nothing that reads images
+    from omniservo.perception import FeatureTracker
 
 _TICK = 1e-3
 """How often the loop looks for a new image [s]."""
@@ -128,7 +132,7 @@ class Step:
 
 
 def servo(
-    supervisor: Supervisor,
+    supervisor: SupervisedRobot,
     controller: Controller,
     features: FeatureTracker,
     visibility: VisibilityFilter,
@@ -175,7 +179,7 @@ def servo(
     return _rest(supervisor, stop)
 
 
-def _rest(supervisor: Supervisor, stop: ServoStop | None) -> ServoStop | None:
+def _rest(supervisor: SupervisedRobot, stop: ServoStop | None) -> ServoStop | None:
     """Bring the robot to rest; return what it was stopped for, or what went wrong meanwhile."""
     try:
         supervisor.stop(stop)
@@ -192,7 +196,7 @@ class _Loop:
 
     def __init__(
         self,
-        supervisor: Supervisor,
+        supervisor: SupervisedRobot,
         controller: Controller,
         features: FeatureTracker,
         visibility: VisibilityFilter,
@@ -266,8 +270,7 @@ class _Loop:
                 return image
             if waited > limit:
                 raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
-            supervisor.wait(_TICK)
-            waited += _TICK
+            waited += supervisor.wait(_TICK)
 
 
 def _not_there(time_limit: float, report: ControllerReport | None) -> str:

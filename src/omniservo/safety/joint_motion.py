@@ -7,7 +7,7 @@ import numpy as np
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import JointPath
-from omniservo.safety.supervisor import Supervisor
+from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.servoing import PathLimits, RestToRestLaw
 
 SHARE = 0.1
@@ -37,7 +37,7 @@ class OffPath(ServoStop):
     reason = "off_path"
 
 
-def follow_joints(supervisor: Supervisor, path: JointPath, within: float) -> float:
+def follow_joints(supervisor: SupervisedRobot, path: JointPath, within: float) -> float:
     """Lead the arm along a joint path, from rest to rest, and return how long that took [s].
 
     q̇ = q′ẇ + k (q(w) − q), w(t) of `RestToRestLaw`. The robot stands still on return.

@@ -7,9 +7,19 @@ from typing import TypeVar
 
 import numpy as np
 
-from omniservo.errors import ClockFault, InvalidData, NotFinite, RobotLost, ServoStop, spelled
+from omniservo.errors import (
+    ClockFault,
+    InvalidData,
+    NotFinite,
+    NotInControl,
+    ProtectiveStop,
+    RobotLost,
+    ServoStop,
+    StaleJoints,
+    spelled,
+)
 from omniservo.geometry.arrays import FloatArray
-from omniservo.robots import ArmDriver, CameraImage, CameraSource, RobotState
+from omniservo.robots import ArmDriver, ArmMode, CameraImage, CameraSource, RobotState
 
 _ROUNDING = 1e-9
 """[s] of clocks"""
@@ -28,12 +38,20 @@ class RobotLink:
         camera: on its flange.
         wait: lets the given time [s] pass.
         dof: how many joints it must report.
+        clock: on which the arm's readings and the images are stamped [s], `time.monotonic` on a real robot;
+            None: time passes in ``wait`` alone, by as much as is waited.
     """
 
     def __init__(
-        self, driver: ArmDriver, camera: CameraSource, wait: Callable[[float], None], dof: int
+        self,
+        driver: ArmDriver,
+        camera: CameraSource,
+        wait: Callable[[float], None],
+        dof: int,
+        clock: Callable[[], float] | None = None,
     ) -> None:
         self._driver, self._camera, self._wait, self._dof = driver, camera, wait, dof
+        self._clock = clock
         self._time, self._waited = -np.inf, 0.0
         self._form: tuple[tuple[int, ...], np.dtype[np.uint8]] | None = None
 
@@ -44,7 +62,8 @@ class RobotLink:
             RobotLost: the driver raised.
             InvalidData: no state, or of another number of joints.
             NotFinite: a number is not finite.
-            ClockFault: the robot's clock ran backwards, or stands still while time passes.
+            ClockFault: the robot's clock ran backwards, is ahead of the clock that it is to be on, or stands
+                still while time passes.
         """
         state = _checked(_answered("read", self._driver.read), self._dof)
         before, self._time = self._time, state.time
@@ -52,11 +71,35 @@ class RobotLink:
             raise ClockFault(f"the robot's clock ran backwards, from {before:.3f} to {state.time:.3f} s")
         if state.time > before + _ROUNDING:
             self._waited = 0.0
-        if self._waited > STANDING:
+        if self._clock is not None:
+            ahead = state.time - self._clock()
+            if ahead > STANDING:
+                raise ClockFault(f"the robot's joints are {ahead:.3f} s ahead of this machine's clock")
+        elif self._waited > STANDING:
             raise ClockFault(
                 f"the robot's clock stands still at {state.time:.3f} s while {self._waited:.3f} s were waited"
             )
         return state
+
+    def refuse_old(self, state: RobotState, limit: float) -> None:
+        """Raise where joints are not to be acted on.
+
+        Args:
+            state: as it was read.
+            limit: how old it may be [s]; without a clock of its own, `read` sees to that.
+
+        Raises:
+            StaleJoints: it is older.
+            ProtectiveStop: the arm's controller stopped it.
+            NotInControl: the arm does not take commands from here.
+        """
+        if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
+            raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
+        if state.mode is not ArmMode.READY:
+            raise NotInControl("the arm's controller takes no commands from this program")
+        age = 0.0 if self._clock is None else self._clock() - state.time
+        if age > limit:
+            raise StaleJoints(f"the newest joint state is {age:.3f} s old; at most {limit:g} s is acted on")
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives.
@@ -113,14 +156,17 @@ class RobotLink:
         finally:
             _answered("close", self._camera.close)
 
-    def wait(self, duration: float) -> None:
-        """Let time [s] pass.
+    def wait(self, duration: float) -> float:
+        """Let time [s] pass; return how much of it did [s].
 
         Raises:
             RobotLost: what lets it pass raised.
         """
+        before = 0.0 if self._clock is None else self._clock()
         _answered("wait", lambda: self._wait(duration))
-        self._waited += duration
+        passed = duration if self._clock is None else self._clock() - before
+        self._waited += passed
+        return passed
 
 
 def _answered(name: str, call: Callable[[], T]) -> T:
@@ -152,4 +198,4 @@ def _checked(state: RobotState, dof: int) -> RobotState:
             f"the robot reports joint positions {positions.shape} and velocities {velocities.shape}; "
             f"the arm has {dof} joints"
         )
-    return RobotState(time, positions, velocities)
+    return RobotState(time, positions, velocities, state.mode)

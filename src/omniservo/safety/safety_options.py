@@ -12,6 +12,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 
 _POSITIVE = (
     "image_age",
+    "joint_age",
     "reaction",
     "max_linear_speed",
     "max_angular_speed",
@@ -37,6 +38,8 @@ class SafetyOptions:
 
     image_age: float = 0.25
     """An image older than this is not acted on, and stops the robot [s]."""
+    joint_age: float = 0.05
+    """A joint state older than this is not acted on, and stops the robot [s]; judged on the wall's clock."""
     reaction: float = 0.1
     """Longest time between two looks at the moving robot [s]; a longer one stops it. It counts as part of
     every braking distance."""

@@ -16,6 +16,8 @@ from omniservo.errors import (
     InputError,
     InvalidData,
     NotFinite,
+    NotInControl,
+    ProtectiveStop,
     RobotLost,
     ServoStop,
     SlowLoop,
@@ -77,6 +79,8 @@ class Supervisor:
         flange_T_camera: how the camera sits on it.
         camera: on the arm's flange; one object may be driver and camera. None (deprecated): the driver is.
         wait: lets the given time [s] pass: ``time.sleep`` on a real robot.
+        clock: on which joints and images are stamped [s]: ``time.monotonic`` on a real robot, whose time does
+            not stand still between two waits; None: time passes in ``wait`` alone.
         options: see SafetyOptions.
 
     Raises:
@@ -92,6 +96,7 @@ class Supervisor:
         *,
         camera: CameraSource | None = None,
         wait: Callable[[float], None],
+        clock: Callable[[], float] | None = None,
         options: SafetyOptions | None = None,
     ) -> None:
         self.arm = arm
@@ -102,7 +107,8 @@ class Supervisor:
         """as given"""
         self.stopped: ServoStop | None = None
         """what the robot was stopped for, and has not been released from"""
-        self._link = RobotLink(driver, _camera_of(driver) if camera is None else camera, wait, arm.dof)
+        camera = _camera_of(driver) if camera is None else camera
+        self._link = RobotLink(driver, camera, wait, arm.dof, clock)
         self._sent, self._target = np.zeros(arm.dof), np.zeros(arm.dof)
         self._carried: Callable[[RobotState], FloatArray] | None = None
         self._carried_time = 0.0
@@ -202,24 +208,43 @@ class Supervisor:
             self._carried, self._carried_time = carried, state.time
             return passed
 
-    def wait(self, duration: float) -> None:
-        """Let time [s] pass; the moving robot is watched meanwhile.
+    @property
+    def moving(self) -> bool:
+        """Whether it was sent velocities, or is led to some."""
+        return bool(self._sent.any() or self._target.any())
+
+    @property
+    def sent(self) -> FloatArray:
+        """(n,) the velocities sent last [rad/s]."""
+        return self._sent.copy()
+
+    def wait(self, duration: float) -> float:
+        """Let time [s] pass; the moving robot is watched meanwhile. Return how much passed [s].
 
         Raises:
             ServoStop: the motion may not go on; the robot stands still by then.
         """
         left = duration
         while left > 1e-9:
-            part = min(left, TICK)
             with self._braking():
-                self._link.wait(part)
-                left -= part
-                if self._sent.any() or self._target.any():
-                    state = self._seen_state()
-                    if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
-                        self._carried_time = state.time
-                        self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
-                    self._pass(state, self._led_on(state))
+                left -= self._link.wait(min(left, TICK))
+            self.watch()
+        return duration - left
+
+    def watch(self) -> None:
+        """Look at the moving robot, and lead it on; to be called every `TICK` by who does not `wait`.
+
+        Raises:
+            ServoStop: the motion may not go on; the robot stands still by then.
+        """
+        if not self.moving:
+            return
+        with self._braking():
+            state = self._seen_state()
+            if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
+                self._carried_time = state.time
+                self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
+            self._pass(state, self._led_on(state))
 
     def stop(self, reason: ServoStop | None = None) -> None:
         """Brake every joint as fast as its acceleration limit allows; the robot stands still on return.
@@ -232,9 +257,10 @@ class Supervisor:
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
+        obeys = not isinstance(reason, ProtectiveStop | NotInControl)
         try:
             try:
-                while self._sent.any():
+                while obeys and self._sent.any():
                     self._link.wait(TICK)
                     self._brake_on()
             finally:
@@ -337,6 +363,7 @@ class Supervisor:
                 f"the moving robot was not looked at for {state.time - self._seen_time:.3f} s; "
                 f"at most {self.options.reaction:g} s is allowed"
             )
+        self._link.refuse_old(state, self.options.joint_age)
         self._refuse_stale(state)
         self._stoppable.check(state, velocities)
         self._following.check(self.history)

@@ -2,6 +2,7 @@
 
 from omniservo.renamed import renamed
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
+from omniservo.simulation.real_time_robot import RealTimeRobot
 from omniservo.simulation.simulated_cell import SimulatedCell
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.take_picture import take_picture
@@ -10,6 +11,7 @@ from omniservo.simulation.world import World
 
 __all__ = [
     "OutsideView",
+    "RealTimeRobot",
     "SimulatedCell",
     "SimulatedRobot",
     "UnifiedRenderer",

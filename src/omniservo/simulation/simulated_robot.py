@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -13,7 +13,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, finite_number
 from omniservo.robots import CameraImage, RobotState
 from omniservo.scenes.light import Light
 from omniservo.scenes.scene import Ball, Scene, SceneBox
@@ -22,6 +23,28 @@ from omniservo.simulation.world import TICK, World
 
 _RAMP = 0.99
 """share of the acceleration limits at which set points change; the rest is for what the drives correct"""
+
+
+@with_field_docs
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """All that one frame shows: it can be rendered later, and by another thread than moves the arm."""
+
+    time: float
+    """of the exposure, on the robot's clock [s]"""
+    joints: FloatArray | JointsAt
+    """(n,) [rad] as they were, or, where the frame takes time, as they were around it"""
+    world: World
+    """as it was"""
+    light: Light
+    """as it was"""
+    noise: tuple[int, int]
+    """seed of the sensor's noise"""
+
+    def photographed(self, renderer: UnifiedRenderer) -> ByteArray:
+        """Return the grey values (height, width); the renderer is of this world."""
+        return renderer.photograph(self.joints, np.random.default_rng(list(self.noise)), self.light)
+
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """all that moves"""
@@ -97,20 +120,23 @@ class SimulatedRobot:
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives."""
+        exposure = self.newest_exposure()
+        if exposure is None or not self._rendered:
+            return None if exposure is None else CameraImage(exposure.time, np.zeros((0, 0), dtype=np.uint8))
+        if self._picture is None or self._picture.time != exposure.time:
+            if self._renderer is None or self._renderer.world is not exposure.world:
+                self._renderer = UnifiedRenderer(exposure.world)
+            self._picture = CameraImage(exposure.time, exposure.photographed(self._renderer))
+        return self._picture
+
+    def newest_exposure(self) -> Exposure | None:
+        """Return what the newest delivered frame shows; None before the first one arrives."""
         if self._delivered is None:
             return None
         tick, number = self._delivered
-        if not self._rendered:
-            return CameraImage(tick * TICK, np.zeros((0, 0), dtype=np.uint8))
-        if self._picture is None or self._picture.time != tick * TICK:
-            joints, world = self._exposed[tick * TICK]
-            if self._renderer is None or self._renderer.world is not world:
-                self._renderer = UnifiedRenderer(world)
-            noise = np.random.default_rng([self._seed, number])
-            light = self._scene.light_at(tick * TICK)
-            pixels = self._renderer.photograph(self._motion or joints, noise, light)
-            self._picture = CameraImage(tick * TICK, pixels)
-        return self._picture
+        joints, world = self._exposed[tick * TICK]
+        light = self._scene.light_at(tick * TICK)
+        return Exposure(tick * TICK, self._motion or joints, world, light, (self._seed, number))
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
         """Move with these joint velocities (n,) [rad/s] until told otherwise.

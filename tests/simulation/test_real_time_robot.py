@@ -1,0 +1,134 @@
+"""The simulated robot on the wall's clock: stamps, order, threads; never how fast this machine is."""
+
+import time
+from dataclasses import replace
+from threading import Event
+
+import numpy as np
+import pytest
+
+from omniservo.robots import ArmDriver, ArmMode, CameraSource
+from omniservo.scenes import Sensor
+from omniservo.simulation import RealTimeRobot, SimulatedRobot, real_time_robot
+
+TURN = np.array([0.1, 0.0, -0.1, 0.0, 0.1, 0.0])
+
+
+def until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        Event().wait(2e-3)
+
+
+@pytest.fixture
+def scene(make_scene):
+    return make_scene(sensor=Sensor(rate=30, latency=0.02, noise=2.0, blur=0.4))
+
+
+@pytest.fixture
+def opened(scene):
+    robots = []
+
+    def make(**options):
+        sensor = options.pop("sensor", {})
+        robots.append(RealTimeRobot(replace(scene, sensor=replace(scene.sensor, **sensor)), **options))
+        return robots[-1]
+
+    yield make
+    for robot in robots:
+        robot.close()
+
+
+def test_its_joints_are_those_of_now_and_go_as_told(opened):
+    robot = opened(rendered=False)
+    assert isinstance(robot, ArmDriver)
+    assert isinstance(robot, CameraSource)
+    before = time.monotonic()
+    first = robot.read()
+    assert before - 2e-3 <= first.time <= time.monotonic()
+    robot.command(TURN)
+    until(lambda: robot.read().time > first.time + 0.5)
+    state = robot.read()
+    np.testing.assert_allclose(state.joint_velocities, TURN, atol=2e-3)
+    turned = state.joint_positions - first.joint_positions
+    assert np.abs(turned[[0, 2, 4]] / (TURN[[0, 2, 4]] * (state.time - first.time)) - 1.0).max() < 0.2
+    np.testing.assert_allclose(robot.joints_at(state.time), state.joint_positions, atol=1e-4)
+    robot.stop()
+    until(lambda: np.abs(robot.read().joint_velocities).max() < 1e-3)
+
+
+def test_a_frame_comes_no_sooner_than_its_latency_and_in_order(opened):
+    robot, times = opened(rendered=False, sensor={"latency": 0.1, "rate": 50.0}), []
+    end = time.monotonic() + 60.0
+    while len(times) < 20 and time.monotonic() < end:
+        image = robot.image()
+        if image is not None and image.time not in times[-1:]:
+            assert time.monotonic() - image.time >= 0.1
+            times.append(image.time)
+        Event().wait(1e-3)
+    steps = np.diff(times) * 50.0
+    assert len(times) == 20
+    assert (steps > 0.9).all()
+    np.testing.assert_allclose(steps, np.round(steps), atol=0.11)  # frames fall on the robot's milliseconds
+    assert image.pixels.shape == (0, 0)
+
+
+def test_joints_are_answered_while_a_picture_is_rendered(opened, monkeypatch):
+    begun, go_on = Event(), Event()
+
+    class Slow(real_time_robot.UnifiedRenderer):
+        def photograph(self, *of):
+            begun.set()
+            assert go_on.wait(60.0)
+            return super().photograph(*of)
+
+    monkeypatch.setattr(real_time_robot, "UnifiedRenderer", Slow)
+    robot = opened()
+    assert begun.wait(60.0)
+    robot.command(TURN)
+    first = robot.read()
+    until(lambda: robot.read().time > first.time + 0.3)
+    assert np.abs(robot.read().joint_velocities).max() > 0.05
+    assert robot.image() is None
+    go_on.set()
+    until(lambda: robot.image() is not None)
+
+
+def test_its_pictures_are_those_of_the_simulator(opened, scene):
+    robot, simulated = opened(), SimulatedRobot(scene)
+    until(lambda: robot.image() is not None)
+    simulated.advance(scene.sensor.latency + 1e-3)
+    assert np.abs(robot.image().pixels.astype(float) - simulated.image().pixels).mean() < 2.0 * 2.0
+
+
+def test_it_says_when_rendering_cannot_keep_up(opened, monkeypatch):
+    class Slow(real_time_robot.UnifiedRenderer):
+        def photograph(self, *of):
+            Event().wait(0.03)
+            return np.zeros((2, 2), dtype=np.uint8)
+
+    monkeypatch.setattr(real_time_robot, "UnifiedRenderer", Slow)
+    robot = opened(sensor={"rate": 100.0, "latency": 0.0})
+    assert robot.behind is None
+    until(lambda: robot.behind is not None)
+    assert "the camera has 100" in robot.behind
+
+
+def test_a_stopped_controller_brakes_and_obeys_nothing(opened):
+    robot = opened(rendered=False)
+    robot.command(TURN)
+    until(lambda: np.abs(robot.read().joint_velocities).max() > 0.05)
+    robot.set_mode(ArmMode.PROTECTIVE_STOP)
+    robot.command(TURN)
+    assert robot.read().mode is ArmMode.PROTECTIVE_STOP
+    until(lambda: np.abs(robot.read().joint_velocities).max() < 1e-3)
+    robot.set_mode(ArmMode.READY)
+    robot.command(TURN)
+    until(lambda: np.abs(robot.read().joint_velocities).max() > 0.05)
+
+
+def test_closed_twice(opened):
+    robot = opened(rendered=False)
+    robot.close()
+    robot.close()
