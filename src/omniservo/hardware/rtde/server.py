@@ -210,15 +210,7 @@ class UrStandIn:
             while part := line.recv(0x10000):
                 for kind, body in buffer.feed(part):
                     with self._lock:
-                        client.answer(
-                            kind,
-                            body,
-                            [
-                                each
-                                for each in self._clients
-                                if each is not client and not each.line_is_closed
-                            ],
-                        )
+                        client.answer(kind, body, self._clients)
         except PacketError:
             pass  # who speaks something else is not spoken with
         finally:
@@ -279,7 +271,7 @@ class _Client:
         """Names of the inputs that this client writes."""
         return {name for names, _ in self._inputs.values() for name in names}
 
-    def answer(self, kind: PacketKind, body: bytes, others: list[_Client]) -> None:
+    def answer(self, kind: PacketKind, body: bytes, clients: list[_Client]) -> None:
         """Take in a packet, and answer it where that is the protocol."""
         if kind == PacketKind.DATA:
             self._in.put(body, time.monotonic())
@@ -290,6 +282,7 @@ class _Client:
         elif kind == PacketKind.OUTPUTS:
             self._reply(kind, self._agree_on_outputs(body))
         elif kind == PacketKind.INPUTS:
+            others = [each for each in clients if each is not self and not each.line_is_closed]
             taken = {name for each in others for name in each.written}
             self._reply(kind, self._agree_on_inputs(body, taken))
         elif kind in (PacketKind.START, PacketKind.PAUSE):
