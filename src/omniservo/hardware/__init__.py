@@ -1,1 +1,8 @@
 """Real arms and cameras: their adapters, their clocks, the file that names them."""
+
+from omniservo.hardware.arm_connection import ArmConnection
+from omniservo.hardware.clock_map import ClockMap
+from omniservo.hardware.joint_history import JointHistory
+from omniservo.hardware.link_faults import FaultyLine, LinkFaults
+
+__all__ = ["ArmConnection", "ClockMap", "FaultyLine", "JointHistory", "LinkFaults"]
