@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.hardware.wall_clock_arm import wait_for
 
 from omniservo.errors import ConnectionLost
 from omniservo.hardware import ArmConnection
-from tests.hardware.wall_clock_arm import wait_for
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 
