@@ -220,6 +220,22 @@ def test_a_program_that_takes_over_is_seen(stand_in, arm):
         wait_for(lambda: arm.read().mode == ArmMode.NOT_IN_CONTROL)
 
 
+def test_a_slider_that_does_not_stand_at_its_end_is_a_notice(stand_in):
+    stand_in.speed_fraction = 0.5
+    arm = opened(stand_in)
+    assert arm.notices == ["the pendant's speed slider stands at 50%: it may scale commands"]
+    arm.close()
+
+
+def test_numbers_of_commands_begin_anew_after_the_largest(stand_in, arm):
+    arm._number = 2**31 - 2
+    for number in (2**31 - 1, 1, 2):
+        arm.command(SPEEDS)
+        assert arm.commands_sent == number
+    wait_for(lambda: arm.commands_acted_on == 2)
+    assert np.array_equal(stand_in.arm.speeds, SPEEDS)
+
+
 def test_local_control_is_said(stand_in):
     stand_in.remote_control = False
     with pytest.raises(InputError, match=r"does not run in 0\.5 s: .* switch it to Remote Control"):
