@@ -171,9 +171,14 @@ def test_a_lost_connection_is_known_and_stays_lost(stand_in, arm):
             call()
 
 
-def test_closing_stops_the_arm_and_ends_the_program(stand_in):
+@pytest.mark.parametrize("speeds", [SPEEDS, np.zeros(6)])
+def test_closing_stops_the_arm_and_ends_the_program(stand_in, speeds):
+    """Also where it stands, and no watchdog would end it."""
     arm = opened(stand_in)
     wait_for(lambda: np.array_equal(stand_in.arm.speeds, SPEEDS), lambda: arm.command(SPEEDS))
+    if not speeds.any():
+        arm.stop()
+        wait_for(lambda: arm.commands_acted_on == 0)
     arm.close()
     arm.close()
     wait_for(lambda: not stand_in.program_runs)

@@ -256,6 +256,12 @@ def test_and_serves_the_next_one(any_stand_in):
         assert line.recv(4096) == packet(PacketKind.OUTPUTS, b"\0DOUBLE")
 
 
+def test_opening_and_closing_write_standstill_and_nothing_else(running):
+    controller, arm = running
+    arm.close()
+    assert controller.inputs == [b"\1" + bytes(4 + 6 * 8)] * 2
+
+
 def test_steps_that_were_counted_before_are_none_of_a_program_that_runs_now():
     started = packet(PacketKind.START, b"\1") + data(runtime_state=2, output_int_register_25=5)
     with FalseController({PacketKind.START: started}) as controller:
