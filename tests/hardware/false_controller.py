@@ -32,7 +32,7 @@ class FalseController:
     """Answers each kind of packet with the bytes of ``answers``, and with what is right for the others."""
 
     def __init__(self, answers=None, greeting=b""):
-        self.answers, self.greeting, self.lines = answers or {}, greeting, []
+        self.answers, self.greeting, self.lines, self.inputs = answers or {}, greeting, [], []
         self.listener = Listener("127.0.0.1", 0, self.serve)
         self.address = f"127.0.0.1:{self.listener.port}"
 
@@ -54,6 +54,8 @@ class FalseController:
         try:
             while part := line.recv(4096):
                 for kind, body in buffer.feed(part):
+                    if kind == PacketKind.DATA:
+                        self.inputs.append(body)
                     line.sendall(self.answers.get(kind, self.right(kind, body)))
         except PacketError:
             pass

@@ -36,7 +36,7 @@ class Ended(Exception):
 def run_text(text, steps):
     """Run the program's text: without its `end` lines it is Python. Return what it did in every step.
 
-    A step is (number before the loop's condition, speeds in the registers).
+    A step is what the registers have in one control period: number, speeds.
     """
     done, watch = [], []
     state = {"k": 0}
@@ -87,6 +87,14 @@ def test_a_number_from_before_moves_nothing_and_the_next_one_does():
         [("input_int_register_24", 10.0, "ignore")],
         [],
     ]
+
+
+def test_an_end_from_before_ends_nothing_and_the_next_one_does():
+    done, ended = run_text(
+        control_program(0.1, 5.0), [(-1, SPEEDS)] * 2 + [(0, SPEEDS), (3, SPEEDS), (-1, SPEEDS)]
+    )
+    assert [speeds for speeds, _, _ in done] == [[0.0] * 6] * 3 + [SPEEDS]
+    assert ended
 
 
 @given(

@@ -171,9 +171,14 @@ def test_a_lost_connection_is_known_and_stays_lost(stand_in, arm):
             call()
 
 
-def test_closing_stops_the_arm_and_ends_the_program(stand_in):
+@pytest.mark.parametrize("speeds", [SPEEDS, np.zeros(6)])
+def test_closing_stops_the_arm_and_ends_the_program(stand_in, speeds):
+    """Also where it stands, and no watchdog would end it."""
     arm = opened(stand_in)
     wait_for(lambda: np.array_equal(stand_in.arm.speeds, SPEEDS), lambda: arm.command(SPEEDS))
+    if not speeds.any():
+        arm.stop()
+        wait_for(lambda: arm.commands_acted_on == 0)
     arm.close()
     arm.close()
     wait_for(lambda: not stand_in.program_runs)
@@ -218,6 +223,22 @@ def test_our_program_of_an_earlier_client_is_replaced(stand_in):
 def test_a_program_that_takes_over_is_seen(stand_in, arm):
     with send_program(stand_in, "def rtde_control():\nend\n"):
         wait_for(lambda: arm.read().mode == ArmMode.NOT_IN_CONTROL)
+
+
+def test_a_slider_that_does_not_stand_at_its_end_is_a_notice(stand_in):
+    stand_in.speed_fraction = 0.5
+    arm = opened(stand_in)
+    assert arm.notices == ["the pendant's speed slider stands at 50%: it may scale commands"]
+    arm.close()
+
+
+def test_numbers_of_commands_begin_anew_after_the_largest(stand_in, arm):
+    arm._number = 2**31 - 2
+    for number in (2**31 - 1, 1, 2):
+        arm.command(SPEEDS)
+        assert arm.commands_sent == number
+    wait_for(lambda: arm.commands_acted_on == 2)
+    assert np.array_equal(stand_in.arm.speeds, SPEEDS)
 
 
 def test_local_control_is_said(stand_in):

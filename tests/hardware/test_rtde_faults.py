@@ -8,14 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.hardware.false_controller import FalseController, data
-from tests.hardware.wall_clock_arm import wait_for
+from tests.hardware.wall_clock_arm import WallClockArm, wait_for
 
 from omniservo.errors import ConnectionLost, InputError, NotFinite, OmniservoError, ServoStop
 from omniservo.hardware.listener import Listener
 from omniservo.hardware.rtde import RtdeArm
 from omniservo.hardware.rtde.packets import PacketKind, packet
 from omniservo.hardware.rtde.rtde_stream import RtdeStream
+from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode
+
+
+@pytest.fixture(scope="module")
+def any_stand_in():
+    with UrStandIn(WallClockArm()) as server:
+        yield server
 
 
 def refusal(address, patience=5.0):
@@ -217,6 +224,50 @@ def test_a_program_whose_steps_stand_still_is_not_ours(running):
     wait_for(lambda: arm.read().mode == ArmMode.READY)
     controller.say(data(timestamp=100.35, runtime_state=2, output_int_register_25=2))
     wait_for(lambda: arm.read().mode == ArmMode.NOT_IN_CONTROL)
+
+
+@given(
+    packets=st.lists(
+        st.one_of(
+            st.binary(max_size=40),
+            st.tuples(st.sampled_from(list(PacketKind)), st.binary(max_size=60)).map(
+                lambda each: packet(*each)
+            ),
+        ),
+        max_size=5,
+    )
+)
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_the_stand_in_outlives_whatever_clients_send(any_stand_in, packets):
+    line = socket.create_connection(("127.0.0.1", any_stand_in.ports.rtde))
+    line.sendall(b"".join(packets))
+    line.close()
+
+
+def test_and_serves_the_next_one(any_stand_in):
+    with socket.create_connection(("127.0.0.1", any_stand_in.ports.rtde)) as line:
+        line.sendall(packet(PacketKind.INPUTS, b"input_int_register_24"))
+        assert line.recv(9) == packet(PacketKind.INPUTS, b"\1INT32")
+        line.sendall(packet(PacketKind.DATA, b"\1\0"))
+        said = line.recv(4096)
+        assert said[2] == PacketKind.TEXT
+        assert b"data of 2 bytes; agreed were 5" in said
+        line.sendall(packet(PacketKind.OUTPUTS, struct.pack(">d", 600.0) + b"timestamp"))
+        assert line.recv(4096) == packet(PacketKind.OUTPUTS, b"\0DOUBLE")
+
+
+def test_opening_and_closing_write_standstill_and_nothing_else(running):
+    controller, arm = running
+    arm.close()
+    assert controller.inputs == [b"\1" + bytes(4 + 6 * 8)] * 2
+
+
+def test_steps_that_were_counted_before_are_none_of_a_program_that_runs_now():
+    started = packet(PacketKind.START, b"\1") + data(runtime_state=2, output_int_register_25=5)
+    with FalseController({PacketKind.START: started}) as controller:
+        arm = RtdeArm(controller.address, send_program=False)
+        assert arm.read().mode == ArmMode.NOT_IN_CONTROL
+        arm.close()
 
 
 def test_old_controllers_are_asked_for_what_they_can():

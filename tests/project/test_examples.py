@@ -1,5 +1,6 @@
 """Every script in examples/ runs by itself, and prints what it is there to show."""
 
+import json
 import re
 import subprocess
 import sys
@@ -171,6 +172,18 @@ def test_own_robot_is_driven_to_the_goal(tmp_path):
     assert numbers("servo done, # mm from the goal", text)[0] < 0.3
 
 
+def test_own_driver_moves_an_arm_by_name_that_stops_in_silence(tmp_path):
+    text = run("own_driver", tmp_path)
+    assert numbers("^turn turned by # rad, and stopped when commands ended$", text)[0] >= 0.05
+
+
+def test_own_controller_shows_its_protocol(tmp_path):
+    said = json.loads(run("own_controller", tmp_path))
+    assert (
+        said["q"] == said["qd"] == dict.fromkeys(("base", "shoulder", "elbow", "roll", "bend", "turn"), 0.0)
+    )
+
+
 def test_every_script_is_listed_and_tested_and_fits_a_screen():
     listed = re.findall(r"^\| .+ \| \[(\w+\.py)\]\((\w+\.py)\) \|$", (FOLDER / "README.md").read_text(), re.M)
     assert all(shown == leads_to for shown, leads_to in listed)
@@ -187,9 +200,17 @@ def test_a_script_is_short_and_says_what_it_is_for(script):
     assert "Prints" in text.split('"""')[1]
 
 
+def public_names(module):
+    """Return what a room's `__all__` has, or, of a single file, its classes and functions."""
+    path = (FOLDER.parent / "src").joinpath(*module.split("."))
+    if path.is_dir():
+        return set(
+            re.findall(r'"(\w+)"', (path / "__init__.py").read_text().split("__all__ =")[1].split("]")[0])
+        )
+    return set(re.findall(r"^(?:class|def) ([a-zA-Z]\w*)", path.with_suffix(".py").read_text(), re.M))
+
+
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.name)
 def test_a_script_uses_public_names_alone(script):
     for module, names in re.findall(r"^from (omniservo[\w.]*) import (.+)$", script.read_text(), re.M):
-        room = (FOLDER.parent / "src").joinpath(*module.split("."), "__init__.py").read_text()
-        public = re.findall(r'"(\w+)"', room.split("__all__ =")[1].split("]")[0])
-        assert set(names.split(", ")) <= set(public), f"{module}: {names}"
+        assert set(names.split(", ")) <= public_names(module), f"{module}: {names}"

@@ -17,13 +17,15 @@ ECHO, BEAT = "output_int_register_24", "output_int_register_25"
 _PROGRAM = """\
 def omniservo():
   old = read_input_integer_register(24)
+  n = old
   watched = False
   beat = 0
-  while read_input_integer_register(24) >= 0:
-    n = read_input_integer_register(24)
+  while n >= 0 or n == old:
+    if n != old:
+      old = -2
+    end
     qd = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    if n > 0 and n != old:
-      old = 0
+    if n > 0 and old == -2:
       qd[0] = read_input_float_register(24)
       qd[1] = read_input_float_register(25)
       qd[2] = read_input_float_register(26)
@@ -42,6 +44,7 @@ def omniservo():
     write_output_integer_register(24, n)
     write_output_integer_register(25, beat)
     speedj(qd, {acceleration:.3f}, get_steptime())
+    n = read_input_integer_register(24)
   end
 end
 """
@@ -50,8 +53,8 @@ end
 def control_program(watchdog: float, acceleration: float) -> str:
     """Return the URScript that moves the arm as the registers say.
 
-    A number that the register had before the program began moves nothing. Once a command came, the controller
-    stops the program, and with it the arm, when the register is not written for ``watchdog``.
+    A number that the register had before the program began moves and ends nothing. Once a command came, the
+    controller stops the program, and with it the arm, when the register is not written for ``watchdog``.
 
     Args:
         watchdog: the longest silence [s].

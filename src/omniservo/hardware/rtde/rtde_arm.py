@@ -69,7 +69,7 @@ _LARGEST = 2**31 - 1
 
 
 class RtdeArm:
-    """An `ArmConnection` to a controller of Universal Robots (CB3 from 3.4 on, e-Series).
+    """An `ArmConnection` to a controller of Universal Robots (software 3.10, 5.4 or later).
 
     Opening connects, agrees on what is exchanged, waits for the first state and, where the arm may move,
     sends the controller a program of 30 lines (`control_program`) that turns registers into `speedj`. Nothing
@@ -233,6 +233,9 @@ class RtdeArm:
             self._fault = fault
         except PacketError as error:
             self._fault = ConnectionLost(f"{self._stream.where}: {error}")
+        except Exception as error:  # whatever it was: without this thread nothing is known of the arm
+            self._fault = ConnectionLost(f"{self._stream.where}: {error!r}")
+            raise
 
     def _take_in(self, body: bytes, arrival: float) -> None:
         values = dict(zip(OUTPUTS, self._outputs.unpack(body), strict=True))

@@ -6,6 +6,7 @@ import select
 import socket
 import struct
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
@@ -23,6 +24,8 @@ from omniservo.hardware.rtde.packets import (
 
 CB3_RATE, RATE = 125.0, 500.0
 """states per second of the controllers before software 5, and since [Hz]"""
+
+_KEPT = 64
 
 
 class RtdeStream:
@@ -145,8 +148,7 @@ class RtdeStream:
 
     def _ask(self, kind: PacketKind, body: bytes = b"") -> bytes:
         """Send a question and return its answer; what else comes is kept for `receive`."""
-        said: list[str] = []
-        other: list[tuple[PacketKind, bytes]] = []
+        said, other = "", deque[tuple[PacketKind, bytes]](maxlen=_KEPT)
         end, none_came = time.monotonic() + self._patience, f"no answer in {self._patience:g} s"
         try:
             self.send(kind, body)
@@ -158,13 +160,13 @@ class RtdeStream:
                     if got == kind and answer is None:
                         answer = content
                     elif got == PacketKind.TEXT:
-                        said.append(text_of(content))
+                        said = text_of(content)
                     else:
                         other.append((got, content))
         except PacketError as error:
             raise InputError(f"{self.where}: answers, but not by RTDE: {error}") from None
         except ConnectionLost as error:
-            words = f"; it said {spelled(said[-1])}" if said else ""
+            words = f"; it said {spelled(said)}" if said else ""
             raise InputError(f"{error} when asked for {kind.name.lower()} by RTDE{words}") from None
         self._waiting += other
         return answer

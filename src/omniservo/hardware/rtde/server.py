@@ -94,6 +94,8 @@ class UrStandIn:
         self._lock, self._closing = Lock(), Event()
         self.remote_control = True
         """whether the pendant lets programs of other computers in; may be set"""
+        self.speed_fraction = 1.0
+        """where the pendant's speed slider is said to stand; may be set, and scales nothing"""
         self.refused: list[str] = []
         """programs and commands that are not known"""
         self._listeners: list[Listener] = []
@@ -153,7 +155,8 @@ class UrStandIn:
                 client.hang_up()
         finally:
             self._program = None
-            self._arm.stop()
+            with suppress(OmniservoError):
+                self._arm.stop()
 
     def _step(self, now: float) -> None:
         for client in self._clients:
@@ -198,7 +201,7 @@ class UrStandIn:
             "robot_status_bits": (int(robot != UrRobotMode.POWER_OFF) | runs << 1,),
             "runtime_state": (UrRuntimeState.PLAYING if runs else UrRuntimeState.STOPPED,),
             "speed_scaling": (1.0,),
-            "target_speed_fraction": (1.0,),
+            "target_speed_fraction": (self.speed_fraction,),
         }
 
     def _serve_rtde(self, line: socket.socket) -> None:

@@ -15,6 +15,9 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware.rtde.control_program import BEAT, ECHO, NUMBER, VELOCITIES, limits_of_program
 
+NONE = -2
+"""no number of a command"""
+
 
 @dataclass
 class Registers:
@@ -57,11 +60,12 @@ class ControlProgram:
     def step(self, registers: Registers) -> FloatArray | None:
         """See StandInProgram."""
         number = registers.number(NUMBER)
-        if number < 0:
+        if number != self._old:
+            self._old = NONE
+        if number < 0 and self._old == NONE:
             return None
         speeds = np.zeros(6)
-        if number > 0 and number != self._old:
-            self._old = 0
+        if number > 0 and self._old == NONE:
             speeds = np.array([registers.values.get(name, 0.0) for name in VELOCITIES])
             self.watched = self.watched or (NUMBER, self._limit)
         else:

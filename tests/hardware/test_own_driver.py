@@ -1,0 +1,92 @@
+"""The driver of the examples keeps what docs/how-to-write-a-driver.md says of one."""
+
+import importlib.util
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.hardware.wall_clock_arm import wait_for
+
+from omniservo.errors import ConnectionLost
+from omniservo.hardware import ArmConnection
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples"
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def examples(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    return script("own_controller"), script("own_driver")
+
+
+def lost_words(arm):
+    def heard():
+        try:
+            arm.read()
+        except ConnectionLost as error:
+            return str(error)
+        return None
+
+    return wait_for(heard)
+
+
+def test_it_is_a_connection_whose_joints_go_by_name(examples):
+    controller, driver = examples
+    arm = driver.SocketArm(*controller.start(), joint_names=controller.NAMES[::-1])
+    assert isinstance(arm, ArmConnection)
+    speeds = np.arange(6) / 100.0
+    wait_for(lambda: np.array_equal(arm.read().joint_velocities, speeds), lambda: arm.command(speeds))
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        arm.command([np.nan] * 6)
+    with pytest.raises(ValueError, match="shorter"):
+        arm.command([0.0] * 5)
+    arm.stop()
+    wait_for(lambda: not arm.read().joint_velocities.any())
+    arm.close()
+    arm.close()
+    assert lost_words(arm)
+
+
+def test_an_unknown_joint_is_named_at_opening(examples):
+    controller, driver = examples
+    with pytest.raises(ConnectionLost, match="'thumb'"):
+        driver.SocketArm(*controller.start(), joint_names=("thumb",))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (b"", "closed the connection"),
+        (b"not JSON\n", "JSONDecodeError"),
+        (b'{"time": NaN, "q": {"a": 0}, "qd": {"a": 0}}\n', "NotFinite"),
+    ],
+)
+def test_a_controller_that_ends_or_errs_is_lost_with_the_reason(examples, line, words):
+    _, driver = examples
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        first = b'{"time": 1.0, "q": {"a": 0.5}, "qd": {"a": 0.0}}\n'
+        said = threading.Event()
+
+        def serve():
+            with server.accept()[0] as connection:
+                connection.sendall(first)
+                said.wait(30.0)
+                connection.sendall(line)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        arm = driver.SocketArm(*server.getsockname(), joint_names=("a",))
+        assert arm.read().joint_positions.tolist() == [0.5]
+        said.set()
+        assert words in lost_words(arm)
+        thread.join()
+        arm.close()
