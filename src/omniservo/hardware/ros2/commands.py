@@ -28,6 +28,9 @@ from omniservo.robots import Arm
 HOLD = 0.05
 """A commanded velocity is kept for so long [s] after the last command, then braked."""
 
+_APART = 1e-4
+"""Points of a trajectory are no nearer to one another [s]."""
+
 
 class ArmCommands(Protocol):
     """A topic on which an arm is commanded."""
@@ -91,11 +94,14 @@ class TrajectoryCommands:
     def message(
         self, motion: ReferenceMotion, now: float, stamp: float, measured: FloatArray, names: tuple[str, ...]
     ) -> JointTrajectoryMessage:
-        """Return the rest of the motion as two or three points, the last one at rest."""
-        times = {now, max(motion.begin + motion.hold, now), max(motion.end, now + HOLD)}
+        """Return the rest of the motion as up to four points, the last one at rest."""
+        times, last = [now], max(motion.end, now + HOLD)
+        for time in (motion.begin + motion.hold, motion.end):
+            if times[-1] + _APART < time < last - _APART:
+                times.append(time)
         points = [
             JointTrajectoryPointMessage(*motion.at(time), time_from_start=DurationMessage.of(time - now))
-            for time in sorted(times)
+            for time in (*times, last)
         ]
         header = HeaderMessage(TimeMessage.of(stamp if self.stamped else 0.0))
         return JointTrajectoryMessage(header, list(names), points)

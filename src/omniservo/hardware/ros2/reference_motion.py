@@ -38,9 +38,12 @@ class ReferenceMotion:
 
     def at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return positions (n,) [rad] and velocities (n,) [rad/s] at a time of `time.monotonic()`."""
+        braking = self.braking
+        if time >= self.end:  # at rest exactly: controllers refuse a trajectory with another end
+            return self.positions + (self.hold + 0.5 * braking) * self.velocities, 0.0 * self.velocities
         since = max(time - self.begin, 0.0)
-        held, braking = min(since, self.hold), self.braking
-        into = min(since - held, braking)
+        held = min(since, self.hold)
+        into = since - held
         share = into / braking if braking else 0.0
         travelled = held + into * (1.0 - 0.5 * share)
         return self.positions + travelled * self.velocities, (1.0 - share) * self.velocities

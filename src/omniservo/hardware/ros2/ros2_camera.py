@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -122,7 +123,7 @@ class Ros2Camera:
                     if joints.header.stamp.seconds > 0.0:
                         self._clock.monotonic(joints.header.stamp.seconds, arrival)
                 times = [self._time_of(message.header.stamp.seconds, arrival) for message in messages]
-                if messages:  # decoding takes longer than a picture is new: older ones are passed over
+                if messages and times[-1] is not None:  # decoding takes time: only the newest one
                     self._take(messages[-1], *times[-1])
                 gone = self._image is not None and self._heard.matched == 0
                 fault: ServoStop | None = ConnectionLost(f"{self._heard.topic}: its publisher is gone")
@@ -136,8 +137,8 @@ class Ros2Camera:
                     self._fault = self._fault or fault
                 self._closing.wait(_TICK)
 
-    def _time_of(self, stamp: float, arrival: float) -> tuple[float, float]:
-        """Return an image's time on this machine's clock and its standard deviation [s]."""
+    def _time_of(self, stamp: float, arrival: float) -> tuple[float, float] | None:
+        """Return an image's time on this machine's clock and its sigma [s]; None: not known yet."""
         if stamp <= 0.0:
             self.assumed = (
                 f"{self._heard.topic}: images have no time stamp; their arrival is taken as exposure"
@@ -145,6 +146,8 @@ class Ros2Camera:
             return arrival, max(self._sigma, SIGMA_OF_ARRIVAL)
         if self._joints is None:
             return self._clock.monotonic(stamp, arrival), self._sigma
+        if math.isnan(self._clock.offset):
+            return None
         at = stamp + self._clock.offset
         if abs(arrival - at) > 1.0:
             raise ClockFault(
@@ -192,6 +195,8 @@ class Ros2Camera:
     def _silence(self) -> str:
         if self._heard.refused:
             return self._heard.refusal
+        if self._joints is not None and math.isnan(self._clock.offset):
+            return f"{self._joints.topic} has no time stamps, which images were to be timed by"
         large = "large images lose parts on the way: raise net.core.rmem_max, or take the compressed topic"
         return f"{self._heard.topic} has a publisher, and nothing arrives ({large})"
 
