@@ -217,10 +217,10 @@ class RtdeArm:
             self._stream.send(PacketKind.DATA, self._inputs.pack((number, *ordered.tolist())))
 
     def _raise_fault(self) -> None:
-        if self._fault is not None:
-            raise type(self._fault)(str(self._fault))
         if self._closed:
             raise ConnectionLost(f"{self._stream.where}: closed")
+        if self._fault is not None:
+            raise type(self._fault)(str(self._fault))
 
     def _listen(self) -> None:
         """Take in what the controller sends, until the connection ends."""
