@@ -21,13 +21,18 @@ def own_address():
     return f"127.{number >> 16 & 0x7F}.{number >> 8 & 0xFF}.{2 + (number & 0xFF) % 250}"
 
 
+@pytest.mark.parametrize("registers", ["lower", "upper"])
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have one address of the loop-back device")
-def test_ur_rtde_reads_moves_stops_and_is_watched():
+def test_ur_rtde_reads_moves_stops_and_is_watched(registers):
     pytest.importorskip("rtde_control", reason="ur-rtde has no wheel for this system")
     arm, host = WallClockArm(), own_address()
     with UrStandIn(arm, host, UrPorts()) as stand_in:
         done = subprocess.run(
-            [sys.executable, str(JUDGE), host], capture_output=True, text=True, timeout=300, check=False
+            [sys.executable, str(JUDGE), host, registers],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
         )
         assert (done.returncode, done.stderr) == (0, "")
         seen = json.loads(done.stdout)

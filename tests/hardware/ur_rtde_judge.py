@@ -22,7 +22,7 @@ def until(condition):
     return True
 
 
-def main(host):
+def main(host, registers):
     receive = rtde_receive.RTDEReceiveInterface(host, 500.0)
     seen = {
         "joints": receive.getActualQ(),
@@ -31,7 +31,10 @@ def main(host):
     }
     first = receive.getTimestamp()
     seen["stamps go on"] = until(lambda: receive.getTimestamp() > first)
-    control = rtde_control.RTDEControlInterface(host, 500.0)
+    flags = rtde_control.RTDEControlInterface.FLAG_UPLOAD_SCRIPT
+    if registers == "upper":
+        flags |= rtde_control.RTDEControlInterface.FLAG_UPPER_RANGE_REGISTERS
+    control = rtde_control.RTDEControlInterface(host, 500.0, flags)
     seen["runs"] = control.isProgramRunning()
     before = receive.getActualQ()
     seen["speedJ"] = control.speedJ([0.1, -0.2, 0.3, 0.0, 0.0, -0.1], 5.0, 0.0)
@@ -49,4 +52,4 @@ def main(host):
     control.disconnect()
 
 
-main(sys.argv[1])
+main(*sys.argv[1:])

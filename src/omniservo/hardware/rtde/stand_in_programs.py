@@ -125,8 +125,9 @@ def program_of(text: str, registers: Registers, refused: list[str]) -> StandInPr
     if limits is not None:
         return ControlProgram(limits[0], registers)
     if "def rtde_control():" in text:
-        first = re.search(r"reg_offset_int = (\d+)", text)
-        first_double = re.search(r"reg_offset_float = (\d+)", text)
+        first, first_double = (  # the number stands behind the comment, on the next line
+            re.search(rf"reg_offset_{kind} =\s*(?:#[^\n]*\n)?\s*(\d+)", text) for kind in ("int", "float")
+        )
         starts = [int(each[1]) if each else 0 for each in (first, first_double)]
         return UrRtdeProgram(starts[0], starts[1], registers, refused)
     refused.append(f"a program of {len(text)} bytes, which is none of the two that are known")
