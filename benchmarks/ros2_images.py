@@ -19,7 +19,7 @@ from omniservo.hardware.ros2.messages import CompressedImageMessage, HeaderMessa
 from omniservo.hardware.ros2.network import DdsNetwork
 from omniservo.hardware.ros2.node import RosNode
 
-DOMAIN = 99
+DOMAIN = 231
 SIDE = 1024
 
 

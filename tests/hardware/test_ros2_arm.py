@@ -426,6 +426,38 @@ def test_velocities_go_in_the_controllers_order_and_are_braked_step_by_step():
         assert at_rest(served)["q"][0] > told["q"][0]
 
 
+def test_rest_is_sent_even_where_the_thread_that_brakes_slept_through_the_braking(node):
+    """A controller that keeps the last velocity for ever must hear zeros."""
+    commands = VelocityCommands(NAMES, watchdog=0.1)
+    heard = node.subscribe(commands.topic, Float64MultiArrayMessage, reliable=True, depth=1000)
+    with Talking(node.publish("/joint_states", JointStateMessage)):
+        arm = opened(commands=commands)
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        begin = time.monotonic()
+        with arm._lock:
+            wait_until(lambda: time.monotonic() > begin + HOLD + 0.3, "the end of the braking")
+        wait_until(lambda: (taken := heard.take()) and not taken[-1].data.any(), "rest")
+        arm.close()
+
+
+def test_braking_goes_on_after_the_clock_was_set(node):
+    commands = VelocityCommands(NAMES, watchdog=0.1)
+    heard = node.subscribe(commands.topic, Float64MultiArrayMessage, reliable=True, depth=1000)
+
+    def later(message):
+        message.header.stamp = TimeMessage.of(message.header.stamp.seconds + 5.0)
+
+    with Talking(node.publish("/joint_states", JointStateMessage), period=0.001) as talking:
+        arm = opened(commands=commands)
+        first = arm.read().time
+        wait_until(lambda: arm.read().time > first + 1.5, "a settled clock")
+        talking.change = later
+        with pytest.raises(ClockFault):
+            wait_until(lambda: arm.command([0.2, 0, 0, 0, 0, 0]), "the fault")
+        wait_until(lambda: (taken := heard.take()) and not taken[-1].data.any(), "rest")
+        arm.close()
+
+
 def test_a_twist_moves_the_flange_as_the_joints_would():
     commands = TwistCommands(Arm.rx60(), watchdog=0.1)
     speeds = np.array([0.2, -0.1, 0.15, 0.1, -0.2, 0.1])

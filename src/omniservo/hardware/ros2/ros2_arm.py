@@ -83,6 +83,8 @@ class Ros2Arm:
         self._states = JointStates(self._names)
         self._state: RobotState | None = None
         self._motion: ReferenceMotion | None = None
+        self._rest_sent = False
+        self._looked = -np.inf
         self._fault: ServoStop | None = None
         self._not_in_control = ""
         self._lock = threading.RLock()
@@ -168,7 +170,7 @@ class Ros2Arm:
             with contextlib.suppress(ServoStop):
                 self.stop()
             if not self._commands.ends_by_itself:
-                self._wait_for(lambda: time.monotonic() > motion.end + 2 * _TICK, motion.braking + 0.2)
+                self._wait_for(lambda: self._rest_sent, motion.braking + 1.0)
         self._closing.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -191,6 +193,7 @@ class Ros2Arm:
             lag = 0.02 + 0.2 * np.abs(self._motion.velocities)
             reference = np.clip(self._motion.at(now)[0], measured - lag, measured + lag)
         self._motion = ReferenceMotion(now, reference, velocities, hold, self._accelerations)
+        self._rest_sent = False
         self._send(now)
 
     def _send(self, now: float) -> None:
@@ -202,36 +205,44 @@ class Ros2Arm:
         self._sent.write(message)
 
     def _run(self) -> None:
-        """Take joint states, look who else is there, and send braking step by step where that is needed."""
-        looked = -np.inf
-        while not self._closing.is_set():
-            try:
-                self._heard.wait(_TICK)
-                messages, arrival = self._heard.take(), time.monotonic()
-                with self._lock:
-                    for message in messages:
-                        self._state = self._states.take(message, arrival) or self._state
-                    self._brake_on(arrival)
-                if arrival - looked > _LOOK:
-                    looked = arrival
-                    self._look()
-            except Exception as error:  # a thread that dies in silence would be worse
-                fault = (
-                    error if isinstance(error, ServoStop) else InvalidData(f"{self._heard.topic}: {error}")
-                )
-                with self._lock:
-                    self._fault = self._fault or fault
-                self._closing.wait(_TICK)
+        """Take joint states, send braking step by step where that is needed, and look who else is there.
 
-    def _brake_on(self, now: float) -> None:
-        motion = self._motion
-        if self._commands.ends_by_itself or motion is None or now < motion.begin + motion.hold:
-            return
-        if now < motion.end + 2 * _TICK:
-            self._send(now)
+        What fails in one of these stops neither the others nor the thread: braking goes on after a fault.
+        """
+        while not self._closing.is_set():
+            self._heard.wait(_TICK)
+            for work in (self._take, self._brake_on, self._look):
+                try:
+                    work()
+                except Exception as error:
+                    wrong = f"{self._heard.topic}: {error}"
+                    with self._lock:
+                        self._fault = self._fault or (
+                            error if isinstance(error, ServoStop) else InvalidData(wrong)
+                        )
+
+    def _take(self) -> None:
+        messages, arrival = self._heard.take(), time.monotonic()
+        with self._lock:
+            for message in messages:
+                self._state = self._states.take(message, arrival) or self._state
+
+    def _brake_on(self) -> None:
+        """Send the braking of the moment, until rest was sent, however late that is."""
+        with self._lock:
+            now, motion = time.monotonic(), self._motion
+            if self._commands.ends_by_itself or motion is None or self._rest_sent:
+                return
+            if now >= motion.begin + motion.hold:
+                self._send(now)
+                self._rest_sent = now >= motion.end
 
     def _look(self) -> None:
-        """Find out whether the arm's publisher is still there, and who else commands it."""
+        """Find out now and then whether the arm's publisher is still there, and who else commands it."""
+        now = time.monotonic()
+        if now < self._looked + _LOOK:
+            return
+        self._looked = now
         reason = self._why_not_in_control() if self._sent is not None else ""
         gone = self._state is not None and self._heard.matched == 0
         with self._lock:
@@ -262,7 +273,8 @@ class Ros2Arm:
             return
         if not self._wait_for(lambda: self._sent is not None and self._sent.matched > 0, self._patience):
             raise self._no_subscriber()
-        self._look()
+        with self._lock:
+            self._not_in_control = self._why_not_in_control()
         self._prove()
 
     def _prove(self) -> None:
