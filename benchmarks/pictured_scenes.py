@@ -83,7 +83,8 @@ def picture_of(
         (np.arange(camera.height)[:, None] + offsets).ravel(),
     )
     bearings, valid = camera.unproject(np.stack((u, v), axis=-1))
-    directions = initial_T_camera.rotation.apply(np.where(valid[..., None], bearings, 1.0).reshape(-1, 3))
+    ways = np.where(valid[..., None], bearings, 1.0).reshape(-1, 3)
+    directions = ways @ initial_T_camera.rotation.as_matrix().T
     grey = np.full(len(directions), 0.25)
     nearest = np.full(len(directions), np.inf)
     for face in faces:
@@ -100,14 +101,16 @@ def _paint(
     """Write what of ``face`` the rays meet first, in place."""
     turned = face.initial_T_face.rotation.inv()
     origin = turned.apply(initial_T_camera.translation - face.initial_T_face.translation)
-    directions = turned.apply(rays)
+    right, down, ahead = turned.as_matrix() @ rays.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = -origin[2] / directions[:, 2]
-        x, y = (origin[i] + distance * directions[:, i] for i in (0, 1))
-    hit = (distance > 0.0) & (distance < nearest) & (np.abs(x) < face.half[0]) & (np.abs(y) < face.half[1])
+        distance = -origin[2] / ahead
+    hit = np.flatnonzero((distance > 0.0) & (distance < nearest))
+    x, y = (origin[i] + distance[hit] * way[hit] for i, way in enumerate((right, down)))
+    on = (np.abs(x) < face.half[0]) & (np.abs(y) < face.half[1])
+    hit, x, y = hit[on], x[on], y[on]
     rows, columns = face.picture.shape
-    column = (x[hit] / face.half[0] + 1.0) * 0.5 * columns - 0.5
-    row = (y[hit] / face.half[1] + 1.0) * 0.5 * rows - 0.5
+    column = (x / face.half[0] + 1.0) * 0.5 * columns - 0.5
+    row = (y / face.half[1] + 1.0) * 0.5 * rows - 0.5
     grey[hit] = map_coordinates(face.picture, (row, column), order=1, mode="nearest")
     nearest[hit] = distance[hit]
 

@@ -52,7 +52,7 @@ def tags(tmp_path_factory):
         picture = np.where(tag_picture("tag36h11", number, pixels_per_cell=1) > 0, 0.9, 0.03)
         pose = RigidTransform.from_translation(centre)
         faces.append(Face(pose, np.array([side, side]), np.kron(picture, np.ones((32, 32)))))
-    return written(tmp_path_factory.mktemp("tags"), faces, 4)
+    return written(tmp_path_factory.mktemp("tags"), faces, 3)
 
 
 def true_poses():
@@ -162,7 +162,7 @@ def test_the_poses_of_an_arm_give_the_scale(tmp_path, capsys, crates):
     assert found.size_sigma < 0.01
     out = tmp_path / "estimate.json"
     code, _, _ = call(
-        capsys, "estimate", *NATURAL, *crates, "--poses", poses, "--mount", file, "--out", out
+        capsys, "estimate", *NATURAL, *crates[:3], "--poses", poses, "--mount", file, "--out", out
     )  # fmt: skip
     assert code == 0
     assert json.loads(out.read_text())["is_metric"]

@@ -1,9 +1,10 @@
 """Every script in examples/ runs by itself, and prints what it is there to show."""
 
+import contextlib
+import io
 import json
 import re
-import subprocess
-import sys
+import runpy
 from pathlib import Path
 
 import pytest
@@ -14,15 +15,12 @@ MOST_LINES = 60
 
 
 def run(name, folder):
-    """Return what the script prints; it starts in an empty folder, and no warning is let pass."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(FOLDER / f"{name}.py")],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout
+    """Return what the script prints; it starts in an empty folder, and pytest lets no warning pass."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+    assert err.getvalue() == ""
+    return out.getvalue()
 
 
 def numbers(pattern, text):

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from tests.runs.changed_task import shipped, written
+from tests.runs.changed_task import PlainCell, shipped, written
 
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.looks import looks_section
 from omniservo.runs.begun_elsewhere import begun_elsewhere
 from omniservo.runs.run_task import run_task
 from omniservo.scenes.scene_of_task import scene_of_task
-from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 BOX = {"center": [-150, -34, 60], "half_extents": [60, 10, 10]}
@@ -28,9 +27,9 @@ def task_with(folder, **planning):
 
 def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
     with pytest.raises(NoSolutionError, match="no path") as refused:
-        run_task(task_with(tmp_path, looks=0), SimulatedCell, filmed=False)
+        run_task(task_with(tmp_path, looks=0), PlainCell, filmed=False)
     assert "look" not in str(refused.value)
-    result = run_task(task_with(tmp_path), SimulatedCell, filmed=False)
+    result = run_task(task_with(tmp_path), PlainCell, filmed=False)
     metrics = result.metrics
     assert metrics["status"] == "converged"
     assert metrics["final_translation_error_m"] < 5e-4
@@ -62,9 +61,9 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document["scale"], document["obstacles"] = {"odometry": True}, []
     document["planning"] |= {"obstacles": [], "looks": 0}
     with pytest.raises(NoSolutionError, match="singular"):
-        run_task(load_task(written(tmp_path, document)), SimulatedCell, filmed=False)
+        run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
     document["planning"]["looks"] = 1
-    result = run_task(load_task(written(tmp_path, document)), SimulatedCell, filmed=False)
+    result = run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
     assert "singular" in result.looks[0].before.outcome
     assert result.metrics["status"] == "converged"
     assert result.metrics["final_translation_error_m"] < 5e-4
@@ -75,7 +74,7 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
 def test_where_no_look_helps_it_says_what_would_have_to_be_better(tmp_path):
     task = task_with(tmp_path, clearance=20, risk=0.01, looks=1, visibility_margin=150)
     with pytest.raises(NoSolutionError, match=r"(better|exactly)"):
-        run_task(task, SimulatedCell, filmed=False)
+        run_task(task, PlainCell, filmed=False)
 
 
 @pytest.mark.parametrize("looks", [-1, 11, 1.5, "two", True])

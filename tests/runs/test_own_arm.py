@@ -9,6 +9,7 @@ import pytest
 import yaml
 from tests.cli.calling import call
 from tests.robots.urdf_arms import CYLINDER, SIX, fingers, urdf
+from tests.runs.changed_task import PlainCell
 
 from omniservo.camera_files import save_camera
 from omniservo.cameras import UnifiedCamera
@@ -17,7 +18,6 @@ from omniservo.runs import run_task
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.scenes.scene_of_task import scene_of_task
-from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 from omniservo.whole_arm import plan_with_arm
 
@@ -71,7 +71,7 @@ def test_what_the_documentation_puts_beside_the_way_is_kept_from(file, nearer, s
 
 
 def test_the_first_task_of_the_documentation_is_run_to_the_end(task):
-    result = run_task(task, SimulatedCell, filmed=False)
+    result = run_task(task, PlainCell, filmed=False)
     assert result.metrics["status"] == "converged"
     assert result.metrics["contacts"] == []
     assert result.metrics["arm_clearance_executed_m"] is None  # there is no obstacle

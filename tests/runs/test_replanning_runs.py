@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from tests.runs.changed_task import PlainCell
 
 from omniservo.runs import run_task
 from omniservo.scenes.scene_of_task import scene_of_task
-from omniservo.simulation import SimulatedCell, World
+from omniservo.simulation import World
 from omniservo.tasks import load_task
 from omniservo.verification import verify_plan
 
@@ -15,7 +16,7 @@ def run(time):
     task = load_task("moving-panel")
     sensor = task.sensor.model_copy(update={"rate": 12.0})
     moves = (task.moves[0].model_copy(update={"time": time}),)
-    return run_task(task.model_copy(update={"sensor": sensor, "moves": moves}), SimulatedCell, filmed=False)
+    return run_task(task.model_copy(update={"sensor": sensor, "moves": moves}), PlainCell, filmed=False)
 
 
 @pytest.fixture(scope="module")

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from changed_task import shipped, written
+from changed_task import PlainCell, shipped, written
 
 from omniservo.errors import NoSolutionError
 from omniservo.reporting.path_3d import path_3d
 from omniservo.runs import run_task
-from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 MIDDLE, HALF = np.array([-191.0, -34.0, -55.0]), np.array([150.0, 10.0, 10.0])
@@ -37,7 +36,7 @@ def cloud_task(folder, points):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     return run_task(
-        load_task(cloud_task(tmp_path_factory.mktemp("cloud"), seen(20_000))), SimulatedCell, filmed=False
+        load_task(cloud_task(tmp_path_factory.mktemp("cloud"), seen(20_000))), PlainCell, filmed=False
     )
 
 
@@ -69,4 +68,4 @@ def test_a_cloud_is_drawn_as_some_of_its_points_and_has_one_name_in_all_that_is_
 def test_a_task_whose_cloud_touches_the_arm_at_the_start_is_refused_by_the_clouds_name(tmp_path):
     path = cloud_task(tmp_path, seen(2000, shift=(60.0, 0.0, 0.0)))
     with pytest.raises(NoSolutionError, match="the start pose is not free: camera and obstacle 0 overlap"):
-        run_task(load_task(path), SimulatedCell, filmed=False)
+        run_task(load_task(path), PlainCell, filmed=False)

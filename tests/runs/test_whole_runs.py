@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.runs.changed_task import PlainCell
 
 from omniservo.reporting.signals import joint_velocities
 from omniservo.runs import estimate_in_cell, run_task
@@ -13,7 +14,7 @@ TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
 
 @pytest.fixture(scope="module")
 def certified():
-    return run_task(slower("paper-example-1", 12.0), SimulatedCell, method="certified", filmed=False)
+    return run_task(slower("paper-example-1", 12.0), PlainCell, method="certified", filmed=False)
 
 
 def slower(name, rate):
@@ -58,7 +59,7 @@ def test_the_log_agrees_with_the_metrics(certified):
 
 
 def test_classical_servoing_touches_the_box():
-    metrics = run_task(slower("paper-example-1", 12.0), SimulatedCell, method="ibvs", filmed=False).metrics
+    metrics = run_task(slower("paper-example-1", 12.0), PlainCell, method="ibvs", filmed=False).metrics
     assert metrics["status"] == "contact"
     assert any("obstacle 0" in pair for pair in metrics["contacts"])
     assert metrics["planning_seconds"] is None
@@ -73,7 +74,7 @@ def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared
 
 def test_seven_joints_reach_the_goal_and_are_drawn():
     task = slower("panda-table", 4.0)
-    result = run_task(task, SimulatedCell, filmed=False)
+    result = run_task(task, PlainCell, filmed=False)
     metrics = result.metrics
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])
     assert metrics["final_translation_error_m"] <= 0.3e-3

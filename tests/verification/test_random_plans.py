@@ -13,7 +13,7 @@ from omniservo.verification import verify_plan
 def test_random_plans_are_judged_as_dense_sampling_judges_them(seed):
     rng = np.random.default_rng(seed)
     seen = Counter()
-    for _ in range(75):
+    for _ in range(40):
         asked, way = random_case(rng)
         truth = true_margins(asked, way)
         lowest = min(m for m, _, _ in truth.values())
@@ -31,4 +31,4 @@ def test_random_plans_are_judged_as_dense_sampling_judges_them(seed):
             overstated = {**margins, name: margin + 1e-9 * margin}
             assert verify_plan(plan(asked, way, overstated)).status == "refuted"
     assert seen["certified"] >= 0.99 * seen["true"]
-    assert min(seen["true"], seen["false"]) >= 20
+    assert min(seen["true"], seen["false"]) >= 10
