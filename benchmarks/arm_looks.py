@@ -11,8 +11,9 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate
-from omniservo.estimation.arm_views import ArmViews, KnownErrors, LengthPrior, adjoint, chain_of
+from omniservo.estimation.arm_views import ArmViews, KnownErrors, LengthPrior, chain_of
 from omniservo.estimation.estimate_arm_views import estimate_arm_views
+from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import FloatArray
 from omniservo.looks import CertifiedMove, Standing, next_look
 from omniservo.planning import PlanningProblem

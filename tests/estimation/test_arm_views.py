@@ -132,6 +132,37 @@ def test_what_is_expected_of_a_view_is_what_it_then_gives():
     assert 0.5 < np.median(ratios) < 2.0
 
 
+@pytest.mark.parametrize("is_guess", [False, True], ids=["noise stated", "noise guessed"])
+@pytest.mark.parametrize("view", [0, 1], ids=["where the arm stands", "goal"])
+def test_points_that_one_of_the_first_two_views_shows_elsewhere_are_left_out(view, is_guess):
+    squares, gates = [], 0
+    for goal, _, views, start in scenes(lens=0.0):
+        moved = np.flatnonzero(start.inliers)[2:18:4]
+        pixels = views.pixels.copy()
+        pixels[view, moved] += [15.0, -15.0]
+        estimate, optimum = estimate_arm_views(replace(views, pixels=pixels, is_guess=is_guess), start)
+        assert estimate.status == "ok", estimate.message
+        gates += estimate.inliers[moved].sum()
+        assert np.isfinite(estimate.points[estimate.inliers]).all()
+        assert len(optimum.points) == estimate.inliers.sum() > 9
+        squares.append(normal_square(goal, estimate))
+    assert gates <= 0.03 * len(moved) * len(squares)
+    assert np.mean(np.array(squares) < chi2.ppf(0.95, 6)) > 0.75
+
+
+def test_a_known_length_whose_point_is_left_out_is_no_answer():
+    _, points, views, start = views_of(3, lens=0.0)
+    first, second = np.flatnonzero(start.inliers)[:2].tolist()
+    length = LengthPrior(float(np.linalg.norm(points[first] - points[second])), 0.02, rows=(first, second))
+    views = replace(views, known=replace(views.known, length=length))
+    assert estimate_arm_views(views, start)[0].status == "ok"
+    pixels = views.pixels.copy()
+    pixels[0, first] += 20.0
+    estimate, optimum = estimate_arm_views(replace(views, pixels=pixels), start)
+    assert (estimate.status, optimum) == ("not_converged", None)
+    assert "too few pixels" in estimate.message
+
+
 def test_views_that_disagree_are_no_answer():
     _, _, views, start = views_of(4, lens=0.0)
     pixels = views.pixels.copy()

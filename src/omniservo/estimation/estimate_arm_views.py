@@ -13,7 +13,7 @@ from omniservo.estimation.refinement.arm_views_system import least_of, residuals
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.uncertainty.arm_views_law import law_of
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.geometry.arrays import IntArray, owned
+from omniservo.geometry.arrays import BoolArray, IntArray, owned
 
 GATE = 4.0
 """[σ] A pixel farther from the optimum is left out."""
@@ -26,6 +26,8 @@ _RAISED = 3.1
 """[σ] by which residuals may exceed what is stated before that is raised"""
 
 _UNDETERMINED = "the views do not determine motion and structure"
+
+_TOO_FEW = "too few pixels of all views agree with each other"
 
 
 def estimate_arm_views(
@@ -51,13 +53,11 @@ def estimate_arm_views(
     at = ArmViewsOptimum(some, tuple(poses), start.points[rows], *no_errors(some.known))
     agree = some.seen.copy()
     for number in range(_ROUNDS if robust else 1):
-        now = replace(at, views=replace(some, seen=agree))
-        found = least_of(now, tolerant=robust and not number)
-        if found is None:
-            words = _UNDETERMINED
-            return TwoViewEstimate.without_pose(n, "not_converged", words, started), None
+        found = _least_of_agreeing(at, agree, tolerant=robust and not number)
+        if isinstance(found, str):
+            return TwoViewEstimate.without_pose(n, "not_converged", found, started), None
         at = found
-        scale = _noise_factor(at) if some.is_guess else 1.0
+        scale = _noise_factor(at, tolerant=not number) if some.is_guess else 1.0
         far = np.linalg.norm(residuals_of(at), axis=2) / (scale * weights_of(some))
         kept = some.seen & (far <= GATE)
         kept &= kept[0] & kept[GOAL]
@@ -70,23 +70,38 @@ def estimate_arm_views(
 def estimate_at(at: ArmViewsOptimum) -> TwoViewEstimate | None:
     """Return what an optimum says as an estimate of its points alone; None: it does not determine them."""
     law, n = law_of(at), len(at.points)
-    if law is None or n < 5:
+    if law is None or n < LEAST_POINTS:
         return None
     everything = TwoViewEstimate.without_pose(n, "not_converged", "", 0.0)
     return _estimate_of(at, law, np.arange(n), everything, "", time.perf_counter())
 
 
+def _kept_points(seen: BoolArray) -> IntArray:
+    return np.flatnonzero(seen[0] & seen[GOAL])
+
+
+def _least_of_agreeing(at: ArmViewsOptimum, agree: BoolArray, *, tolerant: bool) -> ArmViewsOptimum | str:
+    """Return where the sum of the pixels that agree is least, or why there is none.
+
+    A point that the first two views do not both keep has no part in it, and stays where it is.
+    """
+    views, good, length = replace(at.views, seen=agree), _kept_points(agree), at.views.known.length
+    if len(good) < LEAST_POINTS or (
+        length is not None and length.rows is not None and not np.isin(length.rows, good).all()
+    ):
+        return _TOO_FEW
+    found = least_of(replace(at, views=views.where(good), points=at.points[good]), tolerant=tolerant)
+    if found is None:
+        return _UNDETERMINED
+    points = at.points.copy()
+    points[good] = found.points
+    return replace(found, views=views, points=points)
+
+
 def _concluded(
     at: ArmViewsOptimum, rows: IntArray, start: TwoViewEstimate, started: float
 ) -> tuple[TwoViewEstimate, ArmViewsOptimum | None]:
-    n = len(start.inliers)
-    good = np.flatnonzero(at.views.seen[0] & at.views.seen[GOAL])
-    length = at.views.known.length
-    if len(good) < 5 or (
-        length is not None and length.rows is not None and not np.isin(length.rows, good).all()
-    ):
-        words = "too few pixels of all views agree with each other"
-        return TwoViewEstimate.without_pose(n, "not_converged", words, started), None
+    n, good = len(start.inliers), _kept_points(at.views.seen)
     factor, freedom, words = _noise_factor(at), freedom_of(at), ""
     if not at.views.is_guess:
         raised = factor > 1.0 + _RAISED / math.sqrt(2.0 * max(freedom, 1.0))
@@ -139,7 +154,11 @@ def _estimate_of(
     )
 
 
-def _noise_factor(at: ArmViewsOptimum) -> float:
-    """Return by which the noise is larger than it was taken to be, as the residuals tell."""
+def _noise_factor(at: ArmViewsOptimum, *, tolerant: bool = False) -> float:
+    """Return by which the noise is larger than it was taken to be, as the residuals tell.
+
+    ``tolerant``: by their median, which wrong pixels hardly move.
+    """
     squares = np.square(np.linalg.norm(residuals_of(at), axis=2) / weights_of(at.views))[at.views.seen]
-    return math.sqrt(max(float(squares.sum()) / max(freedom_of(at), 1.0), 1e-12))
+    whole = len(squares) * float(np.median(squares)) / math.log(2.0) if tolerant else float(squares.sum())
+    return math.sqrt(max(whole / max(freedom_of(at), 1.0), 1e-12))
