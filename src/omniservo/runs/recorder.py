@@ -9,7 +9,9 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.results import LogRow, RunLog
 from omniservo.robots import CameraImage
 from omniservo.runs.ground_truth import GroundTruth
+from omniservo.runs.job_recording import JobRecording
 from omniservo.safety import Controller, Step
+from omniservo.scenes import Scene
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
 
@@ -24,8 +26,13 @@ class Recorder:
         controller: Controller,
         replanner: Replanner | None,
         points: FloatArray,
+        recording: tuple[JobRecording, Scene] | None = None,
     ) -> None:
-        """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels."""
+        """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels.
+
+        ``recording`` is told of every step, too, and of the arm's scene.
+        """
+        self._recording = recording
         self._camera = task.camera
         self._world_T_initial = task.start.world_T_camera.transform
         self._truth = truth
@@ -68,6 +75,11 @@ class Recorder:
             )
         )
         self.images.append(step.image)
+        if self._recording is not None:
+            recording, scene = self._recording
+            if self._replanner is not None:
+                recording.follow([leg.path for leg in self._replanner.legs])
+            recording.step(step, report, self._log.rows[-1].leg, scene)
 
     def _planned(self, step: Step) -> FloatArray:
         if self._replanner is None:
@@ -79,4 +91,6 @@ class Recorder:
         self._log.contacts |= self._truth.contacts()
         if stop is not None:
             self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
+        if self._recording is not None:
+            self._recording[0].ended(stop)
         return self._log
