@@ -14,7 +14,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, plan, robot, run, teach, verify, warm_up
+from omniservo.cli import camera, estimate, examples, export, plan, robot, run, teach, verify, warm_up
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError
@@ -30,6 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("run")(run.run)
+app.command("export")(export.export)
 app.command("estimate")(estimate.estimate)
 app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)

@@ -24,8 +24,10 @@ from omniservo.cli.output import (
     SeedOption,
     answer_is_no,
 )
+from omniservo.cli.replay import refuse_other_options
+from omniservo.cli.replay import replay as replay_file
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
-from omniservo.errors import AlreadyExists, NoSolutionError
+from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 from omniservo.files import exists, require_file, unused, whole_folder, write_whole
 from omniservo.shipped_tasks import task_file
 
@@ -37,7 +39,8 @@ _ROOM = 20 * 2**20
 
 
 def run(
-    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
+    context: typer.Context,
+    task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
@@ -60,11 +63,23 @@ def run(
     film: Annotated[
         bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
     ] = True,
+    replay: Annotated[
+        Path | None,
+        typer.Option(
+            "--replay", help="In place of a task: a recording, which is computed again and compared."
+        ),
+    ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Do the whole job: images, estimate, plan, servo on the simulated arm, report."""
+    if replay is not None:
+        refuse_other_options(context)
+        replay_file(replay, allow_outside, Output(as_json, quiet))
+        return
+    if task is None:
+        raise InputError("TASK: missing; legal: a shipped task, a YAML file, or --replay FILE")
     task_file(task)
     if out is not None and exists(out) and not force:
         raise AlreadyExists(out)

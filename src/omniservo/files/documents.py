@@ -6,6 +6,9 @@ import json
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +90,24 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
         raise InputError(f"{path}: {error.strerror or error}") from None
     if len(content) > max_bytes:  # files of the system may have more in them than they say
         raise InputError(f"{path}: more than {max_bytes} bytes; at most so many are read")
+    noted = _NOTED.get()
+    if noted is not None:
+        noted[file.absolute()] = content
     return content
+
+
+_NOTED: ContextVar[dict[Path, bytes] | None] = ContextVar("noted", default=None)
+
+
+@contextmanager
+def noting_reads() -> Iterator[dict[Path, bytes]]:
+    """Give a mapping into which every file that the block reads by `read_bytes` is put, by its path."""
+    read: dict[Path, bytes] = {}
+    before = _NOTED.set(read)
+    try:
+        yield read
+    finally:
+        _NOTED.reset(before)
 
 
 _LONGEST_PATH = 1000

@@ -4,8 +4,10 @@ from omniservo.renamed import renamed
 from omniservo.runs.estimate_images import estimate_images, estimate_in_cell
 from omniservo.runs.estimate_many_images import EstimatedViews, ImageScale, estimate_many_images
 from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.export_run import Exported, export_run
 from omniservo.runs.ground_truth import GroundTruth
 from omniservo.runs.no_path import NoPath
+from omniservo.runs.replay_run import Replay, replay_run
 from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.run_into import run_into
 from omniservo.runs.run_task import run_task
@@ -14,15 +16,19 @@ from omniservo.runs.teach_goal import teach_goal
 
 __all__ = [
     "EstimatedViews",
+    "Exported",
     "GroundTruth",
     "ImageScale",
     "NoPath",
     "OpenCell",
+    "Replay",
     "RobotCell",
     "estimate_images",
     "estimate_in_cell",
     "estimate_many_images",
     "estimate_task",
+    "export_run",
+    "replay_run",
     "run_into",
     "run_task",
     "see",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,7 +27,6 @@ from omniservo.estimation.estimate_arm_views import estimate_arm_views
 from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.looks import (
-    FOLLOWED,
     NextLook,
     Standing,
     next_look,
@@ -38,7 +38,7 @@ from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
 from omniservo.results import Known, Seen, TakenLook
 from omniservo.risk import RiskPlan, plan_arm_with_risk
-from omniservo.robots import CameraImage, next_image
+from omniservo.robots import JointPath
 from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.begun_elsewhere import begun_elsewhere
 from omniservo.runs.estimate_task import estimate_task
@@ -47,10 +47,7 @@ from omniservo.runs.followed_points import followed_points, shown_at_ends
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.no_path import NoPath
 from omniservo.runs.plan_task import mount_covariance_of, plan_task, problem_without_tube, risk_of_plan
-from omniservo.runs.robot_cell import RobotCell
-from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.see import see
-from omniservo.safety import Supervisor, follow_joints
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.whole_arm import plan_with_arm
@@ -81,19 +78,28 @@ class Shot:
     """with the goal's image"""
 
 
+TakeShot: TypeAlias = Callable[[Task, Scene, JointPath], tuple[float, ByteArray, FloatArray]]
+"""Leads the arm along a joint path and takes an image at its end: returns how long the move took [s], the
+image (height, width) and the joints (n,) [rad] that it was taken in.
+
+Raises:
+    ServoStop: the arm was stopped.
+"""
+
+
 class LookingPlanner:
     """Plans a job; where there is no plan and it may look again, it does, and plans from there.
 
     Args:
         job: as the first image has it.
-        cell: in which the arm moves.
+        take: moves the arm and takes an image.
         goal: with the joints, where the task's scale is odometry.
         seed: of all that is random.
         progress: told of every look.
     """
 
-    def __init__(self, job: Job, cell: RobotCell, goal: TaughtGoal, seed: int, progress: Progress) -> None:
-        self._cell, self._goal, self._seed, self._progress = cell, goal, seed, progress
+    def __init__(self, job: Job, take: TakeShot, goal: TaughtGoal, seed: int, progress: Progress) -> None:
+        self._take_shot, self._goal, self._seed, self._progress = take, goal, seed, progress
         self._kind = feature_kind_of(job.task)
         self._first = job
         self._standing: Standing
@@ -187,19 +193,14 @@ class LookingPlanner:
         self, chosen: NextLook, begin: float, outcome: str, refused: NoSolutionError | InputError
     ) -> None:
         """Move, look, and join what is seen."""
-        number, here, cell, job = len(self.looks) + 1, self._standing, self._cell, self.job
+        number, here = len(self.looks) + 1, self._standing
         self._progress("looking again", 0.0)
         before = _known(here.estimate, _risk_of(refused), outcome)
         computing = perf_counter() - begin
-        supervisor = Supervisor(
-            cell.driver, job.scene.arm, job.scene.flange_T_camera, camera=cell.camera, wait=cell.wait,
-            options=safety_of_task(job.task),
-        )  # fmt: skip
-        took = follow_joints(supervisor, chosen.move.joints, FOLLOWED)
-        image, joints = _image_at_rest(cell), cell.driver.read().joint_positions
+        took, image, joints = self._take_shot(self.job.task, self.job.scene, chosen.move.joints)
         begin = perf_counter()
         try:
-            self._join(image.pixels, joints)
+            self._join(image, joints)
         except NoSolutionError as error:
             raise NoSolutionError(f"{refused}; look {number}: {error}") from None
         move, size = chosen.move, uncertainty_size(here.estimate)
@@ -215,7 +216,7 @@ class LookingPlanner:
                 leads_to_plan=chosen.leads_to_plan,
                 before=before,
                 after=before,
-                image=image.pixels,
+                image=image,
             )
         )
 
@@ -387,15 +388,6 @@ def _same(pixels: FloatArray, others: FloatArray) -> tuple[IntArray, IntArray]:
     distances, rows = cKDTree(others).query(pixels)
     same = np.flatnonzero(distances <= JOIN_PX)
     return same, np.asarray(rows)[same]
-
-
-def _image_at_rest(cell: RobotCell) -> CameraImage:
-    """Return an image that was exposed after the arm had come to rest."""
-    arrived = cell.driver.read().time
-    image = next_image(cell.camera, cell.wait)
-    while image.earliest < arrived:
-        image = next_image(cell.camera, cell.wait)
-    return image
 
 
 def _risk_of(refused: object) -> RiskPlan | None:

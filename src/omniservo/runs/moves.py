@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.geometry.arrays import FloatArray
 from omniservo.replanning.frame_change import seen_from
-from omniservo.runs.robot_cell import RobotCell
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
 
@@ -16,20 +18,22 @@ class Moves:
 
     Args:
         task: with its moves.
-        cell: in which obstacles are moved.
+        move: has the scene's obstacles of these numbers put elsewhere, by (3,) [m] in the world.
         replanner: is told what it knows of them; None: nobody is.
     """
 
-    def __init__(self, task: Task, cell: RobotCell, replanner: Replanner | None) -> None:
+    def __init__(
+        self, task: Task, move: Callable[[Sequence[int], FloatArray], None], replanner: Replanner | None
+    ) -> None:
         self._left = sorted(task.moves, key=lambda move: move.time)
         self._turn = task.start.world_T_camera.transform.rotation
-        self._cell, self._replanner = cell, replanner
+        self._move, self._replanner = move, replanner
 
     def at(self, time: float) -> None:
         """Carry out what is due at ``time`` [s] since the servo's start."""
         while self._left and self._left[0].time <= time:
             move = self._left.pop(0)
-            self._cell.move_obstacles(move.bodies, self._turn.apply(np.array(move.by)))
+            self._move(move.bodies, self._turn.apply(np.array(move.by)))
             if self._replanner is not None:
                 step = RigidTransform.from_translation(move.by)
                 known = self._replanner.obstacles

@@ -10,6 +10,7 @@ from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
 from omniservo.results import LogRow, RunLog
 from omniservo.robots import CameraImage
+from omniservo.runs.job_recording import JobRecording
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.safety import Controller, Step
 from omniservo.tasks import Task
@@ -35,11 +36,13 @@ class Recorder:
         controller: Controller,
         replanner: Replanner | None,
         points: FloatArray | None,
+        recording: JobRecording | None = None,
     ) -> None:
         """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels.
 
-        None where there is no truth.
+        None where there is no truth. ``recording`` is told of every step, too.
         """
+        self._recording = recording
         self._camera = task.camera
         self._initial_T_world = task.start.world_T_camera.transform.inv()
         self._scene, self._truth = cell.scene, cell.truth
@@ -80,6 +83,10 @@ class Recorder:
             )
         )
         self.images.append(step.image)
+        if self._recording is not None:
+            if self._replanner is not None:
+                self._recording.follow([leg.path for leg in self._replanner.legs])
+            self._recording.step(step, report, self._log.rows[-1].leg, self._scene)
 
     def _true_columns(self, step: Step) -> _TrueColumns:
         """Return the truth of the image's exposure; NaN without one."""
@@ -110,4 +117,6 @@ class Recorder:
             self._log.contacts |= self._truth.contacts()
         if stop is not None:
             self._log.stop_reason, self._log.stop_message = stop.reason, str(stop)
+        if self._recording is not None:
+            self._recording.ended(stop)
         return self._log

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 from omniservo.files import write_whole
 from omniservo.files.image_files import write_png
@@ -13,9 +13,11 @@ from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings
 from omniservo.reporting.write_report import RunPictures, write_report
 from omniservo.results.run_result import RunResult
+from omniservo.runs.asked import Asked
 from omniservo.runs.job_progress import JobProgress, Progress
+from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_cell import OpenCell
-from omniservo.runs.run_task import Method, run_task
+from omniservo.runs.run_task import run_task
 from omniservo.tasks import Task, TaughtGoal
 
 METHODS: tuple[Method, ...] = ("certified", "paper", "ibvs")
@@ -76,6 +78,7 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
     for number, plan in enumerate((e.plan for e in result.replannings if e.plan is not None), start=2):
         plan.save(folder / f"plan-{number}.json")
     result.goal.save(folder / "goal.json")
+    _keep_asked(result, folder)
     for name, image in {
         "initial": result.seen.initial_image,
         "goal": result.goal.image,
@@ -93,3 +96,12 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
     animation = animation_bytes(result)
     write_whole(folder / "recording.gif", animation, force=True)
     return RunPictures(drawn, animation)
+
+
+def _keep_asked(result: RunResult, folder: Path) -> None:
+    """Keep what the run can be done again from, where its task came from a file."""
+    task, seed = result.task, result.metrics["seed"]
+    if task.sources is None or not isinstance(seed, int):
+        return
+    kept = task.sources.kept(task)
+    Asked.now(cast(Method, result.method), seed, kept).write(folder)

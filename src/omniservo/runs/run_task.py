@@ -3,54 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from time import perf_counter
-from typing import Literal, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
-from omniservo.errors import InputError
+from omniservo.errors import InputError, NoSolutionError, ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.geometry.compiler_watch import CompilerWatch
-from omniservo.perception import FeatureTracker, MatchedPoints
-from omniservo.planning import Plan
+from omniservo.perception import FeatureTracker
+from omniservo.recording import RunRecording
 from omniservo.results import Film, RunLog, RunResult, Truth, WholeArm
-from omniservo.risk import RiskPlan
 from omniservo.robots import CameraImage, next_image
-from omniservo.runs.estimate_task import estimate_task
+from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
-from omniservo.runs.followed_points import followed_points, shown_at_ends
 from omniservo.runs.in_view import require_in_view, require_unhidden
 from omniservo.runs.job_progress import Progress
-from omniservo.runs.look_again import Job, LookingPlanner
+from omniservo.runs.job_recording import JobRecording
+from omniservo.runs.look_again import LookingPlanner
+from omniservo.runs.looking import looking
 from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.moves import Moves
-from omniservo.runs.pace import pace
-from omniservo.runs.plan_task import plan_task
+from omniservo.runs.planned_job import Method, first_job, planned_job
+from omniservo.runs.recorded_cell import RecordedCell
 from omniservo.runs.recorder import Recorder
 from omniservo.runs.replanner_of import followed_way, replanner_of
 from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
-from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
 from omniservo.safety import Controller, Step, Supervisor, VisibilityFilter, servo
 from omniservo.scenes import Scene
-from omniservo.servoing import ImageServoOptions
 from omniservo.tasks import Task, TaughtGoal
-from omniservo.tracking import GoalServo, PathTracker, Replanner, TrackerOptions
-from omniservo.tracking.planned_motion import PlannedMotion
-
-Method = Literal["certified", "paper", "ibvs"]
-
-T = TypeVar("T")
+from omniservo.tracking import Replanner
 
 
 def run_task(
@@ -62,6 +52,7 @@ def run_task(
     seed: int = 0,
     filmed: bool = True,
     progress: Progress = lambda stage, done: None,
+    recording: RunRecording | None = None,
 ) -> RunResult:
     """Do a whole job and return everything that it produced.
 
@@ -73,6 +64,7 @@ def run_task(
         seed: of everything random.
         filmed: whether to render the animation's pictures, which takes about a fifth of the time.
         progress: told what is being done, and the share of that stage that is behind.
+        recording: takes in what passes between job and cell, and what the job makes of it.
 
     Raises:
         InputError: the task or the goal cannot be worked on: too few features, another camera, out of reach.
@@ -82,9 +74,21 @@ def run_task(
     unified_image(task.camera)  # fitted once, in none of the times that are taken
     goal = _goal(task, open_cell, goal, seed, progress)
     with closing(open_cell(task, seed)) as cell:
-        result = _run_in(cell, task, method, goal, seed, filmed, progress)
+        told = None if recording is None else JobRecording(recording)
+        try:
+            if told is not None:
+                told.begin(task, goal, cell.scene, method, seed)
+                cell = RecordedCell(cell, told)
+            result = _run_in(cell, task, method, goal, seed, (filmed, told), progress)
+        except (InputError, NoSolutionError, ServoStop) as refused:
+            if told is not None:
+                told.refused(refused)
+            raise
     result.seconds["whole"] = perf_counter() - started
-    return replace(result, metrics=_metrics(result, seed))
+    result = replace(result, metrics=_metrics(result, seed))
+    if told is not None:
+        told.finished(result.metrics)
+    return result
 
 
 def _run_in(
@@ -93,34 +97,36 @@ def _run_in(
     method: Method,
     goal: TaughtGoal,
     seed: int,
-    filmed: bool,
+    kept: tuple[bool, JobRecording | None],
     progress: Progress,
 ) -> RunResult:
-    """Return the run without its metrics."""
-    scene = cell.scene
+    """Return the run without its metrics; ``kept``: whether it is filmed, and its recording."""
+    scene, (filmed, recording) = cell.scene, kept
     image, joints = _look(task, cell, progress)
+    if recording is not None:
+        recording.looked(image, scene, joints, 0.0)
     seconds: dict[str, float] = {}
     kind = feature_kind_of(task)
-    seen = _timed("perception", seconds, lambda: see(kind, task.camera, image.pixels, goal.image))
     progress("estimating motion and structure", 0.0)
-    estimate = _timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
-    followed = followed_points(estimate, seen.matched.initial, shown_at_ends(task, estimate))
+    first = first_job(task, scene, kind, image.pixels, goal, joints, seconds)
     progress("planning", 0.0)
     outside_initial = _outside(cell, scene.start_joints)
-    planner = LookingPlanner(Job(task, scene, seen, estimate, followed), cell, goal, seed, progress)
-    plan, risk, motion = _planned(planner, method, seed, seconds)
+    planner = LookingPlanner(first, looking(cell, recording), goal, seed, progress)
+    plan, risk, motion = planned_job(planner, method, seed, seconds)
     job, looks = planner.job, tuple(planner.looks)
     task, scene, seen, estimate, followed = job.task, job.scene, job.seen, job.estimate, job.followed
+    if recording is not None:
+        recording.planned(seen.matched, estimate, plan)
     progress("following the path", 0.0)
     matched = seen.matched.where(followed)
     truth = None
     if cell.truth is not None:
         points = true_points(task, cell.truth, scene.start_joints, matched.initial)
         truth = _truth(task, scene, goal, points)
-    controller = _controller(task, plan, motion, estimate.points[followed], matched)
+    controller = controller_of(task, plan, motion, estimate.points[followed], matched)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
-    recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points)
+    recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points, recording)
     log = _drive(task, cell, controller, replanner, tracker, recorder, progress)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
@@ -154,28 +160,6 @@ def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage,
     return next_image(cell.camera, cell.wait), cell.driver.read().joint_positions
 
 
-def _planned(
-    planner: LookingPlanner, method: Method, seed: int, seconds: dict[str, float]
-) -> tuple[Plan | None, RiskPlan | None, PlannedMotion | None]:
-    """Return plan, risk and motion; nothing for "ibvs", which plans nothing. "paper" never looks again."""
-    if method == "ibvs":
-        return None, None, None
-    if method == "paper":
-        job = planner.job
-        plan, risk = _timed(
-            "planning",
-            seconds,
-            lambda: plan_task(job.task, job.scene, job.estimate, job.followed, method, seed),
-        )
-    else:
-        plan, risk = _timed("planning", seconds, planner.plan)
-        if planner.looks:
-            seconds["planning"] -= planner.seconds
-            seconds["looking_again"] = planner.seconds
-    motion = pace(planner.job.task, planner.job.scene, plan)
-    return plan, risk, motion
-
-
 def _goal(
     task: Task, open_cell: OpenCell, goal: TaughtGoal | None, seed: int, progress: Progress
 ) -> TaughtGoal:
@@ -189,33 +173,6 @@ def _goal(
     return goal
 
 
-def _controller(
-    task: Task, plan: Plan | None, motion: PlannedMotion | None, points: FloatArray, matched: MatchedPoints
-) -> Controller:
-    if plan is None or motion is None:
-        return GoalServo(
-            task.camera,
-            points,
-            matched.goal,
-            tolerance_px=task.servo.tolerance_px,
-            options=ImageServoOptions(gain=task.servo.rate),
-        )
-    options = TrackerOptions(
-        feature=task.servo.feature,
-        gain=task.servo.gain,
-        delay=task.sensor.latency + 0.5 / task.sensor.rate,
-        tolerance_px=task.servo.tolerance_px,
-    )
-    return PathTracker(
-        plan,
-        task.camera,
-        goal_pixels=matched.goal,
-        initial_pixels=matched.initial,
-        options=options,
-        time_law=motion.law,
-    )
-
-
 def _drive(
     task: Task,
     cell: RobotCell,
@@ -225,7 +182,7 @@ def _drive(
     recorder: Recorder,
     progress: Progress,
 ) -> RunLog:
-    scene, options, moves = cell.scene, safety_of_task(task), Moves(task, cell, replanner)
+    scene, options, moves = cell.scene, safety_of_task(task), Moves(task, cell.move_obstacles, replanner)
 
     def after(step: Step) -> None:
         moves.at(step.time)
@@ -356,12 +313,3 @@ def _risk_metrics(result: RunResult) -> dict[str, object]:
         "clearance_for_uncertainty_m": risk.extra_clearance,
         "visibility_for_uncertainty_px": risk.extra_visibility,
     }
-
-
-def _timed(stage: str, seconds: dict[str, float], work: Callable[[], T]) -> T:
-    """Return what the work gives; note how long it took, and what of that was loading or compiling code."""
-    before = perf_counter()
-    with CompilerWatch() as watch:
-        value = work()
-    seconds[stage], seconds[f"{stage}_code"] = perf_counter() - before, watch.seconds
-    return value

@@ -11,8 +11,9 @@ from omniservo.calibration.boards import Checkerboard, find_board
 from omniservo.geometry.late import fill_all
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.job_progress import Progress
+from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_cell import OpenCell
-from omniservo.runs.run_task import Method, run_task
+from omniservo.runs.run_task import run_task
 from omniservo.tasks import load_task
 
 _RATE, _TIME = 10.0, 1.2

@@ -4,6 +4,7 @@ from omniservo.shipped_tasks import shipped_tasks
 from omniservo.tasks.load_task import load_task
 from omniservo.tasks.placed import Block
 from omniservo.tasks.task import Task
+from omniservo.tasks.task_sources import KeptTask
 from omniservo.tasks.taught_goal import TaughtGoal
 
-__all__ = ["Block", "Task", "TaughtGoal", "load_task", "shipped_tasks"]
+__all__ = ["Block", "KeptTask", "Task", "TaughtGoal", "load_task", "shipped_tasks"]

@@ -12,7 +12,7 @@ from omniservo.camera_files import named_model
 from omniservo.cameras import PRESETS
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
-from omniservo.files import is_file, read_document, stated_units
+from omniservo.files import is_file, noting_reads, read_document, stated_units
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.fields_at import fields_at
@@ -20,6 +20,7 @@ from omniservo.tasks.obstacle_files import with_obstacle_files
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
 from omniservo.tasks.task_files import TaskFiles
+from omniservo.tasks.task_sources import TaskSources
 
 
 def load_task(
@@ -45,7 +46,9 @@ def load_task(
     replacement = named_model(camera) if isinstance(camera, str | Path) else camera
     path = task_file(task)
     files = TaskFiles(str(task), path.parent, allow_outside)
-    return _from_file(path, files, replacement, packages)
+    with noting_reads() as read:
+        loaded = _from_file(path, files, replacement, packages)
+    return loaded.read_from(TaskSources(path, read, packages or {}))
 
 
 def _from_file(

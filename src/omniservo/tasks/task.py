@@ -36,6 +36,7 @@ from omniservo.tasks.section import Section
 from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
 from omniservo.tasks.target import TargetSection
+from omniservo.tasks.task_sources import TaskSources
 from omniservo.tasks.turned import Turned
 
 FORMAT = "omniservo.task/1"
@@ -287,6 +288,18 @@ class Task(Section):
     """what the simulator alone knows: how its pictures differ from what the program takes them for"""
     moves: tuple[Move, ...] = ()
     """what is put elsewhere while the arm moves; the path is planned again then"""
+    _sources: TaskSources | None = PrivateAttr(None)
+
+    @property
+    def sources(self) -> TaskSources | None:
+        """The files that it was read from; None where it was made otherwise."""
+        return self._sources
+
+    def read_from(self, sources: TaskSources) -> Task:
+        """Return the same, which knows its files."""
+        known = self.model_copy()
+        known._sources = sources
+        return known
 
     @model_validator(mode="after")
     def _true_camera_of_that_size(self) -> Task:

@@ -7,6 +7,7 @@ import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -45,16 +46,19 @@ class TaughtGoal:
         Raises:
             InputError: the file exists and ``force`` is False.
         """
+        write_whole(path, json.dumps(self.to_dict()), force=force)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields of the file."""
         buffer = io.BytesIO()
         Image.fromarray(self.image).save(buffer, format="PNG")
-        document = {
+        return {
             "format": FORMAT,
             "camera": self.camera.to_dict(),
             "features": self.features.tolist(),
             "joints": None if self.joints is None else self.joints.tolist(),
             "image_png": base64.b64encode(buffer.getvalue()).decode("ascii"),
         }
-        write_whole(path, json.dumps(document), force=force)
 
     @classmethod
     def load(cls, path: str | Path) -> TaughtGoal:
@@ -63,7 +67,15 @@ class TaughtGoal:
         Raises:
             InputError: not such a file; the message names file, field and what is legal.
         """
-        document = read_document(path)
+        return cls.from_dict(read_document(path), str(path))
+
+    @classmethod
+    def from_dict(cls, document: Any, path: str = "goal") -> TaughtGoal:
+        """Return the goal of the fields of a file, ``path``, which stands first in messages.
+
+        Raises:
+            InputError: as `load`.
+        """
         if not isinstance(document, dict) or document.get("format") not in (FORMAT, _FIRST_FORMAT):
             raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}, {_FIRST_FORMAT!r}")
         if document["format"] == _FIRST_FORMAT and "dots" in document:
@@ -81,7 +93,7 @@ class TaughtGoal:
         joints = document["joints"]
         return cls(
             camera,
-            _image(document["image_png"], camera, str(path)),
+            _image(document["image_png"], camera, path),
             owned(finite_array(f"{path}: features", document["features"], (None, 2))),
             None if joints is None else owned(finite_array(f"{path}: joints", joints, (None,))),
         )

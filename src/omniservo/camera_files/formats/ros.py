@@ -65,25 +65,31 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     return file.build(Pinhole, **given, distortion=coefficients)
 
 
+def lens_of(model: CentralModel) -> tuple[KannalaBrandt | Pinhole, str, tuple[float, ...]]:
+    """Return the camera, its distortion model and coefficients.
+
+    Raises:
+        InputError: ROS has no name for it, or the image is skewed.
+    """
+    refuse_skew(model, "ros")
+    if isinstance(model, KannalaBrandt):
+        return model, "equidistant", tuple(model.k)
+    if not isinstance(model, Pinhole):
+        raise InputError(f"format 'ros' cannot hold a {type(model).__name__}")
+    given = tuple(model.distortion)
+    kind = "plumb_bob" if len(given) <= 5 else "rational_polynomial"
+    return model, kind, given if len(given) not in (0, 4) else (*given, *(0.0,) * 5)[:5]
+
+
 def text_of(model: CentralModel, suffix: str) -> str:
     """Return the text of a camera_calibration file, YAML, or JSON for .json; P is K, and R is 1.
 
     Raises:
         InputError: the format cannot hold the camera.
     """
-    refuse_skew(model, "ros")
-    if isinstance(model, KannalaBrandt):
-        kind, coefficients = "equidistant", tuple(model.k)
-    elif isinstance(model, Pinhole):
-        count = len(model.distortion)
-        kind = "plumb_bob" if count <= 5 else "rational_polynomial"
-        coefficients = (
-            tuple(model.distortion) if count not in (0, 4) else (*model.distortion, *(0.0,) * 5)[:5]
-        )
-    else:
-        raise InputError(f"format 'ros' cannot hold a {type(model).__name__}")
-    k = [model.fx, 0.0, model.cx, 0.0, model.fy, model.cy, 0.0, 0.0, 1.0]
-    p = [model.fx, 0.0, model.cx, 0.0, 0.0, model.fy, model.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    lens, kind, coefficients = lens_of(model)
+    k = [lens.fx, 0.0, lens.cx, 0.0, lens.fy, lens.cy, 0.0, 0.0, 1.0]
+    p = [lens.fx, 0.0, lens.cx, 0.0, 0.0, lens.fy, lens.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
     fields = {
         "image_width": model.width,
         "image_height": model.height,

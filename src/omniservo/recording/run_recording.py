@@ -1,0 +1,140 @@
+"""Writing a run as an MCAP file, while it goes on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from mcap.writer import Writer
+
+from omniservo.errors import NotWritten
+from omniservo.files import writable
+from omniservo.recording.topics import FORMAT, PARAMETERS, TYPES
+from omniservo.ros_messages import RosMessage, definition, encode
+
+_CHUNK = 2**17
+"""[bytes] of messages that are compressed and written together: what a crash loses, or one image"""
+
+_LIBRARY = "omniservo"
+
+
+class RunRecording:
+    """An MCAP file of ROS 2 messages (profile "ros2", CDR, compressed by Zstandard) that grows with a run.
+
+    Until `close` it is ``NAME.unfinished.mcap`` beside the path: whatever ends the process, what was written
+    before can be read, up to the last `_CHUNK`. `close` adds the index and gives the file its name.
+
+    Times are seconds of any one clock; they are stored in whole nanoseconds.
+
+    Args:
+        path: of the file.
+        force: an existing one is replaced.
+
+    Raises:
+        InputError: the path exists and ``force`` is False, or its folder does not; `NotWritten`.
+    """
+
+    def __init__(self, path: str | Path, *, force: bool = False) -> None:
+        self.path = Path(path)
+        """as given"""
+        writable(self.path, force=force)
+        self.unfinished = self.path.with_name(f"{self.path.stem}.unfinished.mcap")
+        """where it is until it is closed"""
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[type[RosMessage], int] = {}
+        self._time = 0
+        try:
+            self._stream = self.unfinished.open("wb")
+        except OSError as error:
+            raise NotWritten(self.unfinished, error.strerror or str(error)) from None
+        self._writer = Writer(self._stream, chunk_size=_CHUNK)
+        self._writer.start(profile="ros2", library=_LIBRARY)
+
+    def parameters(self, values: Mapping[str, str]) -> None:
+        """Note what was run, under the name `PARAMETERS`; the format's version is added."""
+        self._writer.flush()
+        self._writer.add_metadata(PARAMETERS, {"format": FORMAT, **values})
+        self._flush()
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Put a file in, at the time of the last message.
+
+        Args:
+            name: of the file, with / between its folders.
+            media_type: such as "application/json".
+            data: what it holds.
+        """
+        self._writer.flush()
+        self._writer.add_attachment(0, self._time, name, media_type, data)
+        self._flush()
+
+    def write(self, topic: str, message: RosMessage, time: float, *, stamp: float | None = None) -> None:
+        """Add a message.
+
+        Args:
+            topic: one of `TYPES`.
+            message: of the topic's type.
+            time: when it became known [s].
+            stamp: what it is about [s]; None: the same.
+
+        Raises:
+            InputError: a value does not fit its field.
+        """
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schema(TYPES[topic]))
+        self._time = nanoseconds(time)
+        about = self._time if stamp is None else nanoseconds(stamp)
+        self._writer.add_message(self._channels[topic], self._time, encode(message), about)
+        self._flush()
+
+    def close(self) -> None:
+        """End the file and give it its name; a second call does nothing.
+
+        Raises:
+            InputError: it cannot be written (`NotWritten`).
+        """
+        if self._stream.closed:
+            return
+        try:
+            with self._stream as stream:
+                self._writer.finish()
+                stream.flush()
+                os.fsync(stream.fileno())
+            self.unfinished.replace(self.path)
+        except OSError as error:
+            raise NotWritten(self.path, error.strerror or str(error)) from None
+
+    def discard(self) -> None:
+        """Remove what was written; nothing is left."""
+        self._stream.close()
+        self.unfinished.unlink(missing_ok=True)
+
+    def __enter__(self) -> RunRecording:
+        """Return the recording, which is closed where the block ends, however it ends."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def _schema(self, kind: type[RosMessage]) -> int:
+        if kind not in self._schemas:
+            text = definition(kind).encode()
+            self._schemas[kind] = self._writer.register_schema(kind.ros_type, "ros2msg", text)
+        return self._schemas[kind]
+
+    def _flush(self) -> None:
+        """Give the operating system what is compressed by now: it outlives the process."""
+        try:
+            self._stream.flush()
+        except OSError as error:
+            raise NotWritten(self.unfinished, error.strerror or str(error)) from None
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in whole nanoseconds; MCAP has none before 0."""
+    return max(round(seconds * 1e9), 0)

@@ -1,0 +1,109 @@
+"""What a run was asked for, as a document beside its results and in its recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import omniservo
+from omniservo.errors import InputError, spelled
+from omniservo.files import read_bytes, read_document, write_whole
+from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.runs.planned_job import Method
+from omniservo.tasks import KeptTask
+
+FORMAT = "omniservo.run/1"
+"""The format of the document."""
+
+FILES = "files"
+"""The folder of the task's files."""
+
+_FOLDER = "inputs"
+_DOCUMENT = "run.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A job with its parameters."""
+
+    version: str
+    """of the program that did it"""
+    method: Method
+    seed: int
+    """of everything random"""
+    task: KeptTask
+    """with its files"""
+    start_joints: FloatArray | None = None
+    """(n,) where the scene has the arm at first [rad]; None: where the task says"""
+
+    @classmethod
+    def now(cls, method: Method, seed: int, task: KeptTask, start_joints: FloatArray | None = None) -> Asked:
+        """Return what this version of the program is asked for."""
+        return cls(omniservo.__version__, method, seed, task, start_joints)
+
+    def to_json(self) -> str:
+        """Return the document; the files are kept beside it."""
+        return json.dumps(
+            {
+                "format": FORMAT,
+                "version": self.version,
+                "method": self.method,
+                "seed": self.seed,
+                "task": self.task.task,
+                "packages": dict(self.task.packages),
+                "start_joints": None if self.start_joints is None else self.start_joints.tolist(),
+            }
+        )
+
+    @classmethod
+    def from_fields(cls, fields: Any, files: Mapping[str, bytes], place: str) -> Asked:
+        """Return it from the fields of a document, which need not be trusted; ``place`` names it.
+
+        Raises:
+            InputError: a field that is not legal.
+        """
+        if not isinstance(fields, dict) or fields.get("format") != FORMAT:
+            raise InputError(f"{place}: format: legal: {FORMAT!r}")
+        method, seed = fields.get("method"), fields.get("seed")
+        if method not in get_args(Method):
+            raise InputError(
+                f"{place}: method: {spelled(method)} given; legal: {', '.join(get_args(Method))}"
+            )
+        if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+            raise InputError(f"{place}: seed: {spelled(seed)} given; legal: a whole number from 0")
+        start = fields.get("start_joints")
+        return cls(
+            str(fields.get("version"))[:40],
+            cast(Method, method),
+            seed,
+            KeptTask.of_fields(place, fields.get("task"), fields.get("packages"), files),
+            None if start is None else finite_array(f"{place}: start_joints", start, (None,)),
+        )
+
+    def write(self, run: Path) -> None:
+        """Put it into the folder of a run."""
+        folder = run / _FOLDER
+        (folder / FILES).mkdir(parents=True)
+        write_whole(folder / _DOCUMENT, self.to_json())
+        self.task.write(folder / FILES)
+
+    @classmethod
+    def read(cls, run: Path) -> Asked:
+        """Return what `write` put there.
+
+        Raises:
+            InputError: it is not there, or not legal.
+        """
+        folder = run / _FOLDER
+        if not (folder / _DOCUMENT).is_file():
+            raise InputError(f"{run}: no {_FOLDER}/{_DOCUMENT}: not a folder that omniservo run has left")
+        kept = folder / FILES
+        files = {
+            file.relative_to(kept).as_posix(): read_bytes(file, max_bytes=2**28)
+            for file in sorted(kept.rglob("*"))
+            if file.is_file()
+        }
+        return cls.from_fields(read_document(folder / _DOCUMENT), files, str(folder / _DOCUMENT))
