@@ -13,11 +13,11 @@ import time
 
 import numpy as np
 
-from omniservo.hardware.ros2.cdr import decode, encode
 from omniservo.hardware.ros2.image_pixels import grey_of_compressed, grey_of_image
-from omniservo.hardware.ros2.messages import CompressedImageMessage, HeaderMessage, ImageMessage, TimeMessage
 from omniservo.hardware.ros2.network import DdsNetwork
 from omniservo.hardware.ros2.node import RosNode
+from omniservo.ros_messages.cdr import decode, encode
+from omniservo.ros_messages.messages import CompressedImageMessage, HeaderMessage, ImageMessage, TimeMessage
 
 DOMAIN = 231
 SIDE = 1024

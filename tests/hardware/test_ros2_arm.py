@@ -13,16 +13,16 @@ from tests.hardware.served_arm import NAMES, ROOT, START, Served
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotInControl
 from omniservo.hardware import ArmConnection
 from omniservo.hardware.ros2.commands import HOLD, TrajectoryCommands, TwistCommands, VelocityCommands
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.ros2_arm import Ros2Arm
+from omniservo.robots import Arm, ArmMode
+from omniservo.ros_messages.messages import (
     Float64MultiArrayMessage,
     HeaderMessage,
     JointStateMessage,
     JointTrajectoryMessage,
     TimeMessage,
 )
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.ros2_arm import Ros2Arm
-from omniservo.robots import Arm, ArmMode
 
 pytest.importorskip("cyclonedds", reason="no wheel of Cyclone DDS for this platform")
 from omniservo.hardware.ros2.node import RosNode

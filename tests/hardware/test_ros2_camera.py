@@ -20,7 +20,10 @@ from omniservo.hardware.ros2.image_pixels import (
     grey_of_compressed,
     grey_of_image,
 )
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.ros2_camera import SIGMA_OF_ARRIVAL, Ros2Camera, read_camera_info
+from omniservo.robots import CameraSource
+from omniservo.ros_messages.messages import (
     CameraInfoMessage,
     CompressedImageMessage,
     HeaderMessage,
@@ -29,9 +32,6 @@ from omniservo.hardware.ros2.messages import (
     RegionOfInterestMessage,
     TimeMessage,
 )
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.ros2_camera import SIGMA_OF_ARRIVAL, Ros2Camera, read_camera_info
-from omniservo.robots import CameraSource
 
 DOMAIN = 1 + (os.getpid() + 100) % 200
 HERE = DdsNetwork.localhost(DOMAIN)

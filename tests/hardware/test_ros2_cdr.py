@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from omniservo.errors import InputError
 from omniservo.hardware.ros2 import messages
-from omniservo.hardware.ros2.cdr import MOST_ITEMS, decode, encode
-from omniservo.hardware.ros2.messages import (
+from omniservo.ros_messages.cdr import MOST_ITEMS, decode, encode
+from omniservo.ros_messages.messages import (
     Float64MultiArrayMessage,
     HeaderMessage,
     ImageMessage,

@@ -10,7 +10,10 @@ from omniservo.errors import InputError
 from omniservo.hardware.ros2.commands import HOLD, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import FOREVER, Endpoint, why_apart
 from omniservo.hardware.ros2.joint_states import JointStates
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.reference_motion import ReferenceMotion
+from omniservo.hardware.ros2.trajectory_follower import TrajectoryFollower
+from omniservo.ros_messages.messages import (
     DurationMessage,
     HeaderMessage,
     JointStateMessage,
@@ -18,9 +21,6 @@ from omniservo.hardware.ros2.messages import (
     JointTrajectoryPointMessage,
     TimeMessage,
 )
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.reference_motion import ReferenceMotion
-from omniservo.hardware.ros2.trajectory_follower import TrajectoryFollower
 
 NAMES = ("a", "b", "c")
 speeds = st.lists(st.floats(-3, 3), min_size=3, max_size=3).map(np.array)

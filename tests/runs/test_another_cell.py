@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.errors import NoSolutionError
 from omniservo.robots import CameraImage, RobotState
 from omniservo.runs import run_into, run_task
 from omniservo.scenes import scene_of_task
@@ -90,6 +91,12 @@ class OwnCell:
         self.driver = ObedientArm(self.scene)
         self.camera = RenderingCamera(self.scene, self.driver)
         self.truth = OwnTruth(self.camera)
+        self.approved = []
+
+    clock = None
+
+    def approve(self, motion):
+        self.approved.append(motion)
 
     def wait(self, duration):
         for _ in range(round(duration / TICK)):
@@ -121,6 +128,25 @@ def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
     assert np.linalg.norm(off.translation) < 1e-3
     assert off.rotation.magnitude() < np.deg2rad(0.2)
     assert [cell.driver.closed for cell in cells] == [True, True]  # the goal's and the run's
+    assert cells[0].approved == []
+    assert "along a path that is certified" in cells[1].approved[0]
+
+
+def test_a_motion_that_is_not_agreed_to_is_not_begun():
+    cells = []
+
+    def refuse(motion):
+        raise NoSolutionError("no")
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        cells[-1].approve = refuse
+        return cells[-1]
+
+    with pytest.raises(NoSolutionError, match="no"):
+        run_task(load_task("paper-example-1"), open_cell, filmed=False)
+    assert not cells[1].driver.wanted.any()
+    assert np.array_equal(cells[1].driver.joints, cells[1].scene.start_joints)
 
 
 def test_without_truth_what_was_executed_is_what_joints_and_images_say(tmp_path):

@@ -14,10 +14,10 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, export, plan, robot, run, teach, verify, warm_up
+from omniservo.cli import camera, estimate, examples, export, plan, robot, run, sim, teach, verify, warm_up
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
-from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError
+from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError, ServoStop
 
 _GARBAGE = (20_000, 20, 20)
 """Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""
@@ -39,6 +39,7 @@ app.command("examples")(examples.examples)
 app.command("warm-up")(warm_up.warm_up)
 app.add_typer(camera.app, name="camera")
 app.add_typer(robot.app, name="robot")
+app.add_typer(sim.app, name="sim")
 
 
 def _version(wanted: bool) -> None:
@@ -73,6 +74,8 @@ def main(arguments: list[str] | None = None) -> None:
         _end(WRONG_INPUT, str(error))
     except NoSolutionError as answer:
         _end(ANSWER_IS_NO, str(answer))
+    except ServoStop as stop:
+        _end(ANSWER_IS_NO, f"{stop.reason}: {stop}")
     except OSError as error:  # such as a full disk behind standard output
         _end(WRONG_INPUT, ": ".join(str(w) for w in (error.filename, error.strerror or error) if w))
     except KeyboardInterrupt:

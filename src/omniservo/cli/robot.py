@@ -13,6 +13,7 @@ from omniservo.cli.expand import expand
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
 from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.robot_live import check, delay
 from omniservo.cli.robot_options import PackageOption, packages_of
 from omniservo.errors import InputError
 
@@ -26,6 +27,8 @@ app = typer.Typer(help="Show robot arms; calibrate a camera on one (eye-in-hand)
 app.command("calibrate-hand-eye")(calibrate_hand_eye)
 app.command("measure-tube")(measure_tube)
 app.command("expand")(expand)
+app.command("check")(check)
+app.command("delay")(delay)
 
 
 @app.command("show")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -26,31 +27,69 @@ from omniservo.cli.output import (
 )
 from omniservo.cli.replay import refuse_other_options
 from omniservo.cli.replay import replay as replay_file
+from omniservo.cli.robot_file import (
+    CameraSourceOption,
+    DriverOption,
+    OnOption,
+    OnRobot,
+    SpeedOption,
+    YesOption,
+)
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 from omniservo.files import exists, require_file, unused, whole_folder, write_whole
 from omniservo.shipped_tasks import task_file
 
 if TYPE_CHECKING:
+    from omniservo.cli.progress import Progress
     from omniservo.runs import NoPath
 
 _ROOM = 20 * 2**20
 """[bytes] that the results of one method may take"""
 
 
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
+]
+MethodOption = Annotated[
+    Literal["certified", "paper", "ibvs", "compare"],
+    typer.Option("--method", help="compare runs all three and shows them side by side."),
+]
+GoalOption = Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")]
+CameraOption = Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")]
+FilmOption = Annotated[
+    bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
+]
+ReplayOption = Annotated[
+    Path | None,
+    typer.Option("--replay", help="In place of a task: a recording, which is computed again and compared."),
+]
+
+
+@dataclass(frozen=True)
+class _Call:
+    """What a run is called with, but for the robot."""
+
+    task: str
+    out: Path | None
+    method: Literal["certified", "paper", "ibvs", "compare"]
+    goal: Path | None
+    camera: CameraOptions
+    package: list[str] | None
+    allow_outside: bool
+    seed: int
+    film: bool
+    force: bool
+
+
 def run(
     context: typer.Context,
     task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
-    ] = None,
-    method: Annotated[
-        Literal["certified", "paper", "ibvs", "compare"],
-        typer.Option("--method", help="compare runs all three and shows them side by side."),
-    ] = "certified",
-    goal: Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")] = None,
-    camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
+    out: OutOption = None,
+    method: MethodOption = "certified",
+    goal: GoalOption = None,
+    camera: CameraOption = None,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
@@ -60,55 +99,75 @@ def run(
     package: PackageOption = None,
     allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
-    film: Annotated[
-        bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
-    ] = True,
-    replay: Annotated[
-        Path | None,
-        typer.Option(
-            "--replay", help="In place of a task: a recording, which is computed again and compared."
-        ),
-    ] = None,
+    film: FilmOption = True,
+    on: OnOption = None,
+    camera_source: CameraSourceOption = None,
+    driver: DriverOption = None,
+    speed: SpeedOption = None,
+    yes: YesOption = False,
+    replay: ReplayOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Do the whole job: images, estimate, plan, servo on the simulated arm, report."""
+    """Do the whole job: images, estimate, plan, servo on the simulated or a real arm, report."""
+    output = Output(as_json, quiet)
     if replay is not None:
         refuse_other_options(context)
-        replay_file(replay, allow_outside, Output(as_json, quiet))
+        replay_file(replay, allow_outside, output)
         return
     if task is None:
         raise InputError("TASK: missing; legal: a shipped task, a YAML file, or --replay FILE")
-    task_file(task)
-    if out is not None and exists(out) and not force:
-        raise AlreadyExists(out)
-    if goal is not None:
-        require_file(goal)
-    output = Output(as_json, quiet)
+    lens = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
+    call = _Call(task, out, method, goal, lens, package, allow_outside, seed, film, force)
+    robot = OnRobot(on, camera_source, driver, speed, yes, allow_outside)
+    _refuse_early(call, robot)
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
-        from omniservo.runs import NoPath, run_into
-        from omniservo.runs.compile_ahead import compiling_ahead
-        from omniservo.simulation import SimulatedCell
-        from omniservo.tasks import TaughtGoal, load_task
-
-        taught = None if goal is None else TaughtGoal.load(goal)
-        asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
-        replacement, known = asked.opened(), packages_of(package)
-        loaded = load_task(task, camera=replacement, packages=known, allow_outside=allow_outside)
-        folder = out if out is not None else _folder(loaded.name, method, force)
-        try:
-            room = _ROOM * (3 if method == "compare" else 1)
-            with compiling_ahead(), whole_folder(folder, force=force, room=room) as work:
-                found = run_into(
-                    work, loaded, SimulatedCell, method=method, goal=taught, seed=seed, filmed=film,
-                    progress=progress,
-                )  # fmt: skip
-        except NoPath as refused:
-            progress("drawing why", 0.9)
-            raise NoSolutionError(f"{refused}{_drawn(refused, out)}") from None
+        folder, found = _done(call, robot, progress)
     _say(output, folder, found)
+
+
+def _refuse_early(call: _Call, robot: OnRobot) -> None:
+    """Refuse what is wrong without loading anything."""
+    task_file(call.task)
+    robot.refuse_mixed()
+    if robot.file is not None and call.method != "certified":
+        raise InputError(f"--method: {call.method} given; a real arm follows certified plans alone")
+    if robot.file is not None and call.goal is None:
+        raise InputError("--goal: needed with --on: save one with omniservo teach TASK --on ROBOT --out GOAL")
+    if call.out is not None and exists(call.out) and not call.force:
+        raise AlreadyExists(call.out)
+    if call.goal is not None:
+        require_file(call.goal)
+
+
+def _done(call: _Call, robot: OnRobot, progress: Progress) -> tuple[Path, dict[str, dict[str, object]]]:
+    """Do the job; return where its results are, and the metrics by method."""
+    from omniservo.runs import NoPath, run_into
+    from omniservo.runs.compile_ahead import compiling_ahead
+    from omniservo.tasks import TaughtGoal, load_task
+
+    robot.approval()
+    taught = None if call.goal is None else TaughtGoal.load(call.goal)
+    replacement, known = call.camera.opened(), packages_of(call.package)
+    loaded = load_task(call.task, camera=replacement, packages=known, allow_outside=call.allow_outside)
+    folder = call.out if call.out is not None else _folder(loaded.name, call.method, call.force)
+    room = _ROOM * (3 if call.method == "compare" else 1)
+    try:
+        with (
+            compiling_ahead(),
+            whole_folder(folder, force=call.force, room=room) as work,
+            robot.cell_of(loaded, progress) as (begun, open_cell),
+        ):
+            found = run_into(
+                work, begun, open_cell, method=call.method, goal=taught, seed=call.seed, filmed=call.film,
+                progress=progress,
+            )  # fmt: skip
+    except NoPath as refused:
+        progress("drawing why", 0.9)
+        raise NoSolutionError(f"{refused}{_drawn(refused, call.out)}") from None
+    return folder, found
 
 
 def _drawn(refused: NoPath, out: Path | None) -> str:

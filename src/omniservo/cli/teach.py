@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +17,9 @@ from omniservo.cli.camera_options import (
     SizeOption,
 )
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
+from omniservo.cli.robot_file import CameraSourceOption, DriverOption, OnOption, robot_of
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.errors import NoSolutionError
 from omniservo.files import writable
 from omniservo.shipped_tasks import task_file
 
@@ -34,17 +37,19 @@ def teach(
     package: PackageOption = None,
     allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
+    on: OnOption = None,
+    camera_source: CameraSourceOption = None,
+    driver: DriverOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Move the arm to the goal, take an image, save it with its features and the arm's joints."""
+    """Save the goal image with its features and the arm's joints; a real arm (--on) stands at the goal."""
     output = Output(as_json, quiet)
     writable(out, force=force)
     task_file(task)
     with output.working("loading") as progress:
-        from omniservo.runs import teach_goal
-        from omniservo.simulation import SimulatedCell
+        from omniservo.runs import teach_goal, teach_here
         from omniservo.tasks import load_task
 
         progress("teaching")
@@ -52,8 +57,22 @@ def teach(
         loaded = load_task(
             task, camera=asked.opened(), packages=packages_of(package), allow_outside=allow_outside
         )
-        goal = teach_goal(loaded, SimulatedCell(loaded, seed))
+        if on is None:
+            from omniservo.simulation import SimulatedCell
+
+            goal = teach_goal(loaded, SimulatedCell(loaded, seed))
+        else:
+            from omniservo.runs.open_hardware import open_hardware
+
+            robot = robot_of(on, camera_source, None, allow_outside=allow_outside)
+            begun, cell = open_hardware(loaded, robot, _nothing_moves, driver)
+            with closing(cell):
+                goal = teach_here(begun, cell)
     goal.save(out, force=force)
     output.line(f"{len(goal.features)} features found in the goal image")
     output.written(out)
     output.result({"out": str(out), "features": goal.features, "joints": goal.joints})
+
+
+def _nothing_moves(motion: str) -> None:
+    raise NoSolutionError(f"teach moves no real arm, and was to: {motion}")

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, JointLimit
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.renamed import renamed_arguments, renamed_attribute
 from omniservo.robots.arm_files import read_arm_file
 from omniservo.robots.kinematics.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
@@ -61,7 +61,7 @@ class Arm:
                 is legal.
         """
         self.path = Path(file)
-        self._packages = packages
+        self._packages, self._share = packages, 1.0
         self._file = read_arm_file(self.path, flange, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
@@ -88,7 +88,7 @@ class Arm:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Another process reads the file again."""
-        return _read_again, (self.path.absolute(), self.flange, self._packages)
+        return _read_again, (self.path.absolute(), self.flange, self._packages, self._share)
 
     tool = renamed_attribute("tool", "flange")
     tool_link = renamed_attribute("tool_link", "flange_link")
@@ -97,6 +97,15 @@ class Arm:
     def rx60(cls) -> Arm:
         """Return the Stäubli RX60 that ships with the package (standard arm, reach 600 mm to the wrist)."""
         return cls(Path(__file__).parent / "shipped" / "rx60.xml")
+
+    def slowed(self, share: float) -> Arm:
+        """Return the same arm with its joints' speeds reduced to a share in (0, 1].
+
+        Raises:
+            InputError: a share that is not legal.
+        """
+        finite_number("share", share, above=0.0, maximum=1.0)
+        return _read_again(self.path.absolute(), self.flange, self._packages, share * self._share)
 
     @property
     def name(self) -> str:
@@ -412,5 +421,8 @@ def _place(base_T_flange: RigidTransform) -> str:
     return f"flange pose at {place} m in the base frame"
 
 
-def _read_again(file: Path, flange: str, packages: Mapping[str, str | Path] | None) -> Arm:
-    return Arm(file, flange=flange, packages=packages)
+def _read_again(file: Path, flange: str, packages: Mapping[str, str | Path] | None, share: float) -> Arm:
+    arm = Arm(file, flange=flange, packages=packages)
+    arm._share = share
+    arm.joint_speed = frozen(share * arm.joint_speed)
+    return arm

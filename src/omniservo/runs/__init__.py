@@ -12,7 +12,7 @@ from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.run_into import run_into
 from omniservo.runs.run_task import run_task
 from omniservo.runs.see import see
-from omniservo.runs.teach_goal import teach_goal
+from omniservo.runs.teach_goal import teach_goal, teach_here
 
 __all__ = [
     "EstimatedViews",
@@ -33,6 +33,7 @@ __all__ = [
     "run_task",
     "see",
     "teach_goal",
+    "teach_here",
 ]
 
 __getattr__ = renamed(__name__, {"estimate_simulated": "estimate_in_cell"})

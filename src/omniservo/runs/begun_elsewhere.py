@@ -23,7 +23,12 @@ def begun_elsewhere(task: Task, scene: Scene, joints: FloatArray, room: float) -
         room: what obstacles may be off where the joints have them [m]: it joins the tracking margin, and
             what obstacles have for a clearance of their own.
     """
-    world_T_here = scene.world_T_camera(joints)
+    begun = begun_at(task, scene.world_T_camera(joints), joints, room)
+    return begun, replace(scene, start_joints=np.asarray(joints))
+
+
+def begun_at(task: Task, world_T_here: RigidTransform, joints: FloatArray, room: float) -> Task:
+    """Return the task alone, where these joints (n,) bring the camera to ``world_T_here``."""
     here_T_before = world_T_here.inv() * task.start.world_T_camera.transform
     start, planning = task.start, task.planning
     known = tuple(
@@ -35,7 +40,7 @@ def begun_elsewhere(task: Task, scene: Scene, joints: FloatArray, room: float) -
     workspace = planning.workspace
     turned = here_T_before.rotation
     goal = here_T_before * task.teach.initial_T_goal.transform
-    begun = task.model_copy(
+    return task.model_copy(
         update={
             "start": start.model_copy(
                 update={"world_T_camera": _pose(world_T_here), "joints_near": tuple(joints.tolist())}
@@ -56,7 +61,6 @@ def begun_elsewhere(task: Task, scene: Scene, joints: FloatArray, room: float) -
             ),
         }
     )
-    return begun, replace(scene, start_joints=np.asarray(joints))
 
 
 def _pose(pose: RigidTransform) -> Pose:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,15 @@ class RecordedCell:
     def truth(self) -> GroundTruth | None:
         """The cell's."""
         return self._cell.truth
+
+    @property
+    def clock(self) -> Callable[[], float] | None:
+        """The cell's."""
+        return self._cell.clock
+
+    def approve(self, motion: str) -> None:
+        """Let the cell decide."""
+        self._cell.approve(motion)
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass."""

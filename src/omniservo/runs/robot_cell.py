@@ -35,6 +35,19 @@ class RobotCell(Protocol):
         """What the job is scored against; None on a real robot."""
         ...
 
+    @property
+    def clock(self) -> Callable[[], float] | None:
+        """On which joints and images are stamped [s]; None: time passes in `wait` alone."""
+        ...
+
+    def approve(self, motion: str) -> None:
+        """Let whoever is responsible decide whether the arm may do this, in words.
+
+        Raises:
+            NoSolutionError: it may not.
+        """
+        ...
+
     def wait(self, duration: float) -> None:
         """Let time [s] pass."""
         ...

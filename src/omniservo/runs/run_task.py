@@ -14,6 +14,7 @@ from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError, NoSolutionError, ServoStop
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import FeatureTracker
+from omniservo.planning import Plan
 from omniservo.recording import RunRecording
 from omniservo.results import Film, RunLog, RunResult, Truth, WholeArm
 from omniservo.robots import CameraImage, next_image
@@ -34,13 +35,15 @@ from omniservo.runs.replanner_of import followed_way, replanner_of
 from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
+from omniservo.runs.supervisor_of import supervisor_of
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
-from omniservo.safety import Controller, Step, Supervisor, VisibilityFilter, servo
+from omniservo.safety import Controller, Step, VisibilityFilter, servo
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
+from omniservo.tracking.planned_motion import PlannedMotion
 
 
 def run_task(
@@ -123,6 +126,7 @@ def _run_in(
     if cell.truth is not None:
         points = true_points(task, cell.truth, scene.start_joints, matched.initial)
         truth = _truth(task, scene, goal, points)
+    cell.approve(_in_words(plan, motion))
     controller = controller_of(task, plan, motion, estimate.points[followed], matched)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
@@ -148,6 +152,18 @@ def _film(log: RunLog, recorder: Recorder, cell: RobotCell, progress: Progress) 
     return film_of(log, recorder.images, cell.truth)
 
 
+def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
+    """Say what the arm is about to do."""
+    if plan is None or plan.path is None or motion is None:
+        return "servo the camera to the goal image without a plan: nothing is proven"
+    end = plan.path(1.0)
+    return (
+        f"move the camera by {1e3 * np.linalg.norm(end.translation):.0f} mm and "
+        f"{np.rad2deg(end.rotation.magnitude()):.1f} deg to the goal, in {motion.seconds:.1f} s, along a "
+        f"path that is {plan.status}"
+    )
+
+
 def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:
     """Return a bystander's picture of the arm in ``joints`` (n,) [rad]; None where nobody can take one."""
     return None if cell.truth is None else cell.truth.outside_picture(joints)
@@ -156,6 +172,8 @@ def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:
 def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage, FloatArray]:
     """Return the initial image, and the joints (n,) [rad] as they are read."""
     progress("looking at the target", 0.0)
+    if cell.truth is not None:
+        require_in_view(task, RigidTransform.identity(), "the initial image")
     require_unhidden(task, cell, cell.scene.start_joints, "the initial image")
     return next_image(cell.camera, cell.wait), cell.driver.read().joint_positions
 
@@ -164,8 +182,8 @@ def _goal(
     task: Task, open_cell: OpenCell, goal: TaughtGoal | None, seed: int, progress: Progress
 ) -> TaughtGoal:
     progress("teaching the goal", 0.0)
-    require_in_view(task, RigidTransform.identity(), "the initial image")
     if goal is None:
+        require_in_view(task, RigidTransform.identity(), "the initial image")
         with closing(open_cell(task, seed + 1)) as cell:
             return teach_goal(task, cell)
     if goal.camera != task.camera:
@@ -182,7 +200,7 @@ def _drive(
     recorder: Recorder,
     progress: Progress,
 ) -> RunLog:
-    scene, options, moves = cell.scene, safety_of_task(task), Moves(task, cell.move_obstacles, replanner)
+    options, moves = safety_of_task(task), Moves(task, cell.move_obstacles, replanner)
 
     def after(step: Step) -> None:
         moves.at(step.time)
@@ -192,11 +210,8 @@ def _drive(
         w = math.nan if controller.report is None else controller.report.w
         progress("following the path", 0.0 if math.isnan(w) else w)
 
-    supervisor = Supervisor(
-        cell.driver, scene.arm, scene.flange_T_camera, camera=cell.camera, wait=cell.wait, options=options
-    )
     stop = servo(
-        supervisor,
+        supervisor_of(cell, options),
         controller,
         tracker,
         VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),

@@ -23,6 +23,15 @@ def teach_goal(task: Task, cell: RobotCell) -> TaughtGoal:
     joints = goal_joints(task, cell.scene)
     require_unhidden(task, cell, joints, "the goal image")
     cell.bring_arm_to(joints)
+    return teach_here(task, cell)
+
+
+def teach_here(task: Task, cell: RobotCell) -> TaughtGoal:
+    """Return what the camera sees from where the arm now stands, with its joints.
+
+    Raises:
+        InputError: too few features are seen.
+    """
     image = next_image(cell.camera, cell.wait)
     kind = feature_kind_of(task)
     pixels = kind.find(task.camera, image.pixels)

@@ -9,12 +9,14 @@ from pydantic import AliasChoices
 from pydantic.fields import FieldInfo
 
 from omniservo.tasks.section import Section
-from omniservo.tasks.task import Task
 
 
-def fields_at(place: Sequence[str | int]) -> tuple[str, ...]:
-    """Return the legal names in the section at ``place``: of fields, places in lists, kinds of obstacles."""
-    sections: list[type[Section]] = [Task]
+def fields_at(place: Sequence[str | int], document: type[Section]) -> tuple[str, ...]:
+    """Return the legal names in the section at ``place``: of fields, places in lists, kinds of obstacles.
+
+    ``document`` is the whole file's.
+    """
+    sections: list[type[Section]] = [document]
     for part in place:
         inner = [s for section in sections for s in _sections_of(section, part)]
         kinds = [s for s in sections if part == _kind(s)]

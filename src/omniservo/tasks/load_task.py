@@ -17,6 +17,7 @@ from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.fields_at import fields_at
 from omniservo.tasks.obstacle_files import with_obstacle_files
+from omniservo.tasks.section import Section
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
 from omniservo.tasks.task_files import TaskFiles
@@ -64,24 +65,24 @@ def _from_file(
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {document.get('format')!r} given; legal: {FORMAT!r}")
     context = stated_units(fields.pop("units", {}), source)
-    fields["camera"] = replacement or _camera("camera", fields.get("camera"), files)
+    fields["camera"] = replacement or found_camera("camera", fields.get("camera"), files)
     truth = fields.get("simulation")
     if isinstance(truth, dict) and truth.get("true_camera") is not None:
-        lens = _camera("simulation.true_camera", truth["true_camera"], files)
+        lens = found_camera("simulation.true_camera", truth["true_camera"], files)
         fields["simulation"] = {**truth, "true_camera": lens}
     fields["planning"] = with_obstacle_files(fields.get("planning", {}), files, context["length"])
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
-        fields["arm"] = _found_mount(_found_arm(fields["arm"], files, packages), files)
+        fields["arm"] = found_mount(found_arm(fields["arm"], files, packages), files)
     try:
         if isinstance(fields.get("start"), dict) and isinstance(fields.get("arm"), dict):
             fields["start"] = _found_start(fields, context, source)
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
-        raise InputError(_first_problem(error, source)) from None
+        raise InputError(first_problem(error, source, Task)) from None
 
 
-def _camera(field: str, value: Any, files: TaskFiles) -> CentralModel:
+def found_camera(field: str, value: Any, files: TaskFiles) -> CentralModel:
     """Return the camera, of any model, that a field states: its fields, a preset's name or a file's."""
     source = files.source
     if isinstance(value, dict):
@@ -101,7 +102,7 @@ def _camera(field: str, value: Any, files: TaskFiles) -> CentralModel:
     return named_model(path)
 
 
-def _found_arm(
+def found_arm(
     arm: dict[str, Any], files: TaskFiles, packages: Mapping[str, str | Path] | None
 ) -> dict[str, Any]:
     """Return the section with paths in the place of those relative to the task's folder."""
@@ -146,7 +147,7 @@ def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
     return {**planning, "tracking_tube": tube}
 
 
-def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
+def found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
     """Return the section with the camera's pose in the place of a hand-eye calibration's file."""
     for name in ("flange_T_camera", "tool_T_camera"):
         if isinstance(arm.get(name), str):
@@ -161,11 +162,12 @@ def _found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
     return arm
 
 
-def _first_problem(error: ValidationError, source: str) -> str:
+def first_problem(error: ValidationError, source: str, document: type[Section]) -> str:
+    """Return what is wrong first in a file, whose sections are those of ``document``."""
     problem = error.errors()[0]
-    field = ".".join(str(part) for part in problem["loc"]) or "task"
+    field = ".".join(str(part) for part in problem["loc"]) or document.__name__.lower()
     if problem["type"] == "extra_forbidden":
-        legal = fields_at(problem["loc"][:-1])
+        legal = fields_at(problem["loc"][:-1], document)
         given = problem["loc"][-1]
         return f"{source}: {field}: no such field; legal: {', '.join(legal)}{did_you_mean(given, legal)}"
     given = "" if problem["type"] == "missing" else f"; {_shortened(problem['input'])} given"

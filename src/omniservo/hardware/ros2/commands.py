@@ -10,7 +10,9 @@ import numpy as np
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.reference_motion import ReferenceMotion
+from omniservo.robots import Arm
+from omniservo.ros_messages.messages import (
     DurationMessage,
     Float64MultiArrayMessage,
     HeaderMessage,
@@ -22,8 +24,6 @@ from omniservo.hardware.ros2.messages import (
     TwistStampedMessage,
     Vector3Message,
 )
-from omniservo.hardware.ros2.reference_motion import ReferenceMotion
-from omniservo.robots import Arm
 
 HOLD = 0.05
 """A commanded velocity is kept for so long [s] after the last command, then braked."""

@@ -15,7 +15,7 @@ from omniservo.camera_files.formats import ros
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import ByteArray
-from omniservo.hardware.ros2.messages import CameraInfoMessage, CompressedImageMessage, ImageMessage
+from omniservo.ros_messages.messages import CameraInfoMessage, CompressedImageMessage, ImageMessage
 
 MOST_PIXELS = 50_000_000
 """Largest image that is taken."""

@@ -9,8 +9,8 @@ import numpy as np
 from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware.clock_map import ClockMap
-from omniservo.hardware.ros2.messages import JointStateMessage
 from omniservo.robots import RobotState
+from omniservo.ros_messages.messages import JointStateMessage
 
 DIFFERENCE = 0.02
 """Velocities that no message has are differences over so much time [s]."""

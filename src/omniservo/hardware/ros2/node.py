@@ -8,10 +8,10 @@ from functools import cache
 from typing import Any, Generic, TypeVar
 
 from omniservo.errors import ConnectionLost, InputError
-from omniservo.hardware.ros2.cdr import decode, encode
 from omniservo.hardware.ros2.endpoints import Endpoint, Endpoints
-from omniservo.hardware.ros2.messages import Numbers, RosMessage, Scalar
 from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.ros_messages.cdr import decode, encode
+from omniservo.ros_messages.messages import Numbers, RosMessage, Scalar
 
 M = TypeVar("M", bound=RosMessage)
 

@@ -15,11 +15,11 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.hardware.ros2.commands import HOLD, ArmCommands, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import why_apart
 from omniservo.hardware.ros2.joint_states import JointStates, refuse_names
-from omniservo.hardware.ros2.messages import JointStateMessage
 from omniservo.hardware.ros2.network import DdsNetwork
 from omniservo.hardware.ros2.node import RosNode
 from omniservo.hardware.ros2.reference_motion import ReferenceMotion
 from omniservo.robots import ArmMode, RobotState
+from omniservo.ros_messages.messages import JointStateMessage
 
 STANDING = 0.02
 """An arm that moves faster before the first command is moved by somebody else [rad/s]."""

@@ -12,15 +12,15 @@ from omniservo.geometry.arrays import finite_number
 from omniservo.hardware.clock_map import ClockMap
 from omniservo.hardware.ros2.endpoints import why_apart
 from omniservo.hardware.ros2.image_pixels import camera_of_info, grey_of_compressed, grey_of_image
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.node import RosNode, Subscription
+from omniservo.robots import CameraImage
+from omniservo.ros_messages.messages import (
     CameraInfoMessage,
     CompressedImageMessage,
     ImageMessage,
     JointStateMessage,
 )
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.node import RosNode, Subscription
-from omniservo.robots import CameraImage
 
 SIGMA = 0.001
 """Standard deviation of a stamp where nothing else is stated [s]."""

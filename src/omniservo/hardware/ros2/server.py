@@ -15,7 +15,11 @@ from omniservo.errors import InputError, OmniservoError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware.link_faults import FaultyLine, LinkFaults
-from omniservo.hardware.ros2.messages import (
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.node import Publisher, RosNode, Subscription
+from omniservo.hardware.ros2.trajectory_follower import TrajectoryFollower
+from omniservo.robots import Arm, CameraImage, RobotState
+from omniservo.ros_messages.messages import (
     CompressedImageMessage,
     Float64MultiArrayMessage,
     HeaderMessage,
@@ -26,10 +30,6 @@ from omniservo.hardware.ros2.messages import (
     TimeMessage,
     TwistStampedMessage,
 )
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.node import Publisher, RosNode, Subscription
-from omniservo.hardware.ros2.trajectory_follower import TrajectoryFollower
-from omniservo.robots import Arm, CameraImage, RobotState
 
 GAIN = 20.0
 """Of the joints' distance to the trajectory [1/s]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.hardware.ros2.messages import JointTrajectoryMessage
+from omniservo.ros_messages.messages import JointTrajectoryMessage
 
 
 class TrajectoryFollower:

@@ -1,0 +1,126 @@
+"""What commands that work on a real robot share."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.prompt import Confirm
+
+from omniservo.errors import InputError, NoSolutionError
+
+if TYPE_CHECKING:
+    from omniservo.cli.progress import Progress
+    from omniservo.runs import OpenCell
+    from omniservo.tasks import RobotFile, Task
+
+OnOption = Annotated[
+    Path | None, typer.Option("--on", help="A robot file (YAML): work on that robot, not in the simulator.")
+]
+CameraSourceOption = Annotated[
+    str | None, typer.Option("--camera-source", help="URI of images; replaces the robot file's.")
+]
+DriverOption = Annotated[
+    str | None,
+    typer.Option("--driver", help="FILE.py:CLASS, a driver of your own: its code is run."),
+]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option("--speed", help="Share of the joints' speeds, 0 to 1; replaces the robot file's."),
+]
+YesOption = Annotated[bool, typer.Option("--yes", help="Move the real arm without a question.")]
+
+
+def robot_of(path: Path, camera_source: str | None, speed: float | None, *, allow_outside: bool) -> RobotFile:
+    """Read the robot file that ``--on`` names.
+
+    Raises:
+        InputError: not a robot file.
+    """
+    from omniservo.tasks import load_robot
+
+    return load_robot(path, camera_source=camera_source, speed=speed, allow_outside=allow_outside)
+
+
+class Approval:
+    """Asks at the terminal before a real arm moves.
+
+    Args:
+        yes: everything is agreed to beforehand.
+
+    Raises:
+        InputError: nobody can be asked, and nothing was agreed to.
+    """
+
+    def __init__(self, *, yes: bool) -> None:
+        self._yes = yes
+        if not (yes or sys.stdin.isatty()):
+            raise InputError("--yes: not given, and nobody is at a terminal who could be asked")
+
+    def __call__(self, motion: str) -> None:
+        """Say what the arm is about to do, and go on where that is agreed to.
+
+        Raises:
+            NoSolutionError: it is not.
+        """
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        console.print(f"about to: {motion}", markup=False)
+        if not (self._yes or Confirm.ask("move the arm?", console=console, default=False)):
+            raise NoSolutionError("the motion was not agreed to; nothing moved")
+
+
+@dataclass(frozen=True)
+class OnRobot:
+    """The real robot that a command is to work on, if any."""
+
+    file: Path | None
+    """``--on``; None: the simulator"""
+    camera_source: str | None
+    driver: str | None
+    speed: float | None
+    yes: bool
+    allow_outside: bool
+
+    def refuse_mixed(self) -> None:
+        """Refuse options that go with a real robot where there is none.
+
+        Raises:
+            InputError: one was given.
+        """
+        given = {"--camera-source": self.camera_source, "--driver": self.driver, "--speed": self.speed}
+        for name, value in given.items():
+            if self.file is None and value is not None:
+                raise InputError(f"{name}: goes with --on ROBOT.yaml")
+
+    def approval(self) -> Approval | None:
+        """Return what asks before a real arm moves; None for the simulator's."""
+        return None if self.file is None else Approval(yes=self.yes)
+
+    @contextmanager
+    def cell_of(self, task: Task, progress: Progress) -> Iterator[tuple[Task, OpenCell]]:
+        """Have a task as it is done where it is done, and what opens that place.
+
+        Raises:
+            InputError, ServoStop: see `open_hardware`; or the robot was not checked.
+        """
+        approve = self.approval()
+        if self.file is None or approve is None:
+            from omniservo.simulation import SimulatedCell
+
+            yield task, SimulatedCell
+            return
+        from omniservo.runs.open_hardware import open_hardware
+        from omniservo.runs.robot_records import camera_offset, require_check
+
+        require_check(self.file)
+        robot = robot_of(self.file, self.camera_source, self.speed, allow_outside=self.allow_outside)
+        progress("connecting to arm and camera")
+        begun, cell = open_hardware(task, robot, approve, self.driver, camera_offset(self.file))
+        with closing(cell):
+            yield begun, lambda task, seed: cell

@@ -1,0 +1,121 @@
+"""``omniservo robot check`` and ``omniservo robot delay``."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no
+from omniservo.cli.robot_file import (
+    Approval,
+    CameraSourceOption,
+    DriverOption,
+    SpeedOption,
+    YesOption,
+    robot_of,
+)
+from omniservo.cli.robot_options import AllowOutsideOption
+
+if TYPE_CHECKING:
+    from omniservo.runs.robot_check import StreamTimes
+
+RobotArgument = Annotated[Path, typer.Argument(help="A robot file (YAML).")]
+
+
+def check(
+    robot: RobotArgument,
+    camera_source: CameraSourceOption = None,
+    driver: DriverOption = None,
+    yes: YesOption = False,
+    allow_outside: AllowOutsideOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Check a real robot: rates, ages, clocks, where it stands, and that it stops when commands cease.
+
+    One joint moves by half a degree. What was found is kept beside the robot file; run --on needs it.
+    """
+    output = Output(as_json, quiet)
+    with output.working("loading") as progress:
+        from omniservo.runs.open_hardware import open_robot, open_robot_camera
+        from omniservo.runs.robot_check import check_robot
+        from omniservo.runs.robot_records import save_check
+
+        approval = Approval(yes=yes)
+        loaded = robot_of(robot, camera_source, None, allow_outside=allow_outside)
+        arm = loaded.loaded_arm()
+        progress("connecting to arm and camera")
+        connection = open_robot(loaded, arm, driver)
+        with closing(connection), closing(open_robot_camera(loaded)) as camera:
+            progress("listening")
+            found = check_robot(arm, connection, camera, approval, loaded.watchdog)
+    output.line(f"{'joints':<16} {_spelled(found.joints)}")
+    output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
+    output.line(f"{'self-clearance':<16} {1e3 * found.self_clearance:.1f} mm")
+    if found.stop_seconds is not None:
+        output.line(f"{'watchdog':<16} stands {found.stop_seconds:.3f} s after the last command")
+    for finding in found.findings:
+        output.line(f"{'to be mended':<16} {finding}")
+    output.result({**asdict(found), "fit": not found.findings})
+    if found.findings:
+        raise answer_is_no("; ".join(found.findings))
+    output.written(save_check(robot))
+
+
+def delay(
+    robot: RobotArgument,
+    camera_source: CameraSourceOption = None,
+    driver: DriverOption = None,
+    speed: SpeedOption = None,
+    yes: YesOption = False,
+    allow_outside: AllowOutsideOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find how late a real robot's images and motions are: two joints swing for four seconds.
+
+    The camera must see something static with texture. What was found is kept beside the robot file, and
+    used by run --on.
+    """
+    output = Output(as_json, quiet)
+    with output.working("loading") as progress:
+        from omniservo.runs.open_hardware import open_bare
+        from omniservo.runs.robot_delay import measure_delay
+        from omniservo.runs.robot_records import save_delay
+        from omniservo.safety import SafetyOptions
+
+        approval = Approval(yes=yes)
+        loaded = robot_of(robot, camera_source, speed, allow_outside=allow_outside)
+        progress("connecting to arm and camera")
+        with closing(open_bare(loaded, approval, driver)) as cell:
+            progress("swinging two joints")
+            found = measure_delay(cell, SafetyOptions(image_age=1.0, time_offset=0.5))
+    camera = found.camera
+    lag = _spelled_time(found.actuation_lag, found.actuation_sigma)
+    output.line(f"{'camera':<16} {_spelled_time(camera.offset, camera.sigma)} from its stamps to the joints'")
+    output.line(f"{'actuation':<16} {lag} behind commands")
+    output.line(f"{'residual':<16} {camera.rms_px:.2f} px rms, {found.images} images, {camera.flow:.0f} px/s")
+    output.written(save_delay(robot, found))
+    output.result(
+        {
+            "camera_offset_s": camera.offset,
+            "camera_offset_sigma_s": camera.sigma,
+            "actuation_lag_s": found.actuation_lag,
+            "actuation_lag_sigma_s": found.actuation_sigma,
+            "residual_px": camera.rms_px,
+            "images": found.images,
+        }
+    )
+
+
+def _spelled(times: StreamTimes) -> str:
+    age = f"{1e3 * times.age_median:.1f} ms old (99%: {1e3 * times.age_p99:.1f} ms)"
+    return f"{times.rate:.1f} a second, {age}, jitter {1e3 * times.jitter:.1f} ms"
+
+
+def _spelled_time(value: float, sigma: float) -> str:
+    return f"{1e3 * value:+.1f} ± {1e3 * sigma:.1f} ms"

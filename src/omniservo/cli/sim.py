@@ -1,0 +1,106 @@
+"""``omniservo sim``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from omniservo.cli.output import ForceOption, Output, QuietOption, SeedOption
+from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.errors import InputError
+from omniservo.files import writable, write_whole
+from omniservo.geometry.arrays import finite_number
+from omniservo.shipped_tasks import task_file
+
+if TYPE_CHECKING:
+    from omniservo.tasks import Task
+
+app = typer.Typer(
+    help="Rehearse: the simulated arm and camera in the place of real ones.", no_args_is_help=True
+)
+
+_SAID_AGAIN = 10.0
+"""That rendering is too slow is said so often [s]."""
+
+
+@app.callback()
+def _sim() -> None:
+    """Rehearse: a simulated arm and camera in the place of real ones."""
+
+
+@app.command("serve")
+def serve(
+    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
+    interface: Annotated[
+        Literal["rtde", "ros2"], typer.Option("--as", help="rtde: Universal Robots and MJPEG; ros2: topics.")
+    ] = "rtde",
+    at: Annotated[
+        Literal["start", "goal"], typer.Option("--at", help="Where the arm stands; at the goal it is taught.")
+    ] = "start",
+    robot_file: Annotated[
+        Path | None, typer.Option("--robot-file", help="Write the robot file that reaches it here.")
+    ] = None,
+    latency: Annotated[float, typer.Option("--latency", min=0, help="Of messages [s].")] = 0.0,
+    jitter: Annotated[float, typer.Option("--jitter", min=0, help="Of the latency, either way [s].")] = 0.0,
+    loss: Annotated[float, typer.Option("--loss", min=0, max=1, help="Share of messages lost.")] = 0.0,
+    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock [s].")] = 0.0,
+    drift: Annotated[float, typer.Option("--drift", help="Of its clock [ppm].")] = 0.0,
+    rate: Annotated[
+        float | None, typer.Option("--rate", help="Frames a second; replaces the task's.")
+    ] = None,
+    seconds: Annotated[float | None, typer.Option("--seconds", min=0, help="End after so long.")] = None,
+    free_ports: Annotated[bool, typer.Option("--free-ports", help="Any ports that are free.")] = False,
+    package: PackageOption = None,
+    allow_outside: AllowOutsideOption = False,
+    seed: SeedOption = 0,
+    force: ForceOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Serve a task's simulated arm and camera on the wall clock, behind the interfaces of real ones.
+
+    It goes on until Ctrl-C. omniservo run TASK --on ROBOT.yaml then works on it as on a real robot.
+    """
+    task_file(task)
+    if robot_file is not None:
+        writable(robot_file, force=force)
+    output = Output(as_json=False, quiet=quiet)
+    with output.working("loading") as progress:
+        from omniservo.hardware import LinkFaults
+        from omniservo.simulation.sim_server import serve as served
+        from omniservo.tasks import load_task
+
+        faults = LinkFaults(latency, jitter, loss, clock_offset, drift, seed)
+        loaded = load_task(task, packages=packages_of(package), allow_outside=allow_outside)
+        progress("starting")
+        if rate is not None:
+            loaded = _at_rate(loaded, rate)
+    with served(loaded, interface, at=at, faults=faults, free_ports=free_ports, seed=seed) as there:
+        if robot_file is not None:
+            write_whole(robot_file, there.robot_file, force=force)
+            output.written(robot_file)
+        output.line(f"serving {loaded.name}, the arm at its {at}: {there.where}; Ctrl-C ends it")
+        end, said = float("inf") if seconds is None else time.monotonic() + seconds, float("-inf")
+        while time.monotonic() < end:
+            time.sleep(0.2)
+            behind = there.robot.behind
+            if behind is not None and time.monotonic() - said > _SAID_AGAIN:
+                said = time.monotonic()
+                output.line(behind)
+
+
+def _at_rate(task: Task, rate: float) -> Task:
+    """Return the task with another frame rate [Hz].
+
+    Raises:
+        InputError: not above 0, or frames that follow one another faster than they are exposed.
+    """
+    from omniservo.tasks.sensor import untimely
+
+    sensor = task.sensor
+    finite_number("--rate", rate, above=0.0, maximum=1000.0)
+    if problem := untimely(rate, sensor.latency, sensor.exposure, sensor.readout):
+        raise InputError(f"--rate: {rate:g} given: {problem}")
+    return task.model_copy(update={"sensor": sensor.model_copy(update={"rate": rate})})

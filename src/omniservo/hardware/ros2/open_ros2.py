@@ -1,0 +1,90 @@
+"""Arms and cameras under ROS 2, as a robot file states them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from omniservo.errors import InputError, spelled
+from omniservo.hardware.ros2.commands import ArmCommands, TrajectoryCommands, TwistCommands, VelocityCommands
+from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.ros2_arm import Ros2Arm
+from omniservo.hardware.ros2.ros2_camera import Ros2Camera
+from omniservo.robots import Arm
+
+KINDS = ("trajectory", "velocity", "twist")
+"""what an arm can be commanded by"""
+
+
+def network_of(address: str) -> DdsNetwork:
+    """Return the network of an address: "", DOMAIN, or DOMAIN@INTERFACE; localhost is this machine alone.
+
+    Raises:
+        InputError: not such an address.
+    """
+    domain, _, interface = address.partition("@")
+    if domain and not domain.isdecimal():
+        raise InputError(f"address: {spelled(address)} given; legal: DOMAIN or DOMAIN@INTERFACE, 0@eth0")
+    number = int(domain) if domain else None
+    return DdsNetwork.localhost(number) if interface == "localhost" else DdsNetwork(number, interface)
+
+
+def open_ros2_arm(
+    address: str,
+    joint_names: tuple[str, ...],
+    arm: Arm,
+    *,
+    commands: str = "trajectory",
+    topic: str = "",
+    joint_states: str = "/joint_states",
+    watchdog: float | None = None,
+    frame: str = "base_link",
+    patience: float = 5.0,
+) -> Ros2Arm:
+    """Connect to an arm.
+
+    Args:
+        address: see `network_of`.
+        joint_names: as the joint states have them, in the order of all arrays.
+        arm: its kinematics and limits.
+        commands: trajectory (joint_trajectory_controller), velocity (forward_velocity_controller, whose
+            ``joints`` are taken to be these in this order) or twist (MoveIt Servo).
+        topic: of the commands; "": the controller's default.
+        joint_states: their topic.
+        watchdog: of velocity and twist, which need one of the user's own [s].
+        frame: of twist: the arm's base frame.
+        patience: for a first state [s].
+
+    Raises:
+        InputError: see `Ros2Arm`; other commands.
+        ConnectionLost: nobody there.
+    """
+    return Ros2Arm(
+        joint_names,
+        arm.joint_acceleration,
+        _commands(commands, topic, joint_names, arm, watchdog, frame),
+        joint_states=joint_states,
+        network=network_of(address),
+        patience=patience,
+    )
+
+
+def open_ros2_camera(topic: str, address: str, joint_states: str) -> Ros2Camera:
+    """Connect to a camera, whose clock is that of the joint states.
+
+    Raises:
+        InputError, ConnectionLost: see `Ros2Camera`.
+    """
+    return Ros2Camera(topic, clock_topic=joint_states, network=network_of(address))
+
+
+def _commands(
+    kind: str, topic: str, names: tuple[str, ...], arm: Arm, watchdog: float | None, frame: str
+) -> ArmCommands:
+    if kind not in KINDS:
+        raise InputError(f"options: commands: {spelled(kind)} given; legal: {', '.join(KINDS)}")
+    found: TrajectoryCommands | VelocityCommands | TwistCommands = TrajectoryCommands()
+    if kind == "velocity":
+        found = VelocityCommands(names, watchdog)
+    if kind == "twist":
+        found = TwistCommands(arm, frame, watchdog)
+    return replace(found, topic=topic) if topic else found

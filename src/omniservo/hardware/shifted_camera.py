@@ -1,0 +1,28 @@
+"""A camera whose stamps are corrected by what was measured of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from omniservo.robots import CameraImage, CameraSource
+
+
+class ShiftedCamera:
+    """A `CameraSource` with an offset added to the stamps of another.
+
+    Args:
+        camera: the other.
+        offset: added to the time of its images [s].
+    """
+
+    def __init__(self, camera: CameraSource, offset: float) -> None:
+        self._camera, self._offset = camera, offset
+
+    def image(self) -> CameraImage | None:
+        """Return the newest delivered frame; None before the first one arrives."""
+        image = self._camera.image()
+        return None if image is None else replace(image, time=image.time + self._offset)
+
+    def close(self) -> None:
+        """End the connection to the camera; a second call does nothing."""
+        self._camera.close()

@@ -1,0 +1,63 @@
+"""A task as it is done on a real robot: with its arm, mount and camera, from where the arm now stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.robots import Arm
+from omniservo.runs.begun_elsewhere import begun_at
+from omniservo.scenes import Scene, scene_of_task
+from omniservo.tasks import RobotFile, Task
+from omniservo.tasks.sensor import SensorSection
+from omniservo.tasks.simulation import SimulationSection
+
+
+def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tuple[Task, Scene]:
+    """Return task and scene for a real arm that stands in ``joints`` (n,) [rad].
+
+    Everything that the task states stays where it is in the arm's base frame; what its camera and its start
+    were is replaced by the robot's. Its time limit grows by what the arm is slowed down.
+
+    Raises:
+        InputError: the task moves obstacles itself; both state a workspace; the joints are out of range.
+    """
+    if task.moves:
+        raise InputError(f"{task.name}: moves: obstacles are moved by the simulator alone")
+    if robot.workspace is not None and task.planning.workspace is not None:
+        raise InputError(f"{task.name}: planning.workspace: the robot file states one too; legal: one")
+    margins = arm.limit_margins(joints)
+    if margins.min() < 0.0:
+        worst = int(margins.argmin())
+        raise InputError(
+            f"the arm's joint {arm.joint_names[worst]} is at {np.rad2deg(joints[worst]):.1f} deg, out of the "
+            f"range in {arm.path.name}: another arm's file, or another zero?"
+        )
+    world_T_base = RigidTransform.from_translation(np.asarray(task.arm.foot))
+    flange_T_camera = robot.arm.flange_T_camera.transform
+    world_T_here = world_T_base * arm.base_T_flange(joints) * flange_T_camera
+    begun = begun_at(task, world_T_here, joints, 0.0)
+    planning, lens = begun.planning, robot.camera
+    if robot.workspace is not None:
+        stated = robot.workspace.transformed(world_T_here.inv() * world_T_base)
+        planning = planning.model_copy(update={"workspace": stated})
+    begun = begun.model_copy(
+        update={
+            "arm": robot.arm.model_copy(update={"foot": task.arm.foot}),
+            "camera": lens.calibration,
+            "sensor": SensorSection(
+                rate=lens.rate,
+                latency=max(SensorSection().latency, 0.5 * (lens.exposure + lens.readout)),
+                exposure=lens.exposure,
+                readout=lens.readout,
+            ),
+            "simulation": SimulationSection(),
+            "planning": planning,
+            "servo": task.servo.model_copy(update={"time_limit": task.servo.time_limit / robot.speed}),
+        }
+    )
+    return begun, replace(scene_of_task(begun), arm=arm, start_joints=joints)

@@ -1,0 +1,143 @@
+"""Opening the cell of a real robot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError, NotInControl, ProtectiveStop, spelled
+from omniservo.geometry.arrays import FloatArray
+from omniservo.hardware import ArmAddress, ArmConnection
+from omniservo.hardware.camera_sources import open_camera
+from omniservo.hardware.shifted_camera import ShiftedCamera
+from omniservo.robots import Arm, ArmMode, CameraSource, next_image
+from omniservo.runs.hardware_cell import HardwareCell
+from omniservo.runs.on_robot import on_robot
+from omniservo.scenes import Scene
+from omniservo.tasks import RobotFile, Task
+
+PATIENCE = 10.0
+"""So long is waited for a first image [s]."""
+
+
+def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConnection:
+    """Connect to the arm of a robot file.
+
+    Args:
+        robot: the file.
+        arm: as loaded of it.
+        driver: replaces the file's; ``FILE.py:CLASS`` runs that file's code.
+
+    Raises:
+        InputError: nobody there, other joints, or an arm that would go on moving if this program fell silent.
+        ConnectionLost: the connection was lost before the first state.
+    """
+    if driver is None and ".py:" in robot.driver:
+        raise InputError(
+            f"driver: {spelled(robot.driver)} given; a robot file runs no code: --driver FILE.py:CLASS does"
+        )
+    names = robot.driver_names(arm)
+    connection = ArmAddress(driver or robot.driver, robot.address, names, arm, robot.options).open()
+    if connection.watchdog is None and robot.watchdog is None:
+        connection.close()
+        raise InputError(
+            f"driver: {robot.driver} cannot promise that the arm stops when commands cease; state the "
+            "watchdog of your own that stops it, in seconds (watchdog: 0.1), or choose another driver"
+        )
+    return connection
+
+
+def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> CameraSource:
+    """Connect to the camera of a robot file; its images have the size that its calibration states.
+
+    Args:
+        robot: the file.
+        offset: added to the stamps of its images [s], as `measure_delay` finds it.
+
+    Raises:
+        InputError: nobody there, no images, or of another size.
+    """
+    lens = robot.camera.calibration
+    with ExitStack() as opened:
+        camera = ShiftedCamera(_camera_at(robot), offset)
+        opened.callback(camera.close)
+        rows, columns = next_image(camera, time.sleep, patience=PATIENCE).pixels.shape
+        if (columns, rows) != (lens.width, lens.height):
+            raise InputError(
+                f"camera.source: {robot.camera.source}: images of {columns}×{rows} px; the calibration is of "
+                f"{lens.width}×{lens.height} px: another camera, or another setting of it"
+            )
+        opened.pop_all()
+    return camera
+
+
+def _camera_at(robot: RobotFile) -> CameraSource:
+    """Return the camera at the file's URI."""
+    scheme, _, topic = robot.camera.source.partition(":")
+    if scheme != "ros2":
+        return open_camera(robot.camera.source)
+    from omniservo.hardware.ros2.open_ros2 import open_ros2_camera
+
+    ros = robot.driver == "ros2"
+    states = str(robot.options.get("joint_states", "/joint_states")) if ros else ""
+    return open_ros2_camera(topic, robot.address if ros else "", states)
+
+
+def open_hardware(
+    task: Task,
+    robot: RobotFile,
+    approve: Callable[[str], None],
+    driver: str | None = None,
+    offset: float = 0.0,
+) -> tuple[Task, HardwareCell]:
+    """Return the task as it is done on the robot from where its arm now stands, and the cell to do it in.
+
+    Args:
+        task: the job.
+        robot: what it is done with.
+        approve: told what the arm is about to do; raises where it may not.
+        driver: replaces the file's.
+        offset: of the camera's stamps [s].
+
+    Raises:
+        InputError: see `on_robot`, `open_robot`, `open_robot_camera`.
+        ServoStop: the arm may not be moved: protective stop, or somebody else is in control.
+    """
+    arm = robot.loaded_arm()
+    with ExitStack() as opened:
+        connection = open_robot(robot, arm, driver)
+        opened.callback(connection.close)
+        begun, scene = on_robot(task, robot, arm, _joints(connection))
+        cell = HardwareCell(scene, connection, open_robot_camera(robot, offset), approve)
+        opened.pop_all()
+    return begun, cell
+
+
+def open_bare(robot: RobotFile, approve: Callable[[str], None], driver: str | None = None) -> HardwareCell:
+    """Return the cell of a robot without a task.
+
+    Raises:
+        InputError, ServoStop: as `open_hardware`.
+    """
+    arm = robot.loaded_arm()
+    with ExitStack() as opened:
+        connection = open_robot(robot, arm, driver)
+        opened.callback(connection.close)
+        mount, lens = robot.arm.flange_T_camera.transform, robot.camera.calibration
+        scene = Scene(arm, RigidTransform.identity(), mount, lens, _joints(connection))
+        cell = HardwareCell(scene, connection, open_robot_camera(robot), approve)
+        opened.pop_all()
+    return cell
+
+
+def _joints(connection: ArmConnection) -> FloatArray:
+    """Return the joints (n,) [rad] of an arm that may be moved."""
+    state = connection.read()
+    if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
+        raise ProtectiveStop(f"the arm is in {state.mode.replace('_', ' ')}; release it at the pendant")
+    if state.mode is ArmMode.NOT_IN_CONTROL:
+        raise NotInControl("the arm is not under this program's control: see its pendant")
+    return state.joint_positions

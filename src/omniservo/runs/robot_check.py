@@ -1,0 +1,195 @@
+"""Whether a robot is fit to be moved: its clocks and rates, where it stands, and what stops it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from omniservo.errors import ServoStop
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import FloatArray
+from omniservo.hardware import ArmConnection
+from omniservo.robots import CAMERA_HOUSING, SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
+from omniservo.safety import SafetyOptions
+
+SECONDS = 3.0
+"""that states and images are listened to"""
+
+SLOW = math.radians(1.0)
+"""at which one joint moves for the proof of the watchdog [rad/s]"""
+
+STILL = math.radians(0.1)
+"""A joint slower than this stands [rad/s]."""
+
+PATIENCE = 1.0
+"""So long a joint may go on after the last command before this program stops it [s]."""
+
+ALLOWED = 0.15
+"""A joint must stand so long after the watchdog's time [s]."""
+
+LEAST_JOINT_RATE = 50.0
+"""[Hz]; slower states leave the supervisor blind for longer than its reaction"""
+
+NEAR = 0.2
+"""Gaps are measured up to this [m]."""
+
+_POLL = 5e-4
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class StreamTimes:
+    """How states or images came in."""
+
+    rate: float
+    """[Hz]"""
+    age_median: float
+    """from the stamp to the arrival [s]; what every message needs at least is not seen where clocks differ"""
+    age_p99: float
+    """99% came sooner [s]"""
+    jitter: float
+    """standard deviation of the time between two arrivals [s]"""
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class RobotCheck:
+    """What was found."""
+
+    joints: StreamTimes
+    images: StreamTimes | None
+    """None: none came"""
+    self_clearance: float
+    """smallest gap between parts of the arm, where it stands [m]"""
+    stop_seconds: float | None
+    """from the last command until the joint that moved stood [s]; None: not tried"""
+    findings: tuple[str, ...]
+    """what must be mended before the arm is moved; none: it is fit"""
+
+
+def check_robot(
+    arm: Arm,
+    connection: ArmConnection,
+    camera: CameraSource,
+    approve: Callable[[str], None],
+    watchdog: float | None,
+) -> RobotCheck:
+    """Listen to a robot, then move one joint at 1°/s, fall silent, and see it stop.
+
+    Args:
+        arm: as its file has it.
+        connection: to it; use it no more afterwards: the watchdog may have ended it.
+        camera: on its flange.
+        approve: told what the arm is about to do; raises where it may not.
+        watchdog: after which something of the user's own stops the arm [s]; None: the connection's.
+
+    Raises:
+        NoSolutionError: it may not move.
+        ServoStop: the connection was lost, or data that are none.
+    """
+    joints, images = _listened(connection, camera)
+    state = connection.read()
+    findings = [
+        *_findings(joints, images),
+        *([] if arm.within_limits(state.joint_positions) else ["a joint is out of the arm file's range"]),
+    ]
+    if state.mode is not ArmMode.READY:
+        findings.append(f"the arm is in {state.mode.replace('_', ' ')}")
+    gap = _self_clearance(arm, state.joint_positions)
+    if gap < SELF_CLEARANCE:
+        findings.append(f"parts of the arm are {1e3 * gap:.1f} mm apart: another arm file, or another zero?")
+    stopped = None
+    if not findings:
+        promised = watchdog if connection.watchdog is None else connection.watchdog
+        stopped, more = _watchdog_proof(arm, connection, approve, promised or 0.0)
+        findings += more
+    return RobotCheck(joints, images, gap, stopped, tuple(findings))
+
+
+def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
+    options, found = SafetyOptions(), []
+    if joints.rate < LEAST_JOINT_RATE:
+        found.append(f"joint states come {joints.rate:.0f} times a second; at least {LEAST_JOINT_RATE:g}")
+    if joints.age_p99 > options.joint_age:
+        found.append(f"1% of the joint states are older than {joints.age_p99:.3f} s; {options.joint_age:g} s")
+    if images is None:
+        found.append("no images come")
+    elif images.age_p99 > options.image_age:
+        found.append(f"1% of the images are older than {images.age_p99:.3f} s; {options.image_age:g} s")
+    return found
+
+
+def _listened(connection: ArmConnection, camera: CameraSource) -> tuple[StreamTimes, StreamTimes | None]:
+    """Return how states and images come in."""
+    states: list[tuple[float, float]] = []
+    frames: list[tuple[float, float]] = []
+    end = time.monotonic() + SECONDS
+    while (now := time.monotonic()) < end:
+        stamp, image = connection.read().time, camera.image()
+        if not states or stamp > states[-1][0]:
+            states.append((stamp, now))
+        if image is not None and (not frames or image.time > frames[-1][0]):
+            frames.append((image.time, now))
+        time.sleep(_POLL)
+    found = _stream_times(states)
+    if found is None:
+        raise ServoStop(f"{len(states)} joint states came in {SECONDS:g} s")
+    return found, _stream_times(frames)
+
+
+def _stream_times(arrivals: list[tuple[float, float]]) -> StreamTimes | None:
+    if len(arrivals) < 3:
+        return None
+    stamps, came = np.array(arrivals).T
+    ages, steps = came - stamps, np.diff(came)
+    return StreamTimes(
+        rate=float(1.0 / np.mean(np.diff(stamps))),
+        age_median=float(np.median(ages)),
+        age_p99=float(np.quantile(ages, 0.99)),
+        jitter=float(np.std(steps)),
+    )
+
+
+def _self_clearance(arm: Arm, joints: FloatArray) -> float:
+    """Return the smallest gap [m] between parts of the arm, of those that are nearer than `NEAR`."""
+    bodies = ArmBodies(arm, mounted=CAMERA_HOUSING)
+    bodies.place(joints)
+    return min((each.gap for each in bodies.near(NEAR)), default=NEAR)
+
+
+def _watchdog_proof(
+    arm: Arm, connection: ArmConnection, approve: Callable[[str], None], promised: float
+) -> tuple[float | None, list[str]]:
+    """Return how long after the last command the joint stood [s], and what is wrong."""
+    joint = arm.dof - 1
+    name, before = arm.joint_names[joint], connection.read().joint_positions[joint]
+    sign = 1.0 if before < arm.joint_range[joint].mean() else -1.0
+    approve(f"turn {name} at {math.degrees(SLOW):g} deg/s for half a second, then fall silent")
+    velocities = np.zeros(arm.dof)
+    velocities[joint] = sign * SLOW
+    last = begin = time.monotonic()
+    try:
+        while time.monotonic() < begin + 0.5:
+            connection.command(velocities)
+            last = time.monotonic()
+            time.sleep(5e-3)
+        moved = sign * (connection.read().joint_positions[joint] - before)
+        if moved < 0.2 * SLOW * 0.5:
+            return None, [f"{name} was sent by 0.5 deg and turned by {math.degrees(moved):.2f} deg"]
+        while time.monotonic() < last + PATIENCE:
+            state = connection.read()
+            if state.time > last and abs(state.joint_velocities[joint]) < STILL:
+                break
+            time.sleep(1e-3)
+        stood = time.monotonic() - last
+    finally:
+        connection.stop()
+    if stood > promised + ALLOWED:
+        return stood, [
+            f"{name} went on for {stood:.2f} s after the last command; the watchdog promises {promised:g} s"
+        ]
+    return stood, []

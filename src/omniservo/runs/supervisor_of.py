@@ -1,0 +1,19 @@
+"""What alone commands a cell's arm while it moves."""
+
+from __future__ import annotations
+
+from omniservo.runs.robot_cell import RobotCell
+from omniservo.safety import SafetyOptions, Supervisor
+
+
+def supervisor_of(cell: RobotCell, options: SafetyOptions) -> Supervisor:
+    """Return the supervisor of a cell's arm, which stands still, and of its camera."""
+    return Supervisor(
+        cell.driver,
+        cell.scene.arm,
+        cell.scene.flange_T_camera,
+        camera=cell.camera,
+        wait=cell.wait,
+        clock=cell.clock,
+        options=options,
+    )

@@ -1,0 +1,199 @@
+"""Tasks on real robots: where things are seen from there, and who is refused before anything moves."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError, NotInControl, ProtectiveStop
+from omniservo.hardware.rtde.server import UrStandIn
+from omniservo.robots import ArmMode, RobotState
+from omniservo.runs.on_robot import on_robot
+from omniservo.runs.open_hardware import open_hardware, open_robot
+from omniservo.runs.robot_records import require_check, save_check
+from omniservo.scenes import scene_of_task
+from omniservo.tasks import load_robot, load_task
+
+TASK = load_task("ur5e-table")
+MOUNT = TASK.arm.flange_T_camera.transform
+
+
+@pytest.fixture
+def robot_file(tmp_path):
+    """Write a robot file with the task's arm, mount and camera."""
+
+    def write(**changes):
+        camera = {"source": f"folder:{tmp_path}/images?rate=30", "calibration": TASK.camera.to_dict()}
+        arm = {
+            "model": TASK.arm.model,
+            "flange_T_camera": {
+                "translation": MOUNT.translation.tolist(),
+                "quaternion": MOUNT.rotation.as_quat().tolist(),
+            },
+        }
+        fields = {"format": "omniservo.robot/1", "driver": "rtde", "arm": arm, "camera": camera, **changes}
+        path = tmp_path / "robot.yaml"
+        path.write_text(yaml.safe_dump(fields))
+        return path
+
+    return write
+
+
+class StandingArm:
+    """An arm that stands, in a mode."""
+
+    def __init__(self, joints, mode=ArmMode.READY):
+        self.joints, self.mode = np.array(joints), mode
+        self.commands = []
+
+    def read(self):
+        return RobotState(time.monotonic(), self.joints, np.zeros(6), self.mode)
+
+    def command(self, joint_velocities):
+        self.commands.append(np.array(joint_velocities))
+
+    def stop(self):
+        pass
+
+    def close(self):
+        pass
+
+
+def test_everything_stays_where_it_is_in_the_arms_base_frame(robot_file):
+    scene = scene_of_task(TASK)
+    joints = scene.start_joints + np.deg2rad([3.0, -2.0, 4.0, 1.0, 2.0, -5.0])
+    robot = load_robot(robot_file())
+    begun, there = on_robot(TASK, robot, robot.loaded_arm(), joints)
+    assert np.array_equal(there.start_joints, joints)
+    for before, after in zip(scene.bodies, there.bodies, strict=True):
+        assert np.allclose(before.world_T_box.as_matrix(), after.world_T_box.as_matrix(), atol=1e-9)
+    goals = [
+        task.start.world_T_camera.transform * task.teach.initial_T_goal.transform for task in (TASK, begun)
+    ]
+    assert np.allclose(goals[0].as_matrix(), goals[1].as_matrix(), atol=1e-9)
+    assert np.allclose(
+        there.world_T_camera(joints).as_matrix(), begun.start.world_T_camera.transform.as_matrix()
+    )
+    assert np.allclose(there.arm.joint_speed, 0.1 * scene.arm.joint_speed)
+    assert begun.servo.time_limit == pytest.approx(10.0 * TASK.servo.time_limit)
+
+
+def test_a_workspace_of_the_robot_file_is_in_the_base_frame(robot_file):
+    box = {"min": [-1.0, -1.0, 0.1], "max": [1.0, 1.0, 1.2]}
+    robot = load_robot(robot_file(workspace=box))
+    joints = scene_of_task(TASK).start_joints
+    plain = TASK.model_copy(update={"planning": TASK.planning.model_copy(update={"workspace": None})})
+    begun, _ = on_robot(plain, robot, robot.loaded_arm(), joints)
+    world_T_base = RigidTransform.from_translation(np.asarray(TASK.arm.foot))
+    here_T_base = begun.start.world_T_camera.transform.inv() * world_T_base
+    sides = begun.planning.workspace.workspace.half_spaces
+    inside, outside = here_T_base.apply([[0.9, 0.9, 0.2], [0.9, 0.9, 0.0]])
+    assert len(sides) == 6
+    assert all(side.normal @ inside > side.offset for side in sides)
+    assert any(side.normal @ outside < side.offset for side in sides)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda task: load_task("moving-panel"), "moves: obstacles are moved by the simulator alone"),
+        (lambda task: task, r"joint elbow is at 1000\.0 deg, out of the range"),
+    ],
+)
+def test_what_cannot_be_done_on_a_robot_is_refused(robot_file, change, message):
+    robot = load_robot(robot_file())
+    joints = scene_of_task(TASK).start_joints.copy()
+    joints[2] = np.deg2rad(1000.0)
+    with pytest.raises(InputError, match=message):
+        on_robot(change(TASK), robot, robot.loaded_arm(), joints)
+
+
+def serving(mode=ArmMode.READY):
+    return UrStandIn(StandingArm(scene_of_task(TASK).start_joints, mode))
+
+
+def opened(robot_file, server, **changes):
+    """Open the task on a stand-in; fail where anything is about to move."""
+    path = robot_file(address=server.address, **{"options": _ports(server), **changes})
+    return open_hardware(TASK, load_robot(path), lambda motion: pytest.fail(motion))
+
+
+@pytest.mark.parametrize(
+    ("mode", "stop"), [(ArmMode.PROTECTIVE_STOP, ProtectiveStop), (ArmMode.NOT_IN_CONTROL, NotInControl)]
+)
+def test_an_arm_that_may_not_move_is_refused_by_name(robot_file, mode, stop):
+    with serving(mode) as server, pytest.raises(stop):
+        opened(robot_file, server, options={**_ports(server), "send_program": False})
+
+
+def _ports(server):
+    return {"script_port": server.ports.scripts[0], "dashboard_port": server.ports.dashboard}
+
+
+def test_images_of_another_size_are_another_camera(robot_file, tmp_path):
+    from omniservo.files.image_files import write_png
+
+    (tmp_path / "images").mkdir()
+    for number in range(9):
+        write_png(np.full((48, 64), 20 * number, np.uint8), tmp_path / "images" / f"{number}.png")
+    with serving() as server, pytest.raises(InputError, match=r"images of 64×48 px; the calibration is of"):
+        opened(robot_file, server)
+
+
+def test_a_wrong_joint_name_is_refused_with_those_that_the_arm_has(robot_file):
+    with serving() as server, pytest.raises(InputError, match=r"ellbow.*elbow"):
+        opened(robot_file, server, joints={"elbow": "ellbow"})
+
+
+def test_nobody_at_the_address_is_one_message(robot_file):
+    robot = load_robot(robot_file(address="127.0.0.1:9", options={"patience": 0.2}))
+    with pytest.raises(InputError, match=r"127\.0\.0\.1:9"):
+        open_robot(robot, robot.loaded_arm())
+
+
+def test_a_driver_without_a_watchdog_is_refused_unless_one_is_stated(robot_file, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "class Arm:\n"
+        "    watchdog = None\n"
+        "    def __init__(self, address, joint_names): self.joint_names = joint_names\n"
+        "    def close(self): self.closed = True\n"
+    )
+    own = f"{tmp_path / 'own.py'}:Arm"
+    robot = load_robot(robot_file())
+    with pytest.raises(InputError, match="cannot promise that the arm stops when commands cease"):
+        open_robot(robot, robot.loaded_arm(), own)
+    robot = load_robot(robot_file(watchdog=0.2))
+    assert open_robot(robot, robot.loaded_arm(), own).joint_names == robot.loaded_arm().joint_names
+
+
+@pytest.mark.parametrize("driver", ["os:system", "rdte", "../own.py", "subprocess"])
+def test_a_robot_file_names_drivers_and_runs_no_code(robot_file, driver):
+    robot = load_robot(robot_file(driver=driver))
+    with pytest.raises(InputError, match=r"driver: .* given; legal: rtde, ros2"):
+        open_robot(robot, robot.loaded_arm())
+
+
+def test_a_driver_file_in_a_robot_file_is_not_run(robot_file, tmp_path):
+    (tmp_path / "own.py").write_text("raise SystemExit('this code was run')\n")
+    robot = load_robot(robot_file(driver=f"{tmp_path / 'own.py'}:Arm"))
+    with pytest.raises(InputError, match=r"--driver FILE\.py:CLASS"):
+        open_robot(robot, robot.loaded_arm())
+
+
+def test_a_run_needs_a_fresh_check_of_the_same_file(robot_file):
+    path = robot_file()
+    with pytest.raises(InputError, match="not checked yet; run: omniservo robot check"):
+        require_check(path)
+    kept = save_check(path)
+    require_check(path)
+    robot_file(speed=0.5)
+    with pytest.raises(InputError, match="changed since it was checked"):
+        require_check(path)
+    save_check(path)
+    document = json.loads(kept.read_text())
+    kept.write_text(json.dumps({**document, "time": document["time"] - 30.0 * 3600.0}))
+    with pytest.raises(InputError, match="checked 30 h ago; at most 24 h"):
+        require_check(path)
