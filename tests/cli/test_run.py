@@ -12,8 +12,8 @@ from tests.cli.test_command_line import written
 from omniservo.cli.main import main
 from omniservo.files import read_document
 from omniservo.reporting.metric_meanings import meaning_of
-from omniservo.runs import look_again, run_task
-from omniservo.runs.run_task import see
+from omniservo.runs import look_again, planned_job
+from omniservo.runs.see import see
 from omniservo.shipped_tasks import task_file
 
 
@@ -37,7 +37,7 @@ def ran(tmp_path_factory):
         outputs.enter_context(contextlib.redirect_stdout(out))
         outputs.enter_context(contextlib.redirect_stderr(err))
         patch.chdir(folder)
-        patch.setitem(run_task.__globals__, "see", counted(see))
+        patch.setattr(planned_job, "see", counted(see))
         patch.setattr(look_again, "plan_task", counted(look_again.plan_task))
         main_ends(["run", str(written(folder / "task.yaml", document)), "--no-film"])
     return folder, out.getvalue(), err.getvalue(), calls

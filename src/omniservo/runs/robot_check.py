@@ -105,7 +105,7 @@ def check_robot(
     stopped = None
     if not findings:
         promised = watchdog if connection.watchdog is None else connection.watchdog
-        stopped, more = _watchdog_proof(arm, connection, approve, promised or 0.0)
+        stopped, more = watchdog_proof(arm, connection, approve, promised or 0.0)
         findings += more
     return RobotCheck(joints, images, gap, stopped, tuple(findings))
 
@@ -161,10 +161,20 @@ def _self_clearance(arm: Arm, joints: FloatArray) -> float:
     return min((each.gap for each in bodies.near(NEAR)), default=NEAR)
 
 
-def _watchdog_proof(
+def watchdog_proof(
     arm: Arm, connection: ArmConnection, approve: Callable[[str], None], promised: float
 ) -> tuple[float | None, list[str]]:
-    """Return how long after the last command the joint stood [s], and what is wrong."""
+    """Turn the last joint at 1°/s for half a second, fall silent, and see it stop.
+
+    Args:
+        arm: its kinematics and limits.
+        connection: to it, standing still.
+        approve: told what the arm is about to do; raises where it may not.
+        promised: after the last command the arm begins to stop [s].
+
+    Returns:
+        How long after the last command the joint stood [s], None where it did not move; what is wrong.
+    """
     joint = arm.dof - 1
     name, before = arm.joint_names[joint], connection.read().joint_positions[joint]
     sign = 1.0 if before < arm.joint_range[joint].mean() else -1.0

@@ -73,21 +73,21 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
         ServoStop: what stopped the arm.
     """
     arm = cell.scene.arm
-    chosen, size = swing_joints(arm), _amplitude(arm)
+    chosen, size = swing_joints(arm), swing_size(arm)
     cell.approve(
         f"swing {arm.joint_names[chosen[0]]} and {arm.joint_names[chosen[1]]} by {math.degrees(size):.1f} "
         f"deg either way for {SECONDS:g} s"
     )
     recorded = _recorded(cell, options, chosen, size)
-    tracks = _tracked(recorded.images)
+    tracks = tracked(recorded.images)
     views = DelayViews(np.array(recorded.stamps), tracks, recorded.history)
     found = camera_delay(cell.scene.camera, arm, cell.scene.flange_T_camera, views)
-    lag, sigma = _lag(recorded, chosen)
+    lag, sigma = actuation_lag(recorded, chosen)
     return RobotDelay(found, lag, sigma, len(tracks))
 
 
 @dataclass
-class _Recorded:
+class Recorded:
     """What came in while the joints swung."""
 
     history: JointHistory
@@ -97,7 +97,7 @@ class _Recorded:
     images: list[ByteArray]
 
 
-def _amplitude(arm: Arm) -> float:
+def swing_size(arm: Arm) -> float:
     """Return how far the joints swing, so that speeds and accelerations keep their limits [rad]."""
     rows = list(swing_joints(arm))
     fastest = 2.0 * math.pi * max(FREQUENCIES)
@@ -105,15 +105,15 @@ def _amplitude(arm: Arm) -> float:
     return float(min(AMPLITUDE, LIMITS_USED * speed / fastest, LIMITS_USED * acceleration / fastest**2))
 
 
-def _recorded(cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], size: float) -> _Recorded:
+def _recorded(cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], size: float) -> Recorded:
     """Swing the joints, and return what came in; the arm stands still on return."""
     supervisor = supervisor_of(cell, options)
     begin = supervisor.read()
-    found = _Recorded(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [])
+    found = Recorded(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [])
     try:
         while (passed := supervisor.read().time - begin.time) < SECONDS:
             _take_in(found, supervisor.read(), supervisor.image())
-            wanted, speeds = _swing(begin.joint_positions, chosen, size, passed)
+            wanted, speeds = swing(begin.joint_positions, chosen, size, passed)
             speeds += 2.0 * (wanted - found.states[-1].joint_positions)
             supervisor.command(speeds)
             found.sent.append((found.states[-1].time, speeds))
@@ -126,7 +126,7 @@ def _recorded(cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], 
     return found
 
 
-def _take_in(found: _Recorded, state: RobotState, image: CameraImage | None) -> None:
+def _take_in(found: Recorded, state: RobotState, image: CameraImage | None) -> None:
     found.states.append(state)
     found.history.add(state)
     if image is not None and (not found.stamps or image.time > found.stamps[-1]):
@@ -134,20 +134,26 @@ def _take_in(found: _Recorded, state: RobotState, image: CameraImage | None) -> 
         found.images.append(image.pixels)
 
 
-def _swing(
+def swing(
     begin: FloatArray, chosen: tuple[int, int], size: float, time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the joints (n,) [rad] at ``time`` [s] of the swing, and their speeds [rad/s]."""
+    """Return the joints (n,) [rad] at ``time`` [s] of the swing, and their speeds [rad/s].
+
+    q = sin²(π t/T) A sin(2π f t): at rest at both ends.
+    """
     wanted, speeds = begin.copy(), np.zeros_like(begin)
-    ramp = min(1.0, time / 0.5, (SECONDS - time) / 0.5)
+    phase = math.pi * time / SECONDS
     for joint, frequency in zip(chosen, FREQUENCIES, strict=True):
-        angle = 2.0 * math.pi * frequency * time
-        wanted[joint] += ramp * size * math.sin(angle)
-        speeds[joint] = ramp * size * 2.0 * math.pi * frequency * math.cos(angle)
+        rate = 2.0 * math.pi * frequency
+        wanted[joint] += size * math.sin(phase) ** 2 * math.sin(rate * time)
+        speeds[joint] = size * (
+            math.sin(phase) ** 2 * rate * math.cos(rate * time)
+            + math.sin(2.0 * phase) * (math.pi / SECONDS) * math.sin(rate * time)
+        )
     return wanted, speeds
 
 
-def _tracked(images: list[ByteArray]) -> FloatArray:
+def tracked(images: list[ByteArray]) -> FloatArray:
     """Return where points of the first image are in each (k, n, 2) [px]; NaN where they are lost.
 
     Points are corners; they are found in every image anew from the first (pyramidal Lucas–Kanade, OpenCV),
@@ -178,7 +184,7 @@ def _tracked(images: list[ByteArray]) -> FloatArray:
     return np.array(tracks)
 
 
-def _lag(recorded: _Recorded, chosen: tuple[int, int]) -> tuple[float, float]:
+def actuation_lag(recorded: Recorded, chosen: tuple[int, int]) -> tuple[float, float]:
     """Return how long after a command its speeds are measured [s], and the standard deviation of that.
 
     Minimises Σ ‖q̇(t) − u(t − L)‖² over L, u the commands, each in force until the next.

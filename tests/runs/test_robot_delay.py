@@ -1,0 +1,81 @@
+"""The parts of finding a robot's delay that need no wall clock: tracked points, and the drives' lag."""
+
+import cv2
+import numpy as np
+import pytest
+
+from omniservo.errors import NoSolutionError
+from omniservo.hardware import JointHistory
+from omniservo.robots import RobotState, load_arm
+from omniservo.runs.robot_delay import (
+    SECONDS,
+    Recorded,
+    actuation_lag,
+    swing,
+    swing_joints,
+    swing_size,
+    tracked,
+)
+
+ARM = load_arm("ur5e")
+
+
+def moved(shifts, shape=(240, 320)):
+    """Images of blurred noise that is shifted by shifts (k, 2) [px]."""
+    noise = np.random.default_rng(0).integers(0, 255, shape).astype(np.uint8)
+    texture = cv2.GaussianBlur(noise, (0, 0), 2.0)
+    texture = cv2.normalize(texture, None, 0, 255, cv2.NORM_MINMAX)
+    return [cv2.warpAffine(texture, np.array([[1.0, 0.0, u], [0.0, 1.0, v]]), shape[::-1]) for u, v in shifts]
+
+
+def test_points_are_tracked_to_a_fraction_of_a_pixel():
+    shifts = np.array([[0.0, 0.0], [3.3, -1.2], [9.6, 2.5], [-4.1, 6.2]])
+    tracks = tracked(moved(shifts))
+    kept = np.isfinite(tracks).all(axis=(0, 2))
+    kept &= (np.abs(tracks[0] - [160.0, 120.0]) < [120.0, 80.0]).all(axis=1)  # black comes in at the edges
+    assert kept.sum() > 10
+    assert np.abs(tracks[:, kept] - tracks[0, kept] - shifts[:, None]).max() < 0.2
+
+
+def test_a_point_that_is_covered_is_lost_and_not_invented():
+    images = moved(np.zeros((3, 2)))
+    first = tracked(images)[0]
+    covered = images[1].copy()
+    u, v = first[0].astype(int)
+    covered[max(v - 30, 0) : v + 30, max(u - 30, 0) : u + 30] = 128
+    tracks = tracked([images[0], covered, images[2]])
+    assert np.isnan(tracks[1, 0]).all()
+    assert tracks[2, 0] == pytest.approx(first[0], abs=0.1)
+
+
+def test_images_without_texture_are_refused():
+    with pytest.raises(NoSolutionError, match="no corners"):
+        tracked([np.full((50, 50), 90, np.uint8)] * 3)
+
+
+@pytest.mark.parametrize("lag", [0.012, 0.08])
+def test_the_drives_lag_is_found(lag):
+    chosen, rng = swing_joints(ARM), np.random.default_rng(1)
+    times = np.arange(0.0, SECONDS, 0.005)
+    speeds = np.array([swing(np.zeros(6), chosen, 0.03, time)[1] for time in times])
+    late = np.array([np.interp(times - lag, times, column) for column in speeds.T]).T
+    states = [
+        RobotState(float(t), np.zeros(6), v + rng.normal(0.0, 1e-3, 6))
+        for t, v in zip(times, late, strict=True)
+    ]
+    recorded = Recorded(JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], [])
+    found, sigma = actuation_lag(recorded, chosen)
+    assert found == pytest.approx(lag, abs=1e-3)
+    assert 0.0 < sigma < 1e-3
+
+
+def test_the_swing_keeps_the_joints_limits_and_ends_where_it_began():
+    for arm in (ARM, ARM.slowed(0.02), load_arm("panda")):
+        chosen, size = swing_joints(arm), swing_size(arm)
+        times = np.arange(0.0, SECONDS + 1e-9, 1e-3)
+        joints, speeds = zip(*(swing(np.zeros(arm.dof), chosen, size, t) for t in times), strict=True)
+        joints, speeds = np.array(joints), np.array(speeds)
+        assert (np.abs(np.diff(joints, axis=0)) <= 1e-3 * arm.joint_speed).all()
+        assert (np.abs(np.diff(joints, 2, axis=0)) <= 1e-6 * arm.joint_acceleration).all()
+        assert joints[[0, -1]] == pytest.approx(0.0, abs=1e-9)
+        assert np.abs(joints[1:] - joints[:-1] - 0.5e-3 * (speeds[1:] + speeds[:-1])).max() < 1e-3 * size
