@@ -153,3 +153,17 @@ def test_what_was_measured_before_a_release_is_not_held_against_the_drives(guard
 def test_joint_age_is_positive():
     with pytest.raises(InputError, match="joint_age"):
         replace(SafetyOptions(), joint_age=0.0)
+
+
+def test_after_a_silence_the_arm_is_told_to_stop_and_not_led_to_rest(on_clock, written):
+    supervisor = on_clock()
+    supervisor.command(SLOW)
+    supervisor.wait(0.2)
+    written.robot.stop()
+    written.advance(1.0)  # its own watchdog brought it to rest meanwhile
+    count = len(written.commands)
+    with pytest.raises(ServoStop) as stop:
+        supervisor.watch()
+    assert stop.value.reason == "slow_loop"
+    assert len(written.commands) == count
+    assert written.stops == 1

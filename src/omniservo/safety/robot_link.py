@@ -103,6 +103,11 @@ class RobotLink:
         self._time, self._waited = -np.inf, 0.0
 
     @property
+    def clocked(self) -> bool:
+        """Whether time passes beside what is waited for."""
+        return self._clock is not None
+
+    @property
     def now(self) -> float:
         """This instant on the clock of joints and images [s]: of the last reading where time stands else."""
         return self._time if self._clock is None else self._clock()

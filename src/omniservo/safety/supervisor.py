@@ -278,7 +278,9 @@ class Supervisor:
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
-        obeys = not isinstance(reason, ProtectiveStop | NotInControl)
+        # After a silence of this program the arm may rest by its own watchdog: it is not led from there.
+        silent = self._link.clocked and self._link.now - self._sent_time > self.options.reaction
+        obeys = not silent and not isinstance(reason, ProtectiveStop | NotInControl)
         try:
             try:
                 while obeys and self._sent.any():
