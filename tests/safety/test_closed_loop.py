@@ -37,7 +37,7 @@ class Commanding:
         """Where all points move to the right."""
         return np.tile([self.flow * time, 0.0], (9, 1)), np.ones(9, dtype=bool)
 
-    def step(self, time, pixels, valid):
+    def step(self, time, pixels, valid, acts_at=None):
         self._count += 1
         pose = self._start.inv() * self._robot.world_T_camera(self._robot.image().time)
         self.report = SimpleNamespace(

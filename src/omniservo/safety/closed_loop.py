@@ -20,6 +20,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.robots import CameraImage, RobotState
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.image_watch import ImageWatch
+from omniservo.safety.measured_delays import MeasuredDelays
 from omniservo.safety.moving_image import MovingImage
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Wish, as_stop
@@ -99,8 +100,16 @@ class Controller(Protocol):
         """Return where the points are expected at ``time`` [s]: (n, 2) [px], and which of them are."""
         ...
 
-    def step(self, time: float, pixels: FloatArray, valid: BoolArray) -> FloatArray:
+    def step(
+        self, time: float, pixels: FloatArray, valid: BoolArray, acts_at: float | None = None
+    ) -> FloatArray:
         """Return the camera twist (6,) for the points seen at ``time`` [s].
+
+        Args:
+            time: of the exposure.
+            pixels: (n, 2) [px].
+            valid: (n,) the points seen.
+            acts_at: the middle of the time in which the twist will act, as measured [s]; None: unknown.
 
         Raises:
             ServoStop: there is no twist to stand for.
@@ -209,6 +218,7 @@ class _Loop:
         self._moving = MovingImage(options, visibility.camera.height)
         self._image_watch = ImageWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._last = -np.inf
+        self._delays = MeasuredDelays(options.command_lag)
         self.start = np.nan
         """the time of the first image [s]"""
         self.commanded = False
@@ -219,6 +229,7 @@ class _Loop:
         supervisor, time = self._supervisor, image.time - self.start
         pixels, valid = self._found(image, time)
         state = supervisor.read()
+        self._delays.seen(image.time, supervisor.time)
         before = perf_counter()
         try:
             filtered = self._twist(image, time, pixels, valid)
@@ -229,6 +240,7 @@ class _Loop:
         wish = _towards(self._posture, self.start) if self._posture is not None and free else None
         self.commanded = True
         passed = supervisor.carry(filtered.twist, wish)
+        self._delays.commanded(supervisor.time)
         seconds = perf_counter() - before
         exposed = supervisor.history.at(np.array([image.time]))[0][0]
         return Step(time, image, exposed, state, pixels, valid, filtered, passed, seconds)
@@ -245,7 +257,7 @@ class _Loop:
     def _twist(self, image: CameraImage, time: float, pixels: FloatArray, valid: BoolArray) -> FilteredTwist:
         """Return the controller's twist, changed as little as keeps the points in view."""
         supervisor, controller = self._supervisor, self._controller
-        twist = controller.step(time, pixels, valid)
+        twist = controller.step(time, pixels, valid, time + self._delays.mean)
         report = controller.report
         if report is None or not np.isfinite(twist).all():
             raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
@@ -253,7 +265,7 @@ class _Loop:
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
         self._image_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
-        return self._visibility.step(points, pixels, valid, twist)
+        return self._visibility.step(points, pixels, valid, twist, self._delays.first)
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last; refuse one that is too old, or that does not come."""

@@ -30,76 +30,16 @@ STANDING = 0.06
 T = TypeVar("T")
 
 
-class RobotLink:
-    """Asks arm and camera and checks what they answer.
+class CameraLink:
+    """Asks a camera and checks what it answers.
 
     Args:
-        driver: of the arm.
-        camera: on its flange.
-        wait: lets the given time [s] pass.
-        dof: how many joints it must report.
-        clock: on which the arm's readings and the images are stamped [s], `time.monotonic` on a real robot;
-            None: time passes in ``wait`` alone, by as much as is waited.
+        camera: it is asked for images.
     """
 
-    def __init__(
-        self,
-        driver: ArmDriver,
-        camera: CameraSource,
-        wait: Callable[[float], None],
-        dof: int,
-        clock: Callable[[], float] | None = None,
-    ) -> None:
-        self._driver, self._camera, self._wait, self._dof = driver, camera, wait, dof
-        self._clock = clock
-        self._time, self._waited = -np.inf, 0.0
+    def __init__(self, camera: CameraSource) -> None:
+        self._camera = camera
         self._form: tuple[tuple[int, ...], np.dtype[np.uint8]] | None = None
-
-    def read(self) -> RobotState:
-        """Return the joints as they are now, in arrays of their own.
-
-        Raises:
-            RobotLost: the driver raised.
-            InvalidData: no state, or of another number of joints.
-            NotFinite: a number is not finite.
-            ClockFault: the robot's clock ran backwards, is ahead of the clock that it is to be on, or stands
-                still while time passes.
-        """
-        state = _checked(_answered("read", self._driver.read), self._dof)
-        before, self._time = self._time, state.time
-        if state.time < before - _ROUNDING:
-            raise ClockFault(f"the robot's clock ran backwards, from {before:.3f} to {state.time:.3f} s")
-        if state.time > before + _ROUNDING:
-            self._waited = 0.0
-        if self._clock is not None:
-            ahead = state.time - self._clock()
-            if ahead > STANDING:
-                raise ClockFault(f"the robot's joints are {ahead:.3f} s ahead of this machine's clock")
-        elif self._waited > STANDING:
-            raise ClockFault(
-                f"the robot's clock stands still at {state.time:.3f} s while {self._waited:.3f} s were waited"
-            )
-        return state
-
-    def refuse_old(self, state: RobotState, limit: float) -> None:
-        """Raise where joints are not to be acted on.
-
-        Args:
-            state: as it was read.
-            limit: how old it may be [s]; without a clock of its own, `read` sees to that.
-
-        Raises:
-            StaleJoints: it is older.
-            ProtectiveStop: the arm's controller stopped it.
-            NotInControl: the arm does not take commands from here.
-        """
-        if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
-            raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
-        if state.mode is not ArmMode.READY:
-            raise NotInControl("the arm's controller takes no commands from this program")
-        age = 0.0 if self._clock is None else self._clock() - state.time
-        if age > limit:
-            raise StaleJoints(f"the newest joint state is {age:.3f} s old; at most {limit:g} s is acted on")
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives.
@@ -129,6 +69,98 @@ class RobotLink:
             )
         return image
 
+    def close(self) -> None:
+        """End the connection to the camera.
+
+        Raises:
+            RobotLost: it raised.
+        """
+        _answered("close", self._camera.close)
+
+
+class RobotLink:
+    """Asks arm and camera and checks what they answer.
+
+    Args:
+        driver: of the arm.
+        camera: on its flange.
+        wait: lets the given time [s] pass.
+        dof: how many joints it must report.
+        clock: on which the arm's readings and the images are stamped [s], `time.monotonic` on a real robot;
+            None: time passes in ``wait`` alone, by as much as is waited.
+    """
+
+    def __init__(
+        self,
+        driver: ArmDriver,
+        camera: CameraSource,
+        wait: Callable[[float], None],
+        dof: int,
+        clock: Callable[[], float] | None = None,
+    ) -> None:
+        self._driver, self._camera, self._wait, self._dof = driver, CameraLink(camera), wait, dof
+        self._clock = clock
+        self._time, self._waited = -np.inf, 0.0
+
+    @property
+    def clocked(self) -> bool:
+        """Whether time passes beside what is waited for."""
+        return self._clock is not None
+
+    @property
+    def now(self) -> float:
+        """This instant on the clock of joints and images [s]: of the last reading where time stands else."""
+        return self._time if self._clock is None else self._clock()
+
+    def read(self) -> RobotState:
+        """Return the joints as they are now, in arrays of their own.
+
+        Raises:
+            RobotLost: the driver raised.
+            InvalidData: no state, or of another number of joints.
+            NotFinite: a number is not finite.
+            ClockFault: the robot's clock ran backwards, is ahead of the clock that it is to be on, or stands
+                still while time passes.
+        """
+        state = _checked(_answered("read", self._driver.read), self._dof)
+        ahead = -np.inf if self._clock is None else state.time - self._clock()
+        if ahead > STANDING:
+            raise ClockFault(f"the robot's joints are {ahead:.3f} s ahead of this machine's clock")
+        before, self._time = self._time, state.time
+        if state.time < before - _ROUNDING:
+            raise ClockFault(f"the robot's clock ran backwards, from {before:.3f} to {state.time:.3f} s")
+        if state.time > before + _ROUNDING:
+            self._waited = 0.0
+        if self._clock is None and self._waited > STANDING:
+            raise ClockFault(
+                f"the robot's clock stands still at {state.time:.3f} s while {self._waited:.3f} s were waited"
+            )
+        return state
+
+    def refuse_old(self, state: RobotState, limit: float) -> None:
+        """Raise where joints are not to be acted on.
+
+        Args:
+            state: as it was read.
+            limit: how old it may be [s]; without a clock of its own, `read` sees to that.
+
+        Raises:
+            StaleJoints: it is older.
+            ProtectiveStop: the arm's controller stopped it.
+            NotInControl: the arm does not take commands from here.
+        """
+        if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
+            raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
+        if state.mode is not ArmMode.READY:
+            raise NotInControl("the arm's controller takes no commands from this program")
+        age = 0.0 if self._clock is None else self._clock() - state.time
+        if age > limit:
+            raise StaleJoints(f"the newest joint state is {age:.3f} s old; at most {limit:g} s is acted on")
+
+    def image(self) -> CameraImage | None:
+        """Return the newest delivered frame, as `CameraLink.image`."""
+        return self._camera.image()
+
     def command(self, joint_velocities: FloatArray) -> None:
         """Pass joint velocities (n,) [rad/s] on.
 
@@ -154,7 +186,7 @@ class RobotLink:
         try:
             _answered("close", self._driver.close)
         finally:
-            _answered("close", self._camera.close)
+            self._camera.close()
 
     def wait(self, duration: float) -> float:
         """Let time [s] pass; return how much of it did [s].

@@ -38,6 +38,8 @@ class SafetyOptions:
 
     image_age: float = 0.25
     """An image older than this is not acted on, and stops the robot [s]."""
+    command_lag: float = 0.0
+    """From a command until the arm acts on it [s]; what drives and their controller are known to take"""
     joint_age: float = 0.05
     """A joint state older than this is not acted on, and stops the robot [s]; judged on the wall's clock."""
     reaction: float = 0.1
@@ -95,6 +97,7 @@ class SafetyOptions:
             "growing_px",
             "visibility_margin",
             "structure_error",
+            "command_lag",
             "exposure",
             "readout",
         ):

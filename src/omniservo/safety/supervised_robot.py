@@ -42,6 +42,11 @@ class SupervisedRobot(Protocol):
         """What the robot was stopped for, and has not been released from."""
         ...
 
+    @property
+    def time(self) -> float:
+        """This instant on the clock of joints and images [s]."""
+        ...
+
     def read(self) -> RobotState:
         """Return the newest reading of the joints."""
         ...

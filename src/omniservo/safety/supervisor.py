@@ -160,7 +160,9 @@ class Supervisor:
         self.stopped = None
         self._following = FollowingWatch(self.arm, self.options)  # what it knows of the drives was before
         with self._braking():
-            self._sent_time = self._seen_state().time
+            state = self._seen_state()
+            self.history.begin(state)
+            self._sent_time = state.time
 
     def command(self, joint_velocities: npt.ArrayLike) -> Passed:
         """Move with these joint velocities (n,) [rad/s], or as near to them as the limits allow.
@@ -209,6 +211,11 @@ class Supervisor:
             return passed
 
     @property
+    def time(self) -> float:
+        """This instant on the clock of joints and images [s]; without a clock, that of the last reading."""
+        return self._link.now
+
+    @property
     def moving(self) -> bool:
         """Whether it was sent velocities, or is led to some."""
         return bool(self._sent.any() or self._target.any())
@@ -246,6 +253,20 @@ class Supervisor:
                 self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
             self._pass(state, self._led_on(state))
 
+    def hold(self) -> None:
+        """Tell the standing robot to stand: proof that commands arrive, and food for its watchdog.
+
+        Raises:
+            ServoStop: it does not stand, does not answer, or was stopped before.
+        """
+        with self._braking():
+            self._refuse_stopped()
+            state = self._seen_state()
+            self._link.refuse_old(state, self.options.joint_age)
+            self._following.check(self.history)
+            self._sent_time = self._seen_time = state.time
+            self._link.command(np.zeros(self.arm.dof))
+
     def stop(self, reason: ServoStop | None = None) -> None:
         """Brake every joint as fast as its acceleration limit allows; the robot stands still on return.
 
@@ -257,7 +278,9 @@ class Supervisor:
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
-        obeys = not isinstance(reason, ProtectiveStop | NotInControl)
+        # After a silence of this program the arm may rest by its own watchdog: it is not led from there.
+        silent = self._link.clocked and self._link.now - self._sent_time > self.options.reaction
+        obeys = not silent and not isinstance(reason, ProtectiveStop | NotInControl)
         try:
             try:
                 while obeys and self._sent.any():

@@ -18,6 +18,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_ar
 from omniservo.safety import visibility_kernel as kernel
 from omniservo.safety.safety_options import SafetyOptions
 
+_DELAY = 1
+"""of the kernel's settings"""
+
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,7 @@ class VisibilityFilter:
     Args:
         camera: takes the images; of any model. The limits are those of its unified form, moved inward by
             what the conversion leaves, so that they lie inside the own.
-        delay: from the exposure of an image until its twist acts [s].
+        delay: from the exposure of an image until its twist acts [s], where a step states none.
         options: margin, rate and speed limits.
 
     Raises:
@@ -80,7 +83,12 @@ class VisibilityFilter:
         self.step(np.zeros((1, 3)), np.zeros((1, 2)), np.zeros(1, dtype=np.bool_), np.zeros(6))  # compiled
 
     def step(
-        self, points: FloatArray, pixels: FloatArray, valid: BoolArray, wanted: FloatArray
+        self,
+        points: FloatArray,
+        pixels: FloatArray,
+        valid: BoolArray,
+        wanted: FloatArray,
+        delay: float | None = None,
     ) -> FilteredTwist:
         """Return the twist nearest to ``wanted`` that keeps the points in view.
 
@@ -89,9 +97,10 @@ class VisibilityFilter:
             pixels: (n, 2) as seen [px]; rows that are not ``valid`` may hold anything.
             valid: (n,) bool, the points seen.
             wanted: (6,) twist.
+            delay: from this image's exposure until the twist acts [s], as measured; None: as stated.
 
         Raises:
-            InputError: wrong shapes, or a number that is not finite where it counts.
+            InputError: wrong shapes, a negative delay, or a number that is not finite where it counts.
         """
         command = finite_array("wanted", wanted, (6,))
         places = np.ascontiguousarray(finite_array("points", points, (None, 3)))
@@ -103,11 +112,14 @@ class VisibilityFilter:
                 f"{len(places)} points is needed"
             )
         image, used = self._image.kept(image, used)
+        settings = self._settings.copy()
+        if delay is not None:
+            settings[_DELAY] = finite_number("delay", delay, minimum=0.0)
         twist, evidence = np.empty(6), np.empty(4)
         kernel.keep_in_view(
             self._image.camera.parameters,
             self._limits,
-            self._settings,
+            settings,
             (places, image, used),
             self._last,
             command,

@@ -92,8 +92,16 @@ class GoalServo:
         moved = self._initial_T_camera * RigidTransform.from_components(self._twist[:3] * elapsed, turn)
         return self._camera.project(moved.inv().apply(self._points))
 
-    def step(self, time: float, pixels: FloatArray, valid: BoolArray) -> FloatArray:
+    def step(
+        self, time: float, pixels: FloatArray, valid: BoolArray, acts_at: float | None = None
+    ) -> FloatArray:
         """Return the camera twist (6,) for the points seen at ``time`` [s].
+
+        Args:
+            time: of the exposure.
+            pixels: (n, 2) [px].
+            valid: (n,) the points seen.
+            acts_at: not used; the reference does not move.
 
         Raises:
             Divergence: no pose explains the image.

@@ -12,7 +12,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.conversion import unified_image
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.planning import CameraPath, Plan
 from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
@@ -101,7 +101,9 @@ class PathTracker:
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = None if wanted is None else self._refinement(initial_pixels)
-        self._run_kernel(0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_))
+        self._run_kernel(
+            0.0, 0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_)
+        )
 
     @property
     def points(self) -> FloatArray:
@@ -152,7 +154,13 @@ class PathTracker:
         self._head_for(goal, leg.w(leg.time)[0])
         self._legs.append(leg)
 
-    def step(self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> FloatArray:
+    def step(
+        self,
+        time: float,
+        pixels: npt.ArrayLike,
+        valid: npt.ArrayLike | None = None,
+        acts_at: float | None = None,
+    ) -> FloatArray:
         """Return the camera twist (6,), (linear [m/s], angular [rad/s]), in the camera frame, by (43).
 
         Args:
@@ -160,6 +168,7 @@ class PathTracker:
             pixels: (n, 2) [px], row j shows point j; rows of lost points may hold anything.
             valid: (n,) bool, False for lost points; None: all are there. A pixel outside the camera's domain
                 counts as lost.
+            acts_at: when the twist will act [s], likewise; None: the options' delay after ``time``.
 
         Raises:
             FeatureLoss: fewer than ``least_features`` points are usable.
@@ -170,7 +179,10 @@ class PathTracker:
                 in a valid row.
         """
         seen, used = self._checked_image(time, pixels, valid)
-        status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(time, seen, used)
+        acts = time + self.options.delay if acts_at is None else finite_number("acts_at", acts_at)
+        status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(
+            time, acts, seen, used
+        )
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
         self._estimated_pose, self._pose_covariance = estimated, covariance
@@ -231,14 +243,14 @@ class PathTracker:
         self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
-        self, time: float, seen: FloatArray, used: BoolArray
+        self, time: float, acts_at: float, seen: FloatArray, used: BoolArray
     ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return status, twist, reference pixels (n, 2), poses, covariance, evidence; ``used`` changes.
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
         w, _, plan_seen, _ = self._planned(time)
-        w_now, w_dot_now, plan_now, plan_twist = self._planned(time + self.options.delay)
+        w_now, w_dot_now, plan_now, plan_twist = self._planned(acts_at)
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
         estimated_pose, covariance = self._predicted(time, plan_seen)

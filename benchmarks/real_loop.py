@@ -1,0 +1,311 @@
+"""The loop over real processes on the wall clock: tracking error, late ticks, and what faults do.
+
+Run: ``python -m benchmarks.real_loop [--runs N] [--faults N]``. Three processes: this one looks at projected
+points (0.03 px of noise) and tracks a path of 4 s; the drive process commands; the arm is simulated in the
+third (`benchmarks.mapped_arm`). The error is the distance of the true camera, at the exposures of all frames,
+to the plan at the same time, beside the same loop in simulated time. The least delay of the images' line is
+taken as known, as `robot delay` finds it; offset, drift and jitter are not. The machine's load is printed
+with every row: on a busy machine all of it is worse.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+from benchmarks.mapped_arm import (
+    AFTER,
+    FAULT,
+    FAULTS,
+    MOUNT,
+    MOVED,
+    NEWEST,
+    RATE,
+    RUN,
+    MappedArm,
+    frame,
+    mapped,
+    scene,
+    targets,
+)
+from scipy.spatial.transform import Rotation
+
+from omniservo.drive import ArmOpener, DriveClient
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.hardware import ClockMap, FaultyLine, LinkFaults
+from omniservo.planning import CameraPath
+from omniservo.robots import Arm, CameraImage
+from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
+from omniservo.servoing import RestToRestLaw
+from omniservo.simulation import SimulatedRobot
+from omniservo.tracking import PathTracker, TrackerOptions
+
+NOISE = 0.03
+"""[px]"""
+OPTIONS = SafetyOptions(image_age=0.4, joint_age=0.25, reaction=0.25)
+"""limits of a machine that does much besides; deadlines stay as they are"""
+LINES = {
+    "0 ms": LinkFaults(),
+    "33 ms": LinkFaults(0.033),
+    "100 ms": LinkFaults(0.1),
+    "150 ms": LinkFaults(0.15),
+    "100 ms, clock + 1 s, 100 ppm": LinkFaults(0.1, clock_offset=1.0, drift_ppm=100.0),
+    "60 ± 30 ms, 5% lost, clock - 1 s": LinkFaults(0.06, 0.03, 0.05, -1.0, -100.0, seed=1),
+}
+
+
+class Points:
+    """Images are joints; where they show the points is what is found in them."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self._world = scene()
+        self._random = np.random.default_rng(seed)
+        self.joints = self._world.start_joints
+        self.points = self._world.world_T_camera(self.joints).inv().apply(targets())
+
+    def update(self, _: object, there: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the points' pixels and which there are."""
+        camera = self._world.world_T_camera(self.joints)
+        pixels, valid = self._world.camera.project(camera.inv().apply(targets()))
+        return pixels + NOISE * self._random.standard_normal(pixels.shape), valid & np.isfinite(there[:, 0])
+
+
+class MappedCamera:
+    """The frames of the mapped arm behind a line with faults, on this machine's clock."""
+
+    def __init__(self, shared: FloatArray, faults: LinkFaults, points: Points) -> None:
+        self._shared, self._points = shared, points
+        self._line: FaultyLine[tuple[float, FloatArray]] = FaultyLine(faults)
+        self._clocks, self._least = ClockMap(), max(faults.latency - faults.jitter, 0.0)
+        self._number = int(shared[NEWEST])
+        self._image: CameraImage | None = None
+
+    def image(self) -> CameraImage | None:
+        """Return the newest frame that arrived."""
+        now = time.monotonic()
+        for number in range(self._number, int(self._shared[NEWEST])):
+            self._line.put(frame(self._shared, number), frame(self._shared, number)[0])
+        self._number = int(self._shared[NEWEST])
+        for exposed, joints in self._line.due(now):
+            stamp = self._clocks.monotonic(self._line.stamp(exposed), now) - self._least
+            self._image, self._points.joints = CameraImage(stamp, np.zeros((2, 2), dtype=np.uint8)), joints
+        return self._image
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class SimulatedCamera:
+    """The simulator's frames, with the joints that they show."""
+
+    def __init__(self, robot: SimulatedRobot, points: Points) -> None:
+        self._robot, self._points = robot, points
+
+    def image(self) -> CameraImage | None:
+        """Return the newest delivered frame."""
+        image = self._robot.image()
+        if image is not None:
+            self._points.joints = self._robot.exposure(image.time)[0]
+        return image
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def tracker_of(points: Points, stated: float) -> PathTracker:
+    """Return what follows a path of 4 s that bends and turns."""
+    turn = Rotation.from_rotvec([0.05, -0.12, 0.1]).as_quat()
+    still = np.array([0.0, 0.0, 0.0, 1.0])
+    bend = np.array([0.03, 0.03, 0.01])
+    rotation = np.column_stack((turn - still, still))
+    rotation = np.column_stack((np.zeros(4), rotation))
+    path = CameraPath(rotation, np.column_stack((bend, np.array([0.06, -0.08, 0.1]) - bend, np.zeros(3))))
+    plan = SimpleNamespace(path=path, problem=SimpleNamespace(points=points.points), status="certified")
+    options = TrackerOptions(delay=stated + 0.5 / RATE)
+    return PathTracker(plan, scene().camera, options=options, time_law=RestToRestLaw(4.0))  # type: ignore[arg-type]
+
+
+def distances(tracker: PathTracker, frames: list[tuple[float, FloatArray]], start: float) -> FloatArray:
+    """Return how far the true camera was from the plan while it moved [mm]."""
+    world, leg = scene(), tracker.legs[0]
+    initial = world.world_T_camera(world.start_joints).inv()
+    found = [
+        1e3
+        * np.linalg.norm(
+            (initial * world.world_T_camera(q)).translation - leg.path(leg.w(t - start)[0]).translation
+        )
+        for t, q in frames
+        if 0.0 <= t - start <= 4.0
+    ]
+    return np.array(found)
+
+
+def in_simulated_time(latency: float, stated: float) -> FloatArray:
+    """Return the distances of the same loop where time stands still while it computes [mm]."""
+    points, robot = Points(), SimulatedRobot(scene(latency), rendered=False)
+    supervisor = Supervisor(
+        robot, Arm.rx60(), MOUNT, camera=SimulatedCamera(robot, points), wait=robot.advance, options=OPTIONS
+    )
+    robot.advance(latency + 0.1)
+    tracker, starts, frames = tracker_of(points, stated), [], []
+
+    def note(step: object) -> None:
+        starts.append(step.image.time - step.time)  # type: ignore[attr-defined]
+        frames.append((step.image.time, robot.exposure(step.image.time)[0]))  # type: ignore[attr-defined]
+
+    stop = servo(
+        supervisor,
+        tracker,
+        points,
+        VisibilityFilter(scene().camera),
+        time_limit=8.0,
+        on_step=note,  # type: ignore[arg-type]
+    )
+    assert stop is None, stop
+    return distances(tracker, frames, starts[0])
+
+
+@contextmanager
+def served() -> Iterator[tuple[FloatArray, str]]:
+    """Have an arm in a process of its own; give what is shared with it, and the file's name."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = str(Path(folder) / "arm")
+        np.zeros(64 + 8 * 4096).tofile(file)
+        shared = mapped(file)
+        shared[RUN] = 1.0
+        process = subprocess.Popen([sys.executable, "-m", "benchmarks.mapped_arm", file])
+        try:
+            until(lambda: shared[NEWEST] > 3, 60.0)
+            yield shared, file
+        finally:
+            shared[RUN] = 0.0
+            process.wait(30.0)
+
+
+def until(holds: object, seconds: float) -> bool:
+    """Wait until something holds, or for so long [s]; return whether it does."""
+    end = time.monotonic() + seconds
+    while not holds():  # type: ignore[operator]
+        if time.monotonic() > end:
+            return False
+        time.sleep(1e-3)
+    return True
+
+
+def over_processes(faults: LinkFaults, stated: float) -> tuple[FloatArray, float, str]:
+    """Return distances [mm], the share of ticks late by > 5 ms, and how it ended."""
+    points = Points()
+    with served() as (shared, file):
+        camera = MappedCamera(shared, faults, points)
+        opener = ArmOpener(MappedArm, {"file": file})
+        with closing(DriveClient(opener, Arm.rx60(), MOUNT, camera=camera, options=OPTIONS)) as client:
+            client.enable()
+            until(lambda: client.image() is None, 2.0)  # offset and drift become known
+            tracker, starts, first = tracker_of(points, stated), [], int(shared[NEWEST])
+            begin, late = time.monotonic(), client.status.late_ticks
+            stop = servo(
+                client, tracker, points, VisibilityFilter(scene().camera), time_limit=8.0,  # type: ignore[arg-type]
+                on_step=lambda step: starts.append(step.image.time - step.time),
+            )  # fmt: skip
+            ticks = (time.monotonic() - begin) / 5e-3
+            late = client.status.late_ticks - late
+        frames = [frame(shared, k) for k in range(first, int(shared[NEWEST]))]
+    found = distances(tracker, frames, starts[0]) if starts else np.full(1, np.nan)
+    return found, late / ticks, "goal" if stop is None else f"{stop.reason}: {stop}"
+
+
+def lead(file: str) -> None:
+    """Be the process that leads the arm, until it is killed."""
+    shared = mapped(file)
+    camera = MappedCamera(shared, LinkFaults(), Points())
+    client = DriveClient(
+        ArmOpener(MappedArm, {"file": file}), Arm.rx60(), MOUNT, camera=camera, options=OPTIONS
+    )
+    client.enable()
+    print(client.process_id, flush=True)
+    for k in range(10_000):
+        client.image()
+        client.carry(np.array([0.03 * np.cos(0.05 * k), 0, 0, 0, 0, 0]))
+        client.wait(0.02)
+
+
+def fault_run(kind: str) -> tuple[float, int, bool]:
+    """Return how long the arm still moved after a fault [s], commands after the stop, whether it rested."""
+    with served() as (shared, file):
+        leader = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.real_loop", "--lead", file],
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        )  # fmt: skip
+        assert leader.stdout is not None
+        drive = int(leader.stdout.readline())
+        until(lambda: time.monotonic() - shared[MOVED] < 0.05, 20.0)
+        time.sleep(0.4 + 0.3 * np.random.default_rng().random())
+        begin = time.monotonic()
+        if kind in FAULTS:
+            shared[FAULT] = 1 + FAULTS.index(kind)
+        else:
+            who, what = kind.split()
+            os.kill(leader.pid if who == "leader" else drive, getattr(signal, what))
+        rested = until(lambda: time.monotonic() - shared[MOVED] > 0.5, 10.0)
+        moved = shared[MOVED] - begin
+        shared[FAULT] = 0.0  # fresh data resume nothing
+        for pid in (leader.pid, drive):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+        time.sleep(0.5)
+        rested = rested and time.monotonic() - shared[MOVED] > 0.4
+        leader.kill()
+        leader.wait()
+        leader.stdout.close()
+        until(lambda: not Path(f"/proc/{drive}").exists(), 10.0)
+        return max(moved, 0.0), int(shared[AFTER]), rested
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runs", type=int, default=1)
+    parser.add_argument("--faults", type=int, default=3)
+    parser.add_argument("--lead")
+    asked = parser.parse_args()
+    if asked.lead:
+        lead(asked.lead)
+        return
+    print("| line | told | simulated rms / max [mm] | processes rms / max [mm] | late ticks | end | load |")
+    print("|---|---|---|---|---|---|---|")
+    for name, faults in LINES.items():
+        for stated in {faults.latency, 0.033}:
+            reference = in_simulated_time(faults.latency, stated)
+            for _ in range(asked.runs):
+                found, late, end = over_processes(faults, stated)
+                figures = " | ".join(
+                    f"{np.sqrt((x**2).mean()):.2f} / {x.max():.2f}" for x in (reference, found)
+                )
+                print(
+                    f"| {name} | {1e3 * stated:.0f} ms | {figures} | {100 * late:.2f}% | {end} | "
+                    f"{os.getloadavg()[0]:.0f} |", flush=True,
+                )  # fmt: skip
+    print("\n| fault | runs | still moved, median / most [s] | at rest | commands after the stop | load |")
+    print("|---|---|---|---|---|---|")
+    kinds = ["leader SIGKILL", "leader SIGSTOP", "drive SIGKILL", "drive SIGSTOP", *FAULTS]
+    for kind in kinds if asked.faults else ():
+        runs = [fault_run(kind) for _ in range(asked.faults)]
+        moved, after, rested = zip(*runs, strict=True)
+        print(
+            f"| {kind} | {len(runs)} | {np.median(moved):.2f} / {max(moved):.2f} | {sum(rested)} | "
+            f"{sum(after)} | {os.getloadavg()[0]:.0f} |", flush=True,
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""From an image's exposure to the action of its twist, measured for every image."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+_COUNTED = 9
+"""images over which the time between them, and that of computing, is known"""
+
+
+class MeasuredDelays:
+    """What is known of the delay of an image's twist before the twist is computed.
+
+    Args:
+        command_lag: from a command until the arm acts on it [s].
+    """
+
+    def __init__(self, command_lag: float) -> None:
+        self._lag = command_lag
+        self._computing: deque[float] = deque(maxlen=_COUNTED)
+        self._periods: deque[float] = deque(maxlen=_COUNTED)
+        self._exposed = self._now = np.nan
+
+    @property
+    def first(self) -> float:
+        """From the newest image's exposure until its twist begins to act [s]."""
+        computing = float(np.median(self._computing)) if self._computing else 0.0
+        return max(self._now - self._exposed, 0.0) + computing + self._lag
+
+    @property
+    def mean(self) -> float:
+        """Until the middle of the time in which it acts: till the next image's does [s]."""
+        return self.first + (0.5 * float(np.median(self._periods)) if self._periods else 0.0)
+
+    def seen(self, exposed: float, now: float) -> None:
+        """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s]."""
+        if np.isfinite(self._exposed):
+            self._periods.append(exposed - self._exposed)
+        self._exposed, self._now = exposed, now
+
+    def commanded(self, now: float) -> None:
+        """Take in when its twist was passed on [s]."""
+        self._computing.append(now - self._now)

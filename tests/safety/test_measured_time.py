@@ -1,0 +1,169 @@
+"""The supervisor on a clock that does not wait for it: durations, ages, modes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from omniservo.errors import ClockFault, InputError, NotInControl, ProtectiveStop, ServoStop, StaleJoints
+from omniservo.robots import ArmMode
+from omniservo.safety import SafetyOptions, Supervisor
+from omniservo.safety.supervisor import TICK
+
+SLOW = np.array([0.15, -0.1, 0.12, 0.2, -0.15, 0.25])
+
+
+@pytest.fixture
+def on_clock(arm, scene, written):
+    """Make a supervisor whose waiting takes longer than it was asked for."""
+
+    def make(late=0.0, **options):
+        def wait(duration):
+            written.advance(duration + late)
+
+        return Supervisor(
+            written, arm, scene.flange_T_camera, camera=written, wait=wait,
+            clock=lambda: written.robot.time, options=SafetyOptions(**({"image_age": 1e6} | options)),
+        )  # fmt: skip
+
+    return make
+
+
+def test_durations_are_measured_and_not_counted(on_clock, written):
+    supervisor, begin = on_clock(late=3 * TICK), written.robot.time
+    supervisor.command(0.1 * SLOW)
+    passed = supervisor.wait(0.1)
+    assert passed == pytest.approx(written.robot.time - begin)
+    assert 0.1 <= passed <= 0.1 + 4 * TICK
+
+
+def test_without_a_clock_what_is_waited_for_passes(guard):
+    supervisor = guard()
+    assert supervisor.wait(0.1) == pytest.approx(0.1)
+
+
+def test_joints_that_grow_old_stop_the_moving_robot(on_clock, written):
+    supervisor = on_clock(joint_age=0.05)
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    frozen = written.robot.read()
+    written.broken = {k: getattr(frozen, k) for k in ("time", "joint_positions", "joint_velocities")}
+    with pytest.raises(StaleJoints, match=r"0\.05"):
+        supervisor.wait(1.0)
+    assert written.robot.time - frozen.time < 0.05 + 2 * TICK + 0.2
+    assert not written.commands[-1][1].any()
+    assert written.stops == 1
+
+
+def test_a_younger_limit_stops_sooner(on_clock, written):
+    times = []
+    for age in (0.03, 0.2):
+        supervisor = on_clock(joint_age=age, reaction=1.0)
+        supervisor.command(0.1 * SLOW)
+        written.broken = {"time": written.robot.time}
+        begin = written.robot.time
+        with pytest.raises(StaleJoints):
+            supervisor.wait(1.0)
+        times.append(written.robot.time - begin)
+        written.broken = {}
+    assert times[1] - times[0] == pytest.approx(0.17, abs=2 * TICK)
+
+
+def test_joints_ahead_of_the_clock_are_a_clock_fault_and_do_not_count(on_clock, written):
+    supervisor = on_clock()
+    written.broken = {"time": written.robot.time + 1.0}
+    with pytest.raises(ClockFault, match="ahead"):
+        supervisor.command(SLOW)
+    written.broken = {}
+    supervisor.release("clock_fault")
+    supervisor.command(0.1 * SLOW)
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind"),
+    [
+        (ArmMode.PROTECTIVE_STOP, ProtectiveStop),
+        (ArmMode.EMERGENCY_STOP, ProtectiveStop),
+        (ArmMode.NOT_IN_CONTROL, NotInControl),
+    ],
+)
+@pytest.mark.parametrize("make", ["guard", "on_clock"])
+def test_an_arm_that_does_not_obey_is_sent_nothing_more(request, written, mode, kind, make):
+    supervisor = request.getfixturevalue(make)()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    written.broken, count = {"mode": mode}, len(written.commands)
+    with pytest.raises(kind):
+        supervisor.wait(0.1)
+    assert len(written.commands) == count
+    assert written.stops == 1
+    with pytest.raises(kind, match="stopped before"):
+        supervisor.command(SLOW)
+    assert len(written.commands) == count
+
+
+def test_the_mode_is_passed_on(guard, written):
+    supervisor = guard()
+    written.broken = {"mode": ArmMode.NOT_IN_CONTROL}
+    assert supervisor.read().mode is ArmMode.NOT_IN_CONTROL
+
+
+def test_a_standing_robot_is_held_and_looked_at(guard, written):
+    supervisor, count = guard(), len(written.commands)
+    for _ in range(3):
+        supervisor.hold()
+    assert len(written.commands) == count + 3
+    assert not any(v.any() for _, v in written.commands)
+    written.broken = {"mode": ArmMode.PROTECTIVE_STOP}
+    with pytest.raises(ProtectiveStop):
+        supervisor.hold()
+    with pytest.raises(ProtectiveStop, match="stopped before"):
+        supervisor.hold()
+
+
+def test_watch_leads_on_as_wait_does(guard, written):
+    supervisor = guard()
+    supervisor.watch()
+    assert len(written.commands) == 1  # a standing robot is sent nothing
+    supervisor.command(SLOW)
+    for _ in range(100):
+        written.advance(TICK)
+        supervisor.watch()
+    np.testing.assert_array_equal(supervisor.sent, SLOW)
+    assert supervisor.moving
+    supervisor.stop()
+    assert not supervisor.moving
+
+
+def test_what_was_measured_before_a_release_is_not_held_against_the_drives(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.3)
+    here = written.robot.read().joint_positions
+    written.broken = {"joint_positions": here + 0.1}
+    with pytest.raises(ServoStop) as stop:
+        supervisor.wait(0.1)
+    written.broken = {}
+    written.advance(0.5)
+    supervisor.release(stop.value.reason)
+    supervisor.command(SLOW)
+    supervisor.wait(0.5)
+
+
+def test_joint_age_is_positive():
+    with pytest.raises(InputError, match="joint_age"):
+        replace(SafetyOptions(), joint_age=0.0)
+
+
+def test_after_a_silence_the_arm_is_told_to_stop_and_not_led_to_rest(on_clock, written):
+    supervisor = on_clock()
+    supervisor.command(SLOW)
+    supervisor.wait(0.2)
+    written.robot.stop()
+    written.advance(1.0)  # its own watchdog brought it to rest meanwhile
+    count = len(written.commands)
+    with pytest.raises(ServoStop) as stop:
+        supervisor.watch()
+    assert stop.value.reason == "slow_loop"
+    assert len(written.commands) == count
+    assert written.stops == 1
