@@ -91,9 +91,10 @@ def delay(
         approval = Approval(yes=yes)
         loaded = robot_of(robot, camera_source, speed, allow_outside=allow_outside)
         progress("connecting to arm and camera")
-        with closing(open_bare(loaded, approval, driver)) as cell:
+        options = SafetyOptions(image_age=1.0, time_offset=0.5)
+        with closing(open_bare(loaded, approval, options, driver)) as cell:
             progress("swinging two joints")
-            found = measure_delay(cell, SafetyOptions(image_age=1.0, time_offset=0.5))
+            found = measure_delay(cell, options)
     camera = found.camera
     lag = _spelled_time(found.actuation_lag, found.actuation_sigma)
     output.line(f"{'camera':<16} {_spelled_time(camera.offset, camera.sigma)} from its stamps to the joints'")

@@ -30,6 +30,8 @@ class ArmOpener:
     """by name"""
     watchdog: float | None = None
     """after so long without a command the arm is known to stop by itself [s]; None: its driver says it"""
+    joint_names: tuple[str, ...] | None = None
+    """what the driver calls the arm's joints, in the arm's order; None: as the arm does"""
 
     def __post_init__(self) -> None:
         try:
@@ -49,12 +51,11 @@ class ArmOpener:
             ServoStop: there is no connection.
         """
         driver = self.call(**self.arguments)
-        names = getattr(driver, "joint_names", arm.joint_names)
-        if tuple(names) != arm.joint_names:
+        wanted = self.joint_names or arm.joint_names
+        names = getattr(driver, "joint_names", wanted)
+        if tuple(names) != wanted:
             driver.close()
-            raise InputError(
-                f"joint_names: the driver gives {list(names)}; the arm has {list(arm.joint_names)}"
-            )
+            raise InputError(f"joint_names: the driver gives {list(names)}; the arm has {list(wanted)}")
         if self.watchdog is None and getattr(driver, "watchdog", None) is None:
             driver.close()
             raise InputError(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
 
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.drive import COMMAND_LIFE, ArmOpener, DriveClient
 from omniservo.errors import InputError, NotInControl, ProtectiveStop, spelled
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmAddress, ArmConnection
@@ -16,15 +18,20 @@ from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import Arm, ArmMode, CameraSource, next_image
 from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.on_robot import on_robot
+from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.safety import SafetyOptions
 from omniservo.scenes import Scene
 from omniservo.tasks import RobotFile, Task
+
+PERIODS = 2.0
+"""A command counts for so many of the camera's periods longer."""
 
 PATIENCE = 10.0
 """So long is waited for a first image [s]."""
 
 
 def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConnection:
-    """Connect to the arm of a robot file.
+    """Connect to the arm of a robot file, in this process.
 
     Args:
         robot: the file.
@@ -35,12 +42,7 @@ def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConn
         InputError: nobody there, other joints, or an arm that would go on moving if this program fell silent.
         ConnectionLost: the connection was lost before the first state.
     """
-    if driver is None and ".py:" in robot.driver:
-        raise InputError(
-            f"driver: {spelled(robot.driver)} given; a robot file runs no code: --driver FILE.py:CLASS does"
-        )
-    names = robot.driver_names(arm)
-    connection = ArmAddress(driver or robot.driver, robot.address, names, arm, robot.options).open()
+    connection = _address(robot, arm, driver).open()
     if connection.watchdog is None and robot.watchdog is None:
         connection.close()
         raise InputError(
@@ -48,6 +50,15 @@ def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConn
             "watchdog of your own that stops it, in seconds (watchdog: 0.1), or choose another driver"
         )
     return connection
+
+
+def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:
+    if driver is None and ".py:" in robot.driver:
+        raise InputError(
+            f"driver: {spelled(robot.driver)} given; a robot file runs no code: --driver FILE.py:CLASS does"
+        )
+    names = robot.driver_names(arm)
+    return ArmAddress(driver or robot.driver, robot.address, names, arm, dict(robot.options))
 
 
 def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> CameraSource:
@@ -107,35 +118,55 @@ def open_hardware(
         ServoStop: the arm may not be moved: protective stop, or somebody else is in control.
     """
     arm = robot.loaded_arm()
-    with ExitStack() as opened:
-        connection = open_robot(robot, arm, driver)
-        opened.callback(connection.close)
-        begun, scene = on_robot(task, robot, arm, _joints(connection))
-        cell = HardwareCell(scene, connection, open_robot_camera(robot, offset), approve)
-        opened.pop_all()
-    return begun, cell
+    begun, scene = on_robot(task, robot, arm, _joints(robot, arm, driver))
+    return begun, _cell(scene, robot, _Seats(approve, driver, offset), safety_of_task(begun))
 
 
-def open_bare(robot: RobotFile, approve: Callable[[str], None], driver: str | None = None) -> HardwareCell:
+def open_bare(
+    robot: RobotFile, approve: Callable[[str], None], options: SafetyOptions, driver: str | None = None
+) -> HardwareCell:
     """Return the cell of a robot without a task.
 
     Raises:
         InputError, ServoStop: as `open_hardware`.
     """
     arm = robot.loaded_arm()
+    mount, lens = robot.arm.flange_T_camera.transform, robot.camera.calibration
+    scene = Scene(arm, RigidTransform.identity(), mount, lens, _joints(robot, arm, driver))
+    return _cell(scene, robot, _Seats(approve, driver, 0.0), options)
+
+
+@dataclass(frozen=True)
+class _Seats:
+    """How a cell is opened beside what its robot file says; see `open_hardware`."""
+
+    approve: Callable[[str], None]
+    driver: str | None
+    offset: float
+
+
+def _cell(scene: Scene, robot: RobotFile, seats: _Seats, options: SafetyOptions) -> HardwareCell:
+    where = _address(robot, scene.arm, seats.driver)
+    opener = ArmOpener(ArmAddress.open, {"self": where}, robot.watchdog, tuple(where.joint_names))
     with ExitStack() as opened:
-        connection = open_robot(robot, arm, driver)
-        opened.callback(connection.close)
-        mount, lens = robot.arm.flange_T_camera.transform, robot.camera.calibration
-        scene = Scene(arm, RigidTransform.identity(), mount, lens, _joints(connection))
-        cell = HardwareCell(scene, connection, open_robot_camera(robot), approve)
+        camera = open_robot_camera(robot, seats.offset)
+        opened.callback(camera.close)
+        client = DriveClient(
+            opener,
+            scene.arm,
+            scene.flange_T_camera,
+            camera=camera,
+            options=options,
+            command_life=COMMAND_LIFE + PERIODS / robot.camera.rate,
+        )
         opened.pop_all()
-    return cell
+    return HardwareCell(scene, client, camera, seats.approve)
 
 
-def _joints(connection: ArmConnection) -> FloatArray:
+def _joints(robot: RobotFile, arm: Arm, driver: str | None) -> FloatArray:
     """Return the joints (n,) [rad] of an arm that may be moved."""
-    state = connection.read()
+    with closing(open_robot(robot, arm, driver)) as connection:
+        state = connection.read()
     if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
         raise ProtectiveStop(f"the arm is in {state.mode.replace('_', ' ')}; release it at the pendant")
     if state.mode is ArmMode.NOT_IN_CONTROL:

@@ -12,6 +12,7 @@ from omniservo.robots import ArmDriver, CameraImage, CameraSource, RobotState
 from omniservo.runs.ground_truth import GroundTruth
 from omniservo.runs.job_recording import JobRecording
 from omniservo.runs.robot_cell import RobotCell
+from omniservo.safety import SupervisedRobot
 from omniservo.scenes import Scene
 
 
@@ -39,6 +40,11 @@ class RecordedCell:
     def clock(self) -> Callable[[], float] | None:
         """The cell's."""
         return self._cell.clock
+
+    @property
+    def drive(self) -> SupervisedRobot | None:
+        """The cell's."""
+        return self._cell.drive
 
     def approve(self, motion: str) -> None:
         """Let the cell decide."""

@@ -8,6 +8,7 @@ from typing import Protocol, TypeAlias
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmDriver, CameraSource
 from omniservo.runs.ground_truth import GroundTruth
+from omniservo.safety import SupervisedRobot
 from omniservo.scenes import Scene
 from omniservo.tasks import Task
 
@@ -38,6 +39,11 @@ class RobotCell(Protocol):
     @property
     def clock(self) -> Callable[[], float] | None:
         """On which joints and images are stamped [s]; None: time passes in `wait` alone."""
+        ...
+
+    @property
+    def drive(self) -> SupervisedRobot | None:
+        """The supervisor in a process of its own, ready for motion; None: this process commands the arm."""
         ...
 
     def approve(self, motion: str) -> None:

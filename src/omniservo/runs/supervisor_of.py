@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from omniservo.runs.robot_cell import RobotCell
-from omniservo.safety import SafetyOptions, Supervisor
+from omniservo.safety import SafetyOptions, SupervisedRobot, Supervisor
 
 
-def supervisor_of(cell: RobotCell, options: SafetyOptions) -> Supervisor:
-    """Return the supervisor of a cell's arm, which stands still, and of its camera."""
+def supervisor_of(cell: RobotCell, options: SafetyOptions) -> SupervisedRobot:
+    """Return the supervisor of a cell's arm, which stands still, and of its camera.
+
+    A cell whose arm another process drives has its own, with its own options.
+    """
+    drive = cell.drive
+    if drive is not None:
+        return drive
     return Supervisor(
         cell.driver,
         cell.scene.arm,

@@ -4,6 +4,7 @@ from omniservo.safety.closed_loop import Controller, Step, TimeLimit, servo
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.joint_motion import OffPath, follow_joints
 from omniservo.safety.safety_options import SafetyOptions
+from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Supervisor
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
@@ -15,6 +16,7 @@ __all__ = [
     "Passed",
     "SafetyOptions",
     "Step",
+    "SupervisedRobot",
     "Supervisor",
     "TimeLimit",
     "VisibilityFilter",

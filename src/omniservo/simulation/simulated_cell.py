@@ -52,6 +52,11 @@ class SimulatedCell:
         """None: time passes in `wait` alone."""
         return
 
+    @property
+    def drive(self) -> None:
+        """None: this process commands the arm."""
+        return
+
     def approve(self, motion: str) -> None:
         """Let it: nobody is hurt."""
 
