@@ -538,6 +538,23 @@ def test_a_message_that_cannot_be_read_is_passed_over_and_named(arm_only, monkey
             Ros2Arm(NAMES, A, network=HERE, patience=1.0)
 
 
+def test_a_halted_subscriber_acknowledges_nothing_until_it_goes_on(node):
+    """It is matched all the while, which is why an opened arm wants its first commands acknowledged."""
+    with Served(DOMAIN) as served:
+        publisher = node.publish(TRAJECTORY, JointTrajectoryMessage)
+        wait_until(lambda: publisher.matched == 1, "the subscriber")
+        publisher.write(JointTrajectoryMessage())
+        assert publisher.acknowledged(PATIENCE)
+        served.process.send_signal(signal.SIGSTOP)
+        try:
+            publisher.write(JointTrajectoryMessage())
+            assert not publisher.acknowledged(0.3)
+            assert publisher.matched == 1
+        finally:
+            served.process.send_signal(signal.SIGCONT)
+        assert publisher.acknowledged(PATIENCE)
+
+
 def test_without_cyclone_dds_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
     with pytest.raises(InputError, match=r"ROS 2: .*; pip install omniservo\[ros2\]"):
