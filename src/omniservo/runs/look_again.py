@@ -95,7 +95,7 @@ class LookingPlanner:
         take: moves the arm and takes an image.
         goal: with the joints, where the task's scale is odometry.
         seed: of all that is random.
-        progress: told of every look.
+        progress: called with every look.
     """
 
     def __init__(self, job: Job, take: TakeShot, goal: TaughtGoal, seed: int, progress: Progress) -> None:

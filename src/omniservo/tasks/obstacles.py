@@ -202,4 +202,4 @@ ObstacleSection = Annotated[
     ],
     BeforeValidator(_sphere_by_default),
 ]
-"""One of them, told apart by ``type``; without it a sphere."""
+"""One of them, distinguished by ``type``; without it a sphere."""
