@@ -1,4 +1,4 @@
-"""The robot cell of a real arm: nobody knows the truth in it, and nothing moves before somebody agrees."""
+"""The robot cell of a real arm: unknown the truth in it, and nothing moves before somebody agrees."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class HardwareCell:
         scene: as the task describes it; the arm stands in its start joints.
         driver: of the arm.
         camera: on its flange.
-        approve: told what the arm is about to do; raises where it may not.
+        approve: called with what the arm is about to do; raises where it may not.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class HardwareCell:
 
     @property
     def truth(self) -> None:
-        """Nobody's."""
+        """No one's."""
         return
 
     @property

@@ -84,7 +84,7 @@ def check_robot(
         arm: as its file has it.
         connection: to it; use it no more afterwards: the watchdog may have ended it.
         camera: on its flange.
-        approve: told what the arm is about to do; raises where it may not.
+        approve: called with what the arm is about to do; raises where it may not.
         watchdog: after which something of the user's own stops the arm [s]; None: the connection's.
 
     Raises:

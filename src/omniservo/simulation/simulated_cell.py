@@ -53,7 +53,7 @@ class SimulatedCell:
         return
 
     def approve(self, motion: str) -> None:
-        """Let it: nobody is hurt."""
+        """Let it: no one is hurt."""
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass, which passes here alone."""
@@ -76,7 +76,7 @@ class SimulatedCell:
         self.robot.rearrange(obstacles)
 
     def close(self) -> None:
-        """Let go of what pictures are made with."""
+        """Let go of what images are made with."""
         self.robot.close()
 
 

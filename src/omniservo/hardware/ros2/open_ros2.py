@@ -56,7 +56,7 @@ def open_ros2_arm(
 
     Raises:
         InputError: see `Ros2Arm`; other commands.
-        ConnectionLost: nobody there.
+        ConnectionLost: no one there.
     """
     return Ros2Arm(
         joint_names,
