@@ -15,13 +15,13 @@ from omniservo.estimation.arm_views import ArmViews, KnownErrors, LengthPrior, c
 from omniservo.estimation.estimate_arm_views import estimate_arm_views
 from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import FloatArray
-from omniservo.looks import CertifiedMove, Standing, next_look
+from omniservo.looks import CertifiedMove, ViewingState, next_look
 from omniservo.planning import PlanningProblem
 from omniservo.risk import RiskPlan
 from omniservo.robots import Tube
 from omniservo.whole_arm import ArmSetting
 
-PlanFrom = Callable[[Standing], RiskPlan]
+PlanFrom = Callable[[ViewingState], RiskPlan]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Seen:
 class Looked:
     """What looks came to."""
 
-    standing: Standing
+    standing: ViewingState
     answer: RiskPlan
     truth: Truth
     """as seen from where the arm then stands"""
@@ -55,15 +55,15 @@ class Looked:
     """of the moves"""
 
 
-def standing_of(asked: PlanningProblem, setting: ArmSetting, tube: Tube, seen: Seen) -> Standing | None:
+def standing_of(asked: PlanningProblem, setting: ArmSetting, tube: Tube, seen: Seen) -> ViewingState | None:
     """Return where the arm stands first; None: two images do not tell what another one would."""
     _, optimum = estimate_arm_views(_views(asked, setting, seen), seen.estimate)
     bare = replace(setting, tube=None)
-    return None if optimum is None else Standing(asked, bare, tube, seen.estimate, optimum, seen.mount)
+    return None if optimum is None else ViewingState(asked, bare, tube, seen.estimate, optimum, seen.mount)
 
 
 def look_on(
-    here: Standing | None,
+    here: ViewingState | None,
     seen: Seen,
     truth: Truth,
     plan_from: PlanFrom,
@@ -123,7 +123,7 @@ def _views(asked: PlanningProblem, setting: ArmSetting, seen: Seen) -> ArmViews:
     return ArmViews(asked.camera, np.nan_to_num(pixels), shown, noise, reached, known, is_guess=True)
 
 
-def _violated(move: CertifiedMove, truth: Truth, here: Standing) -> set[str]:
+def _violated(move: CertifiedMove, truth: Truth, here: ViewingState) -> set[str]:
     """Return what a move violates in truth."""
     joints = move.joints(np.linspace(0.0, 1.0, 41))
     left = Gaps(truth, here.setting.clearance_around, here.setting.self_clearance).least(joints)

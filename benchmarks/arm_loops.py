@@ -53,7 +53,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.looks import Standing
+from omniservo.looks import ViewingState
 from omniservo.planning import PlanningProblem, widened_evenly
 from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.robots import Arm, JointPath, TrackingTube, follow_path, load_arm, shipped_arms, shipped_tube
@@ -198,7 +198,7 @@ def looked_again(
     asked = replace(problem, camera=known.camera, visibility_margin=VISIBLE_PX)
     here = standing_of(asked, stated, measured.at(TRACKING_PART * RISK), seen)
 
-    def plan_from(there: Standing) -> RiskPlan:
+    def plan_from(there: ViewingState) -> RiskPlan:
         return plan_arm_with_risk(
             there.problem, there.planned_setting, there.estimate, risk=RISK * (1.0 - TRACKING_PART),
             mount_covariance=known.mount_covariance, seed=seed,

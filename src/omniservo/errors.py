@@ -46,7 +46,7 @@ class InputError(OmniservoError, ValueError):
 
 
 class AlreadyExists(InputError):
-    """A result's file or folder is there already, and nobody said that it may be replaced."""
+    """A result's file or folder is there already, and no one said that it may be replaced."""
 
     def __init__(self, path: str | Path) -> None:
         super().__init__(f"{path}: exists; force=True replaces it")
@@ -114,7 +114,7 @@ class WorkspaceLimit(ServoStop):
 
 
 class SlowLoop(ServoStop):
-    """The moving robot was not looked at for longer than its braking distance allows."""
+    """The moving robot was not checked for longer than its braking distance allows."""
 
     reason = "slow_loop"
 
@@ -126,7 +126,7 @@ class Blocked(ServoStop):
 
 
 class NotFollowing(ServoStop):
-    """The joints do not move as they were told, by more than the drives' lag and gain explain."""
+    """The joints do not move as they were commanded, by more than the drives' lag and gain explain."""
 
     reason = "not_following"
 
@@ -168,7 +168,7 @@ class ProtectiveStop(ServoStop):
 
 
 class NotInControl(ServoStop):
-    """Another program, the pendant or nobody commands the arm, or somebody else does besides."""
+    """Another program, the pendant or no one commands the arm, or somebody else does besides."""
 
     reason = "not_in_control"
 

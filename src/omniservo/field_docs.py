@@ -15,7 +15,7 @@ T = TypeVar("T")
 def with_field_docs(cls: type[T]) -> type[T]:
     """Let `help` show the docstrings under the class's fields, as a section "Attributes" of its own.
 
-    Python forgets a string under a field. They are read from the source, when the docstring is asked for and
+    Python drops a string under a field. They are read from the source, when the docstring is needed and
     not before, so that importing costs nothing; without a source the class keeps its own words.
     """
     cls.__doc__ = _LazyDoc(cls.__doc__)  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""Where task files are: found without loading what runs them, so that a wrong name is told at once."""
+"""Where task files are: found without loading what runs them, so that a wrong name is reported at once."""
 
 from __future__ import annotations
 

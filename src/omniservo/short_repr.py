@@ -8,7 +8,7 @@ from typing import Any
 _MOST = 150
 """characters of fields; what comes after is left out"""
 _LONG = 40
-"""characters of one field; of a longer one only kind and size are told"""
+"""characters of one field; of a longer one only kind and size are stated"""
 
 _FEW = 4
 """numbers that are written out"""
@@ -17,8 +17,8 @@ _FEW = 4
 def short_repr(value: Any) -> str:
     """Return a dataclass in one line of at most about 200 characters, to be its ``__repr__``.
 
-    A field that is long, such as an array, is told by its kind and size, an empty one not at all; the last
-    ones may be left out.
+    A field that is long, such as an array, is stated by its kind and size, an empty one not at all; the
+    last ones may be left out.
     """
     words: list[str] = []
     for field in fields(value):

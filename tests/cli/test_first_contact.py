@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -32,25 +33,39 @@ def imports_of(*arguments, folder):
     return ended.stdout.splitlines()[-1], ended.returncode, ended.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "says"),
-    [
-        (["examples"], 0, ""),
-        (["run", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
-        (["run", "no-such-task"], 2, "neither a file nor one of the shipped tasks"),
-        (["teach", "no-such-task", "--out", "goal.json"], 2, "neither a file nor one of the shipped tasks"),
-        (["teach", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
-        (["plan", "problem.json", "--out", "there"], 2, "there: exists; --force replaces it\n"),
-        (["plan", "missing.json"], 2, "missing.json: no such file\n"),
-        (["run", "paper-example-1", "--goal", "missing.json"], 2, "missing.json: no such file\n"),
-        (["estimate"], 2, "give a TASK alone"),
-    ],
-)
-def test_lists_and_wrong_calls_load_nothing_heavy(tmp_path, arguments, code, says):
+WRONG_CALLS = [
+    (["examples"], 0, ""),
+    (["run", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+    (["run", "no-such-task"], 2, "neither a file nor one of the shipped tasks"),
+    (["teach", "no-such-task", "--out", "goal.json"], 2, "neither a file nor one of the shipped tasks"),
+    (["teach", "paper-example-1", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+    (["plan", "problem.json", "--out", "there"], 2, "there: exists; --force replaces it\n"),
+    (["plan", "missing.json"], 2, "missing.json: no such file\n"),
+    (["run", "paper-example-1", "--goal", "missing.json"], 2, "missing.json: no such file\n"),
+    (["estimate"], 2, "give a TASK alone"),
+]
+
+
+def test_lists_and_wrong_calls_load_nothing_heavy(tmp_path):
+    """One after the other in one process: none of them loads anything."""
     (tmp_path / "there").mkdir()
-    heavy, ended, err = imports_of(*arguments, folder=tmp_path)
-    assert (heavy, ended) == ("[]", code)
-    assert says in err
+    script = (
+        "import sys; from omniservo.cli.main import main\n"
+        f"for arguments in {[arguments for arguments, *_ in WRONG_CALLS]}:\n"
+        "    code = 0\n"
+        "    try: main(arguments)\n"
+        "    except SystemExit as end: code = end.code or 0\n"
+        f"    heavy = [name for name in {HEAVY} if name in sys.modules]\n"
+        "    print('ended', code, *heavy, file=sys.stderr)\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    said = re.split(r"(?m)^(ended .*)\n", ended.stderr)
+    assert len(said) == 2 * len(WRONG_CALLS) + 1
+    for k, (arguments, code, says) in enumerate(WRONG_CALLS):
+        assert said[2 * k + 1] == f"ended {code}", arguments
+        assert says in said[2 * k], arguments
 
 
 def test_a_warm_up_that_has_nothing_to_do_loads_nothing_heavy(tmp_path, monkeypatch):

@@ -1,5 +1,7 @@
 """What the ROS 2 adapter is made of: reference motion, trajectories, joint names, networks."""
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -198,6 +200,22 @@ def test_what_is_wrong_with_a_network_is_named(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "-1")
     with pytest.raises(InputError, match="ROS_DOMAIN_ID: '-1' given; legal: 0 to 232"):
         DdsNetwork()
+
+
+def test_who_came_and_went_between_two_looks_is_not_there():
+    pytest.importorskip("cyclonedds", reason="no wheel of Cyclone DDS for this platform")
+    from omniservo.hardware.ros2.node import RosNode
+
+    network = DdsNetwork.localhost(211)
+    here = RosNode(network)
+    stays, goes = here.publish("/t", JointStateMessage), RosNode(network)
+    goes.publish("/t", JointStateMessage)
+    goes.close()
+    end = time.monotonic() + 30.0
+    while here.endpoints.publishers("/t") == []:
+        assert time.monotonic() < end
+    assert [each.key for each in here.endpoints.publishers("/t")] == [stays.key]
+    here.close()
 
 
 def test_a_domain_is_configured_once_and_no_network_of_another_name_is_found():

@@ -10,7 +10,7 @@ from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
 from omniservo.estimation.arm_views import ArmViews, KnownErrors, LengthPrior
 from omniservo.estimation.estimate_arm_views import estimate_arm_views
-from omniservo.looks import Standing
+from omniservo.looks import ViewingState
 from omniservo.planning import PlanningProblem, Sphere
 from omniservo.robots import CAMERA_HOUSING, load_arm, shipped_tube
 from omniservo.whole_arm import ArmSetting
@@ -63,6 +63,6 @@ def standing(arm):
             arm, arm.base_T_flange(start) * FLANGE_T_CAMERA, FLANGE_T_CAMERA, start=start,
             mounted=CAMERA_HOUSING, clearance=clearance,
         )  # fmt: skip
-        return replace(Standing(asked, setting, tube, estimate, optimum, MOUNT))
+        return replace(ViewingState(asked, setting, tube, estimate, optimum, MOUNT))
 
     return make

@@ -1,4 +1,4 @@
-"""README, docs, help texts and reports use the field's terms; docs/glossary.md defines them."""
+"""README, docs, help texts, docstrings and reports use the field's terms; docs/glossary.md defines them."""
 
 import ast
 import re
@@ -13,6 +13,7 @@ from omniservo.cli.main import app
 ROOT = Path(__file__).resolve().parents[2]
 GLOSSARY = ROOT / "docs/glossary.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SOURCES = sorted((ROOT / "src/omniservo").rglob("*.py"))
 REPORTING = sorted((ROOT / "src/omniservo/reporting").glob("*.py"))
 
 # the replaced phrase, and the term that stands for it
@@ -69,6 +70,16 @@ def texts_of(path):
             yield node.lineno, re.sub(r"(?m)^ +\w+: ", "", node.value)
 
 
+def docstrings_of(path):
+    """Yield line and text of every docstring, of attributes too, without arguments' names."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        body = getattr(node, "body", ())
+        for statement in body if isinstance(body, list) else ():
+            value = getattr(statement, "value", None)
+            if isinstance(statement, ast.Expr) and isinstance(getattr(value, "value", None), str):
+                yield statement.lineno, re.sub(r"(?m)^ +\w+: ", "", value.value)
+
+
 def helps(command, name="omniservo"):
     """Yield every command's name and its help with that of its parameters."""
     params = [getattr(param, "help", None) or "" for param in command.params]
@@ -91,6 +102,19 @@ def test_no_help_text_uses_a_replaced_word():
 def test_no_text_of_the_report_uses_a_replaced_word():
     texts = [(path, *text) for path in REPORTING for text in texts_of(path)]
     assert [f for path, line, text in texts for f in replaced_words(text, f"{path.name}:{line}")] == []
+
+
+def test_no_docstring_uses_a_replaced_word():
+    texts = [(path, *text) for path in SOURCES for text in docstrings_of(path)]
+    assert len(texts) > 5000
+    assert [f for path, line, text in texts for f in replaced_words(text, f"{path.name}:{line}")] == []
+
+
+def test_a_replaced_word_in_an_attribute_s_docstring_is_found(tmp_path):
+    file = tmp_path / "planted.py"
+    file.write_text('class A:\n    """Fine."""\n\n    x: int\n    """the picture of\n    a posture"""\n')
+    found = [f for line, text in docstrings_of(file) for f in replaced_words(text, f"{line}")]
+    assert [words.split("'")[1] for words in found] == ["posture", "picture"]
 
 
 @pytest.mark.parametrize(

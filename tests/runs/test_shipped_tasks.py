@@ -1,5 +1,7 @@
 """Every shipped task can be done: seen, estimated, planned, and followed by the arm past its obstacles."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -21,10 +23,15 @@ ROOM = 0.005
 """[m] that the arm keeps from the obstacles on its planned way"""
 
 
+@cache
+def estimated(name):
+    return estimate_in_cell(name, SimulatedCell)
+
+
 @pytest.fixture(scope="module", params=NAMES)
 def prepared(request):
     task = load_task(request.param)
-    found = estimate_in_cell(request.param, SimulatedCell)
+    found = estimated(request.param)
     followed = followed_points(found.estimate, found.seen.matched.initial)
     return (
         task,
@@ -44,7 +51,7 @@ def test_the_two_pictures_give_the_taught_motion(prepared):
 
 
 def test_natural_features_of_a_run_share_what_their_windows_do():
-    found, camera = estimate_in_cell("textured-object", SimulatedCell), load_task("textured-object").camera
+    found, camera = estimated("textured-object"), load_task("textured-object").camera
     matched = found.seen.matched
     alone = estimate_two_view(camera, matched.initial, matched.goal, noise=matched.noise)
     turn, turn_alone = (np.trace(e.covariance[3:, 3:]) for e in (found.estimate, alone))

@@ -601,3 +601,21 @@ def test_a_cloud_s_file_may_be_in_another_unit_than_the_task(own, tmp_path):
     file.write_text(yaml.safe_dump({**fields, "planning": {"obstacles": [{**cloud, "units": "ell"}]}}))
     with pytest.raises(InputError, match=r"planning\.obstacles\.0\.units"):
         load_task(file)
+
+
+@pytest.mark.parametrize("kind", ["sphere", "box", "half_space", "cloud"])
+def test_a_motion_over_w_is_refused_by_a_message_that_names_moves(tmp_path, kind):
+    places = {
+        "sphere": {"center": [0, 0, 100]},
+        "box": {"center": [0, 0, 100], "half_extents": [1, 1, 1]},
+        "half_space": {"normal": [0, 0, 1], "offset": -500},
+        "cloud": {"points": [[0, 0, 100]]},
+    }
+    obstacle = {"type": kind, **places[kind]}
+    file = tmp_path / "task.json"
+    file.write_text(json.dumps({**MINIMAL, "planning": {"obstacles": [obstacle]}}))
+    assert len(load_task(file).planning.obstacles) == 1
+    moving = {**obstacle, "motion": [[10, 0], [0, 0], [0, 0]]}
+    file.write_text(json.dumps({**MINIMAL, "planning": {"obstacles": [moving]}}))
+    with pytest.raises(InputError, match=r"task\.json: planning\.obstacles\.0.*motion: .*moves"):
+        load_task(file)

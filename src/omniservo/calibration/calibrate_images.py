@@ -1,4 +1,4 @@
-"""From pictures of a board to a camera: find the board in each, calibrate, look again with the camera."""
+"""From images of a board to a camera: find the board in each, calibrate, look again with the camera."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def calibrate_images(
     mirrored: bool | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ImageCalibration:
-    """Return the camera that took these pictures of a board.
+    """Return the camera that took these images of a board.
 
-    Circles, whose centres a first camera corrects, and images in which nothing was found are looked at once
+    Circles, whose centres a first camera corrects, and images in which nothing was found are checked once
     more with that camera.
 
     Args:
@@ -70,7 +70,7 @@ def calibrate_images(
         distortion: see `calibrate_camera`.
         mirrored: whether the camera looks into a mirror; None: what the boards say, which checkerboards and
             circles cannot.
-        progress: told what is being done.
+        progress: called with what is being done.
 
     Raises:
         InputError: a file that is no image, images of different sizes, none or too many.

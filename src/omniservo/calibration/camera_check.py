@@ -40,7 +40,7 @@ SCATTER = (0.05, 0.5, 0.05)
 """[px], [px], 1: least and most standard deviation of the features about the motion; the most grows with the
 shift, as parallax does"""
 RIVAL = 0.7
-"""of the parts that one motion fills: where another one fills so many, neither is believed"""
+"""of the parts that one motion fills: where another one fills so many, neither is accepted"""
 DEPTH_SPREAD = 0.5
 """standard deviation of what is seen's inverse distances over their mean, alike over `ALIKE_OVER` too"""
 STRAY = 0.05

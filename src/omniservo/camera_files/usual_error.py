@@ -26,7 +26,7 @@ OF_RMS = 1.3
 """σ over the rms distance of corners, where the file says that"""
 
 LEAST_PART = 1e-4
-"""of the longer side: no less is believed of a small rms"""
+"""of the longer side: no less is accepted of a small rms"""
 
 _PLAIN = ("unified", "pinhole")
 _RMS = ("avg_reprojection_error", "rms", "rms_px")

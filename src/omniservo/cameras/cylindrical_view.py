@@ -1,4 +1,4 @@
-"""A picture on an upright cylinder: what panoramas are shown on, up to a whole turn round."""
+"""An image on an upright cylinder: what panoramas are shown on, up to a whole turn round."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the camera commands are told which camera is meant."""
+"""How the camera commands are given a camera."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def open_model(
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """Which camera a command is told of, in the words of its options."""
+    """Which camera a command is given, in the words of its options."""
 
     camera: str | None
     name: str | None = None

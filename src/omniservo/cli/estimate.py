@@ -73,7 +73,7 @@ _NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal, or --
 
 TWO = 2
 _FAR = 20.0
-"""A camera that moved farther than this [m] was probably told of in mm."""
+"""A camera that moved farther than this [m] was probably stated in mm."""
 
 
 def estimate(

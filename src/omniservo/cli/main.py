@@ -90,7 +90,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 @contextmanager
 def _ended_cleanly() -> Iterator[None]:
-    """Make SIGTERM an exit, which leaves no half-written folder behind, where nobody else answers it."""
+    """Make SIGTERM an exit, which leaves no half-written folder behind, where no one else answers it."""
 
     def leave(number: int, frame: FrameType | None) -> NoReturn:
         sys.exit(TERMINATED)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from omniservo.geometry.compiler_watch import CompilerWatch
 
 _LEAST_SHARE = 0.05
-"""Of the job: before, what is left cannot be told from the time that it took so far."""
+"""Of the job: before, what is left cannot be distinguished from the time that it took so far."""
 
 _ANOTHER_LINE = 15.0
 """[s] of compiling after which, where lines are written one below the other, another says so"""

@@ -55,7 +55,7 @@ class Approval:
         yes: everything is agreed to beforehand.
 
     Raises:
-        InputError: nobody can be asked, and nothing was agreed to.
+        InputError: no one can be required, and nothing was agreed to.
     """
 
     def __init__(self, *, yes: bool) -> None:

@@ -184,7 +184,7 @@ def _drawn(refused: NoPath, out: Path | None) -> str:
 
 
 def _folder(name: str, method: str, force: bool) -> Path:
-    """Return where results go that nobody named a place for: such as runs/paper-example-1-compare-2."""
+    """Return where results go that have no stated place: such as runs/paper-example-1-compare-2."""
     folder = Path("runs") / (name if method == "certified" else f"{name}-{method}")
     return folder if force else unused(folder)
 

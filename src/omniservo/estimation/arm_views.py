@@ -94,7 +94,7 @@ class ArmViewsOptimum:
     lens: FloatArray
     """(q,) of θ − θ₀, likewise"""
     freedom: float = math.inf
-    """of σ, where the residuals told it"""
+    """of σ, where the residuals state it"""
 
     @property
     def camera(self) -> UnifiedCamera:

@@ -43,7 +43,7 @@ HALF = 2
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One picture: its points, the fit, and where they stand among all points."""
+    """One image: its points, the fit, and where they stand among all points."""
 
     known: KnownPixels
     fit: PoseFit
@@ -70,21 +70,21 @@ def estimate_known_target(
     scale_sigma: float = 0.0,
     squares: IntArray | None = None,
 ) -> TwoViewEstimate:
-    """Return the pose of the goal camera and the points, metric, from two pictures of a known target.
+    """Return the pose of the goal camera and the points, metric, from two images of a known target.
 
-    The camera's pose by the target's points in either picture, as `estimate_pose`, and initial_T_goal from
-    both. The two poses are independent given the structure, so the mirrored pose of a plane in one picture
-    is judged by that picture's cost; but σ, where it is not stated, is one number of both.
+    The camera's pose by the target's points in either image, as `estimate_pose`, and initial_T_goal from
+    both. The two poses are independent given the structure, so the mirrored pose of a plane in one image
+    is judged by that image's cost; but σ, where it is not stated, is one number of both.
 
     Args:
-        camera: took both pictures; of any model.
+        camera: took both images; of any model.
         points: (n, 3) [m] in the target's frame.
         pixels_initial: (n, 2) [px], row j shows point j.
         pixels_goal: (n, 2) [px].
-        visible: (2, n) bool: points seen in the initial and the goal picture; the pixels of others are not
+        visible: (2, n) bool: points seen in the initial and the goal image; the pixels of others are not
             read. None: all.
         robust: reject points that do not agree with the others, and those outside the camera's domain.
-        noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in either picture.
+        noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in either image.
         scale_sigma: relative standard deviation of the target's size: how well it was printed or measured.
         squares: (m, 4) points that are found together, as the corners of a tag: where half of them do not
             agree, none counts. None: every point stands for itself.
@@ -251,7 +251,7 @@ def _with_pose(
 
 
 def _camera_moves(camera: UnifiedCamera, spreads: list[PoseSpread]) -> FloatArray:
-    """Return what independent errors of the camera, one for both pictures, do to the two poses (f, 12)."""
+    """Return what independent errors of the camera, one for both images, do to the two poses (f, 12)."""
     responses = [spread.response for spread in spreads]
     if camera.model_error is None or responses[0] is None or responses[1] is None:
         return np.empty((0, 12))

@@ -59,7 +59,7 @@ STATED = 1.0 - 1e-6
 """Confidence at which parallax overrules the caller, who says that there is a plane."""
 
 APART = 3.0
-"""Two motions are told apart where they differ by so many standard deviations."""
+"""Two motions are distinguished where they differ by so many standard deviations."""
 
 
 class PlanarSolution(NamedTuple):

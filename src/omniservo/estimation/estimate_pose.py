@@ -1,4 +1,4 @@
-"""The camera's pose from one picture of known points (perspective-n-point on bearings)."""
+"""The camera's pose from one image of known points (perspective-n-point on bearings)."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def estimate_pose(
 
     Poses of three bearings (P3P), the best of random samples, refinement in the image; bearings of any
     direction are members. The mirrored pose of a plane is always looked for. Three points leave up to four
-    poses, all of which are told.
+    poses, all of which are reported.
 
     Args:
-        camera: took the picture; of any model (`UnifiedImage`).
+        camera: took the image; of any model (`UnifiedImage`).
         points: (n, 3) [m] in a frame of their own.
         pixels: (n, 2) [px], row j shows point j.
         robust: reject points that do not agree with the others (never of three), and those outside the

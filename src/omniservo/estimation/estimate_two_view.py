@@ -71,7 +71,7 @@ NO_MINIMUM = "the refinement on the virtual plane found no minimum"
 CONTRADICTED = "the residuals contradict the stated errors of pixels and camera"
 
 MOST_OF_SQUARES_PX = 1.0
-"""Squares are known one by one: noise far beyond what is stated, but no more than this, is believed."""
+"""Squares are known one by one: noise far beyond what is stated, but no more than this, is accepted."""
 
 ONE_WRONG = "one of so few may be a wrong match that decides the motion: more are needed"
 
@@ -251,7 +251,7 @@ def _estimate_few(
 ) -> TwoViewEstimate:
     """Estimate; few matches of a real camera with the pixels' own noise in gates first.
 
-    What the camera's error allows a match, motion and structure mostly take up. In gates it is room for a
+    What the camera's error allows a match, motion and structure mostly absorb. In gates it is room for a
     wrong match, which of few decides the motion. It is given where they agree in no other way. Squares that
     all agree but for more noise than is stated, of a camera that is said to be exact, are judged by the noise
     that they show.

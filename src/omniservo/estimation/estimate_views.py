@@ -76,7 +76,7 @@ def estimate_views(
     is that of the first view that has a pose.
 
     Args:
-        camera: took all pictures; of any model. Its ``model_error`` is the same in all of them, so that views
+        camera: took all images; of any model. Its ``model_error`` is the same in all of them, so that views
             do not average it out.
         pixels: (v, n, 2) [px], [i, j] shows point j in view i; or `ViewPoints`.
         visible: (v, n) bool: the pixels of others are not read. None: all.

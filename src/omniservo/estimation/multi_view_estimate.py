@@ -24,7 +24,7 @@ ViewStatus = Literal["ok", "by_displacement", "too_few_points", "no_pose"]
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class MultiViewEstimate:
-    """Motion and structure from v pictures of n points, or the reason why there is none.
+    """Motion and structure from v images of n points, or the reason why there is none.
 
     Any status but "ok" is no answer: every pose is None and every number NaN, in arrays of unchanged shape.
     """
@@ -66,7 +66,7 @@ class MultiViewEstimate:
     seconds: float
     """Wall time of the estimation [s]."""
     view_status: tuple[ViewStatus, ...]
-    """(v,) "ok"; "by_displacement": the view stands by its stated displacement, its picture adds nothing;
+    """(v,) "ok"; "by_displacement": the view stands by its stated displacement, its image adds nothing;
     "too_few_points": it shows fewer than four points; "no_pose": none that its points agree with"""
     view_reasons: tuple[str, ...]
     """(v,) why a view has no pose; empty for one that has"""

@@ -1,4 +1,4 @@
-"""What one picture of known points says about the camera's pose."""
+"""What one image of known points says about the camera's pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same points in several pictures, as `estimate_views` takes them."""
+"""The same points in several images, as `estimate_views` takes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from omniservo.short_repr import short_repr
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class ViewPoints:
-    """n points in v pictures."""
+    """n points in v images."""
 
     pixels: npt.ArrayLike
     """(v, n, 2) [px], [i, j] shows point j in view i"""

@@ -20,7 +20,7 @@ _MOST_TRIANGLES = 2_000_000
 def collada_triangles(text: str) -> tuple[FloatArray, IntArray]:
     """Return vertices (v, 3) [m] and triangles (f, 3) of a document's scene; without a scene, of all it has.
 
-    Lengths are in the document's unit. As in RViz and MoveIt its upward axis is not looked at: coordinates
+    Lengths are in the document's unit. As in RViz and MoveIt its upward axis is not checked: coordinates
     are those of the link. Polygons are cut as fans. Colours, lines and animations are not read.
 
     Raises:

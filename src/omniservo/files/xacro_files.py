@@ -170,7 +170,7 @@ def _place() -> str:
 
 
 def _answer() -> None:
-    """Read what is asked from standard input and answer on standard output."""
+    """Read requests from standard input and answer on standard output."""
     resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
     resource.setrlimit(resource.RLIMIT_CPU, (_MOST_SECONDS, _MOST_SECONDS))
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))

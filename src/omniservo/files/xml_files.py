@@ -1,4 +1,4 @@
-"""XML that nobody vouches for, as plain elements: no document types, no entities, bounded in depth."""
+"""XML of unknown origin, as plain elements: no document types, no entities, bounded in depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who waits for the compiler is told so: Numba says when it compiles, and how long that and loading take."""
+"""Who waits for the compiler is informed: Numba says when it compiles, and how long that and loading take."""
 
 from __future__ import annotations
 

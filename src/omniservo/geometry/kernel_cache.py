@@ -122,7 +122,7 @@ class KernelCache:
             return
 
     def flush(self) -> None:
-        """Forget nothing: what is kept belongs to this very code."""
+        """Delete nothing: what is kept belongs to this very code."""
 
     def _file(self, signature: Any) -> str:
         return f"{self._name}-{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}{_ENDING}"

@@ -57,7 +57,7 @@ def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
 
 @leaf
 def _normalise(q: FloatArray, negate: bool) -> None:
-    """Scale a quaternion (4,) to length 1, with the other sign where asked."""
+    """Scale a quaternion (4,) to length 1, with the other sign where required."""
     scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     if negate:
         scale = -scale

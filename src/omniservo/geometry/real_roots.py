@@ -10,7 +10,7 @@ from omniservo.geometry.kernel import kernel, leaf
 MOST_STEPS = 80
 
 CLOSE = 1e-11
-"""A last step of so many times the root: Newton's error after it is nearly the square of that. Asked for
+"""A last step of so many times the root: Newton's error after it is nearly the square of that. Required
 more, the step becomes rounding, and rounding ends no iteration."""
 
 

@@ -22,7 +22,7 @@ STEP = 0.05
 
 LATER = 0.5
 """Arrivals that for so long [s] are all later by `STEP`, and by the spread, are a clock that was set back,
-or a line that became slower: neither can be told from the other."""
+or a line that became slower: neither can be distinguished from the other."""
 
 LEAST_LATER = 10
 """and so many of them"""

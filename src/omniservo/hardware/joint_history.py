@@ -101,7 +101,7 @@ class JointHistory:
         return ahead
 
     def _make_room(self) -> None:
-        """Forget the older half at least, and begin the arrays anew."""
+        """Drop the older half at least, and begin the arrays anew."""
         self._begin = max(self._begin, self._end - _ROWS // 2)
         left = slice(self._begin, self._end)
         count = len(self)

@@ -43,7 +43,7 @@ class ArmAddress:
         """Connect, and return once a first state is there.
 
         Raises:
-            InputError: no such driver, or an argument that it does not take; nobody at the address.
+            InputError: no such driver, or an argument that it does not take; no one at the address.
             ConnectionLost: the connection was lost before the first state.
         """
         driver = _driver_named(self.driver)

@@ -2,17 +2,20 @@
 
 from omniservo.looks.certified_move import FOLLOWED, CertifiedMove, certified_move
 from omniservo.looks.next_look import NextLook, next_look, uncertainty_parts, uncertainty_size
-from omniservo.looks.standing import Standing
+from omniservo.looks.standing import ViewingState
 from omniservo.looks.what_is_missing import what_is_missing
+from omniservo.renamed import renamed
 
 __all__ = [
     "FOLLOWED",
     "CertifiedMove",
     "NextLook",
-    "Standing",
+    "ViewingState",
     "certified_move",
     "next_look",
     "uncertainty_parts",
     "uncertainty_size",
     "what_is_missing",
 ]
+
+__getattr__ = renamed(__name__, {"Standing": "ViewingState"})

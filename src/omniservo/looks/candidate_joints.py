@@ -39,7 +39,7 @@ def candidate_joints(
         setting: the arm,
         start: and where it stands (n,) [rad].
         singular_value: that a plan keeps.
-        middle: (3,) of the target, in the camera's frame [m]: looked at from aside, too.
+        middle: (3,) of the target, in the camera's frame [m]: checked from aside, too.
         seed: of those drawn.
     """
     for move in _camera_moves(middle):

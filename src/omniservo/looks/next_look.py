@@ -15,7 +15,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.looks.candidate_joints import candidate_joints
 from omniservo.looks.certified_move import CertifiedMove, certified_move
-from omniservo.looks.standing import Standing
+from omniservo.looks.standing import ViewingState
 
 STRUCTURES = 50
 """So many structures are drawn from the estimate, all of whose points a move keeps in view and off,"""
@@ -29,7 +29,7 @@ TRIES = 8
 LEAST_GAIN = 0.05
 """A look that makes what is uncertain smaller by less than this share is not worth its time."""
 
-Plans: TypeAlias = Callable[[Standing], bool]
+Plans: TypeAlias = Callable[[ViewingState], bool]
 """Whether there is a plan from where an arm stands, with what is known there"""
 
 
@@ -45,7 +45,7 @@ class NextLook:
     """whether there is expected to be a plan from there"""
 
 
-def next_look(here: Standing, plans: Plans, seed: int) -> NextLook | str:
+def next_look(here: ViewingState, plans: Plans, seed: int) -> NextLook | str:
     """Return the look that is worth most, or why there is none.
 
     Of certified moves to the candidates the one from whose end there is expected to be a plan, that first
@@ -55,7 +55,7 @@ def next_look(here: Standing, plans: Plans, seed: int) -> NextLook | str:
     samples = structures(here.estimate, seed)
     middle = here.estimate.points[here.estimate.inliers].mean(axis=0)
     before = uncertainty_size(here.estimate)
-    found: list[tuple[bool, float, int, CertifiedMove, Standing]] = []
+    found: list[tuple[bool, float, int, CertifiedMove, ViewingState]] = []
     why = ""
     for q in candidate_joints(here.setting, here.start, here.singular_value, middle, seed):
         move = certified_move(here.asked, here.setting, samples, (here.start, q), here.mount)
@@ -84,7 +84,7 @@ def next_look(here: Standing, plans: Plans, seed: int) -> NextLook | str:
     return NextLook(move, size, leads_to_plan=False)
 
 
-def _has_plan(plans: Plans, there: Standing) -> bool:
+def _has_plan(plans: Plans, there: ViewingState) -> bool:
     try:
         return plans(there)
     except InputError:  # nothing is left of the image, or a joint is too near to its end

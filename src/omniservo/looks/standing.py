@@ -24,7 +24,7 @@ from omniservo.whole_arm.arm_ends import violation_at_start
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
-class Standing:
+class ViewingState:
     """An arm before its target; everything in the frame of its camera there."""
 
     asked: PlanningProblem
@@ -104,7 +104,7 @@ class Standing:
         except InputError:
             return False
 
-    def expected_after(self, move: CertifiedMove) -> Standing | None:
+    def expected_after(self, move: CertifiedMove) -> ViewingState | None:
         """Return where a move leads and what is expected to be known; None: too few points are seen there."""
         there = self._moved(move.begin_T_end, move.joints.positions[-1])
         if self.optimum is None:
@@ -113,7 +113,7 @@ class Standing:
         estimate = estimate_at(optimum)
         return None if estimate is None else replace(there, estimate=estimate, optimum=optimum)
 
-    def after(self, joints: FloatArray, views: ArmViews, points: FloatArray) -> Standing:
+    def after(self, joints: FloatArray, views: ArmViews, points: FloatArray) -> ViewingState:
         """Return where the arm stands after a move, and what the images say, those from before included.
 
         Args:
@@ -151,7 +151,7 @@ class Standing:
         inliers = self.estimate.points[self.estimate.inliers]
         return mount_room(pose, self.mount, float(np.linalg.norm(inliers, axis=1).max()))
 
-    def _moved(self, pose: RigidTransform, joints: FloatArray) -> Standing:
+    def _moved(self, pose: RigidTransform, joints: FloatArray) -> ViewingState:
         """Return the same elsewhere; clearances have room for what the mount makes of obstacles' places."""
         asked, off = problem_from(self.asked, pose, 0.0, None), self.room_for(pose)
         if asked.obstacles or asked.workspace is not None:

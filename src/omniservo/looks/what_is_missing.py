@@ -12,13 +12,13 @@ from omniservo.estimation.arm_views import ArmViews, ArmViewsOptimum, LengthPrio
 from omniservo.estimation.estimate_arm_views import estimate_at
 from omniservo.geometry.arrays import FloatArray
 from omniservo.looks.next_look import Plans
-from omniservo.looks.standing import Standing
+from omniservo.looks.standing import ViewingState
 
 SHARES = (0.5, 0.25, 0.1)
 """to which a part is made smaller, the first that does is named"""
 
 
-def what_is_missing(here: Standing, plans: Plans) -> str:
+def what_is_missing(here: ViewingState, plans: Plans) -> str:
     """Return a sentence that names each part by which alone there would be a plan, and to what share of it.
 
     Pixels (their noise), lens (its covariance and the model's error), scale, mount, structure (the points'
@@ -27,7 +27,7 @@ def what_is_missing(here: Standing, plans: Plans) -> str:
 
     Args:
         here: where the arm stands.
-        plans: whether there is a plan; it must take the mount's covariance from `Standing.mount`.
+        plans: whether there is a plan; it must take the mount's covariance from `ViewingState.mount`.
     """
     found, known = [], {}
     for name, smaller in _parts(here):
@@ -39,7 +39,7 @@ def what_is_missing(here: Standing, plans: Plans) -> str:
         found.append(f"{name}: {_spelled(share)}")
     if found:
         return f"there would be a plan with one of these better: {'; '.join(found)}"
-    everything: Standing | None = here
+    everything: ViewingState | None = here
     for name in known:
         if everything is not None:
             everything = dict(_parts(everything)).get(name, lambda share, e=everything: e)(0.0)
@@ -53,14 +53,14 @@ def _spelled(share: float) -> str:
     return words.get(share, "exact")
 
 
-def _try(plans: Plans, there: Standing | None) -> bool:
+def _try(plans: Plans, there: ViewingState | None) -> bool:
     try:
         return there is not None and plans(there)
     except InputError:
         return False
 
 
-def _parts(here: Standing) -> Iterator[tuple[str, Callable[[float], Standing | None]]]:
+def _parts(here: ViewingState) -> Iterator[tuple[str, Callable[[float], ViewingState | None]]]:
     """Yield the parts that there are, and what makes each smaller."""
     if (optimum := here.optimum) is not None:
         yield "pixels", lambda share: _with(here, replace(optimum, views=_quieter(optimum, share)))
@@ -90,7 +90,7 @@ _LEAST = 1e-3
 """So small a share stands for nothing, where nothing is not legal."""
 
 
-def _with(here: Standing, optimum: ArmViewsOptimum) -> Standing | None:
+def _with(here: ViewingState, optimum: ArmViewsOptimum) -> ViewingState | None:
     estimate = estimate_at(optimum)
     return None if estimate is None else replace(here, estimate=estimate, optimum=optimum)
 
@@ -117,7 +117,7 @@ def _scaled_better(optimum: ArmViewsOptimum, length: LengthPrior, share: float) 
     return replace(optimum, views=replace(views, known=known))
 
 
-def _better_mounted(here: Standing, known_mount: FloatArray, share: float) -> Standing | None:
+def _better_mounted(here: ViewingState, known_mount: FloatArray, share: float) -> ViewingState | None:
     share = max(share, _LEAST)
     mount = share**2 * known_mount
     better = replace(here, mount=mount)

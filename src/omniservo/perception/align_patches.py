@@ -1,4 +1,4 @@
-"""Patches of one picture laid on another, affinely, with gain and offset, to hundredths of a pixel."""
+"""Patches of one image laid on another, affinely, with gain and offset, to hundredths of a pixel."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Templates:
     """(n, k) of weighted mean 0 and weighted norm 1; 0 where the patch is flat"""
     steepest: FloatArray
     """(n, k, 6) derivative of the grey by the affine parameters (a, b, c, d, x, y), [1/sample] for x and y,
-    without what gain and offset take up"""
+    without what gain and offset absorb"""
     normal: FloatArray
     """(n, 6, 6) sum of weighted steepestᵀ·steepest"""
     whole: BoolArray
-    """(n,) the picture shows all of it, and it is not flat"""
+    """(n,) the image shows all of it, and it is not flat"""
 
     def __getitem__(self, rows: BoolArray | IntArray) -> Templates:
         arrays = (self.pitch, self.grey, self.steepest, self.normal)
@@ -52,10 +52,10 @@ class Templates:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Where templates lie in another picture."""
+    """Where templates lie in another image."""
 
     places: FloatArray
-    """(n, 2) of the templates' middles on the planes of the other picture"""
+    """(n, 2) of the templates' middles on the planes of the other image"""
     affinities: FloatArray
     """(n, 2, 2) from places on the templates' planes to places on the others'"""
     covariance: FloatArray
@@ -63,7 +63,7 @@ class Alignment:
     correlation: FloatArray
     """(n,) weighted, of template and patch; -1 where not converged"""
     converged: BoolArray
-    """(n,) the last step was small, and the whole patch is in the picture"""
+    """(n,) the last step was small, and the whole patch is in the image"""
 
 
 def window(half: int) -> FloatArray:

@@ -3,7 +3,7 @@
 The image of a circle's centre is not the centroid of the circle's image: the ray to the centre is not the
 axis of the cone, and the lens magnifies unevenly. On the plane that touches the unit sphere at the dot the
 cone is an exact ellipse; its two families of circular sections give two possible circles, hence two
-centres, one on each side of the cone's axis. One picture of one dot cannot tell them apart; several dots of
+centres, one on each side of the cone's axis. One image of one dot cannot tell them apart; several dots of
 one size on a surface can, because their distances say how the surface lies.
 """
 

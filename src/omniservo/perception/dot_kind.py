@@ -16,7 +16,7 @@ _OTHERS = "; of a photograph without dots: natural (--features natural), or tags
 
 
 class DotKind:
-    """Dots of one radius: nobody knows which is which until two pictures are compared."""
+    """Dots of one radius: which is which is unknown until two images are compared."""
 
     name = "dots"
     least = LEAST_FEATURES
@@ -27,10 +27,10 @@ class DotKind:
         return find_dots(image, camera).pixels
 
     def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
-        """Return the dots that both pictures show, in the order of the initial picture.
+        """Return the dots that both images show, in the order of the initial image.
 
         Raises:
-            InputError: a picture with fewer than eight dots.
+            InputError: an image with fewer than eight dots.
             NoSolutionError: the match is ambiguous, or fewer than eight dots can be matched.
         """
         initial_dots, goal_dots = find_dots(initial, camera), find_dots(goal, camera)

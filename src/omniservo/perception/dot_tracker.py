@@ -1,4 +1,4 @@
-"""Dots followed from picture to picture, each looked for where it is predicted."""
+"""Dots followed from image to image, each looked for where it is predicted."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ CLEAR = 2.0
 
 
 class DotTracker:
-    """Finds the dots of a target in each new picture, given where they are expected.
+    """Finds the dots of a target in each new image, given where they are expected.
 
-    The tracker keeps nothing between pictures: a dot that was lost is found again as soon as it is seen
+    The tracker keeps nothing between images: a dot that was lost is found again as soon as it is seen
     near its prediction.
     """
 
@@ -38,7 +38,7 @@ class DotTracker:
         """Prepare to follow dots.
 
         Args:
-            camera: the camera that takes the pictures.
+            camera: the camera that takes the images.
             gate_px: largest distance from prediction to dot [px].
             options: what counts as a dot, as in `find_dots`.
 

@@ -1,4 +1,4 @@
-"""What dot finding returns, and what may be asked of it."""
+"""What dot finding returns, and what may be required of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omniservo.geometry.arrays import FloatArray, finite_number, owned
 @with_field_docs
 @dataclass(frozen=True)
 class FoundDots:
-    """The dots of one picture, top to bottom, then left to right."""
+    """The dots of one image, top to bottom, then left to right."""
 
     pixels: FloatArray
     """(n, 2) [px] image of each dot's centre (with a camera) or centroid of its image (without)"""
@@ -33,7 +33,7 @@ class FoundDots:
 
     @classmethod
     def none(cls) -> FoundDots:
-        """The dots of a picture without any."""
+        """The dots of an image without any."""
         return cls(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2, 2)))
 
 

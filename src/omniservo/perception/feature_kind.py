@@ -1,4 +1,4 @@
-"""What every kind of feature can do: be matched between two pictures, and be followed through the next ones.
+"""What every kind of feature can do: be matched between two images, and be followed through the next ones.
 
 A new kind of feature is one class that answers to `FeatureKind`; nothing else needs to know it.
 """
@@ -22,18 +22,18 @@ LEAST_FEATURES = 8
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class MatchedPoints:
-    """The same points in two pictures."""
+    """The same points in two images."""
 
     initial: FloatArray
-    """(n, 2) [px], in an order that the initial picture fixes"""
+    """(n, 2) [px], in an order that the initial image fixes"""
     goal: FloatArray
     """(n, 2) [px], row j belongs to row j of ``initial``"""
     noise: FloatArray | None = None
-    """(n, 2) σ of a coordinate in the initial and in the goal picture [px]; None: not known beforehand"""
+    """(n, 2) σ of a coordinate in the initial and in the goal image [px]; None: not known beforehand"""
     ids: IntArray | None = None
     """(n,) which corners of which tags they are, 4·tag + corner as in `omniservo.targets`; None: no tags"""
     window: FloatArray | None = None
-    """(n,) standard deviation [px] of the Gaussian window in the initial picture that each was measured in:
+    """(n,) standard deviation [px] of the Gaussian window in the initial image that each was measured in:
     points whose windows overlap err alike; None: every point errs by itself"""
 
     def __len__(self) -> int:
@@ -57,7 +57,7 @@ class MatchedPoints:
 
 
 class FeatureTracker(Protocol):
-    """Finds the matched points again in every new picture; it keeps nothing between pictures."""
+    """Finds the matched points again in every new image; it keeps nothing between images."""
 
     def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the points near their predictions: pixels (n, 2) [px], NaN where lost, and valid (n,).
@@ -79,7 +79,7 @@ class FeatureKind(Protocol):
 
     @property
     def least(self) -> int:
-        """How many features a picture must show."""
+        """How many features an image must show."""
         ...
 
     @property
@@ -88,14 +88,14 @@ class FeatureKind(Protocol):
         ...
 
     def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
-        """Return the pixels (n, 2) [px] of every feature in a picture."""
+        """Return the pixels (n, 2) [px] of every feature in an image."""
         ...
 
     def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
-        """Return the points that both pictures show.
+        """Return the points that both images show.
 
         Raises:
-            InputError: a picture with fewer than ``least``.
+            InputError: an image with fewer than ``least``.
             NoSolutionError: they cannot be matched, or too few can.
         """
         ...
@@ -108,7 +108,7 @@ class FeatureKind(Protocol):
 
 
 def require_features(count: int, name: str, where: str, least: int = LEAST_FEATURES, hint: str = "") -> None:
-    """Refuse a picture with too few features; ``hint``: what else may be looked for.
+    """Refuse an image with too few features; ``hint``: what else may be looked for.
 
     Raises:
         InputError: fewer than ``least``.

@@ -15,7 +15,7 @@ from omniservo.perception.image_points import ImagePoints
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class Features:
-    """The natural features of one picture, strongest first."""
+    """The natural features of one image, strongest first."""
 
     points: ImagePoints
     """n places [px] with the covariance of their error; they have no identity"""

@@ -1,4 +1,4 @@
-"""Perspective views that together cover what a camera sees, each of the picture's own resolution."""
+"""Perspective views that together cover what a camera sees, each of the image's own resolution."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ class FieldView:
     corner: FloatArray
     """(2,) [px] of its first pixel from the plane's point"""
     maps: npt.NDArray[np.float32]
-    """(h, w, 2) [px] of the picture"""
+    """(h, w, 2) [px] of the image"""
     nearest_seen: npt.NDArray[np.int64]
-    """(h, w) index, row by row, of the nearest pixel of the view that the picture shows: often itself"""
+    """(h, w) index, row by row, of the nearest pixel of the view that the image shows: often itself"""
     room: npt.NDArray[np.float32]
-    """(h, w) [px] distance to what the picture does not show; 0 there"""
+    """(h, w) [px] distance to what the image does not show; 0 there"""
     own: BoolArray
     """(h, w) whether no other view's axis is nearer"""
 
     def image(self, image: ByteArray) -> ByteArray:
-        """The view of a picture, cubic; where the picture shows nothing, the nearest grey that it shows."""
+        """The view of an image, cubic; where the image shows nothing, the nearest grey that it shows."""
         grey = cv2.remap(
             image, self.maps[..., 0], self.maps[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
@@ -56,7 +56,7 @@ class FieldView:
 
 @lru_cache(maxsize=2)
 def field_views(camera: CentralModel) -> tuple[FieldView, ...]:
-    """The views, kept for the camera's next picture: every direction that it sees is one's own."""
+    """The views, kept for the camera's next image: every direction that it sees is one's own."""
     axes = _axes()
     v, u = np.mgrid[0 : camera.height : 8, 0 : camera.width : 8].astype(np.float64)
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)

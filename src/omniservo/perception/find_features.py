@@ -1,4 +1,4 @@
-"""Natural features in raw wide-angle pictures: SIFT on the planes tangent to the sphere of view."""
+"""Natural features in raw wide-angle images: SIFT on the planes tangent to the sphere of view."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST = 4000
 CONTRAST = 0.02
 """SIFT's threshold; its usual 0.04 leaves dull surfaces without features"""
 CLEARANCE = 4.0
-"""in scales: nearer to the border of what the picture shows, the border is part of the feature"""
+"""in scales: nearer to the border of what the image shows, the border is part of the feature"""
 LOCATION_ERROR = 0.08
 """standard deviation of a location, in scales"""
 LEAST_ERROR = 0.07
@@ -29,13 +29,13 @@ LEAST_ERROR = 0.07
 def find_features(image: ByteArray, camera: CentralModel) -> Features:
     """Find what can be found again from elsewhere: SIFT features of perspective views all round.
 
-    A wide-angle lens draws the same corner differently in every part of the picture. Each direction is
-    therefore looked at in the perspective view whose axis is nearest to it, of the picture's resolution
+    A wide-angle lens draws the same corner differently in every part of the image. Each direction is
+    therefore viewed in the perspective view whose axis is nearest to it, of the image's resolution
     there, and what is found is mapped back through the camera. So it works at any angle from the axis.
 
     Covariance: the error of a location grows with the scale (Zeisl et al., "Estimation of Location
     Uncertainty for Scale Invariant Feature Points", BMVC 2009); here it is `LOCATION_ERROR` scales on the
-    view's plane, mapped into the picture, and not less than `LEAST_ERROR` px.
+    view's plane, mapped into the image, and not less than `LEAST_ERROR` px.
 
     Args:
         image: (height, width) grey values, uint8.

@@ -31,7 +31,7 @@ _INSIDE = 0.7
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class FoundTags:
-    """The tags of one picture, by id."""
+    """The tags of one image, by id."""
 
     ids: IntArray
     """(k,) ascending"""
@@ -40,7 +40,7 @@ class FoundTags:
     covariance: FloatArray
     """(k, 4, 2, 2) [px²] of the corners' errors"""
     repeated: IntArray
-    """ids that were read at more than one place: nobody knows which is meant, so they are not in ``ids``"""
+    """ids that were read at more than one place: it is unknown which is meant, so they are not in ``ids``"""
 
     def __len__(self) -> int:
         return len(self.ids)

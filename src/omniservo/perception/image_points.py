@@ -1,4 +1,4 @@
-"""Points of one picture with the error of their location: what every kind of feature gives."""
+"""Points of one image with the error of their location: what every kind of feature gives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SLACK = 1e-9
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class ImagePoints:
-    """Located points of one picture.
+    """Located points of one image.
 
     Raises:
         InputError: not finite, shapes that do not belong together, a covariance that is none, or an id that
@@ -30,7 +30,7 @@ class ImagePoints:
     covariance: FloatArray
     """(n, 2, 2) [px²] of the location's error"""
     ids: IntArray | None = None
-    """(n,) which point it is, the same in every picture; None: nobody knows"""
+    """(n,) which point it is, the same in every image; None: unknown"""
 
     def __post_init__(self) -> None:
         pixels = finite_array("pixels", self.pixels, (None, 2))

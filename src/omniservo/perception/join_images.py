@@ -1,4 +1,4 @@
-"""Several pictures of one scene: which of their pixels show the same points."""
+"""Several images of one scene: which of their pixels show the same points."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Progress = Callable[[str], None]
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class JoinedPoints:
-    """n points in v pictures."""
+    """n points in v images."""
 
     pixels: FloatArray
     """(v, n, 2) [px], NaN where not seen"""
@@ -57,14 +57,14 @@ class JoinedPoints:
     ids: IntArray | None
     """(n,) which corners of which tags they are, 4·tag + corner; None: no tags"""
     reasons: tuple[str, ...]
-    """(v,) why a picture shares no point with any other; empty where it does"""
+    """(v,) why an image shares no point with any other; empty where it does"""
 
     def __len__(self) -> int:
         return len(self.visible.T)
 
 
 class _Pair(NamedTuple):
-    """Matches of two pictures, the root first."""
+    """Matches of two images, the root first."""
 
     root: int
     other: int
@@ -74,21 +74,21 @@ class _Pair(NamedTuple):
 def join_images(
     camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, progress: Progress | None = None
 ) -> JoinedPoints:
-    """Match the pictures in pairs, and join the matches over all of them.
+    """Match the images in pairs, and join the matches over all of them.
 
-    A natural feature is where it was found in one picture, its root, and where its patch lies in the others:
+    A natural feature is where it was found in one image, its root, and where its patch lies in the others:
     a point keeps one root, since patches of two roots are not laid on exactly the same place. Roots are taken
     by the number of their matches; what one of them shows already, another does not add. Tags are joined by
     their numbers, dots by their places. Single matches may be wrong: `estimate_views` finds them.
 
     Args:
-        camera: took all pictures.
+        camera: took all images.
         images: (v,) of (height, width) grey values.
         kind: what is looked for.
-        progress: is told what is being done.
+        progress: is called with what is being done.
 
     Raises:
-        InputError: fewer than two pictures, or one of another size.
+        InputError: fewer than two images, or one of another size.
     """
     if len(images) < 2:
         raise InputError(f"images: {len(images)} given; at least 2 are needed")
@@ -200,7 +200,7 @@ class _Point:
         self.seen: dict[int, tuple[FloatArray, float, float]] = {}
 
     def add(self, view: int, pixel: FloatArray, noise: float, window: float) -> None:
-        """Add a picture; of one that is known, the larger noise stays."""
+        """Add an image; of one that is known, the larger noise stays."""
         known = self.seen.get(view)
         self.seen[view] = (
             (pixel, noise, window) if known is None else (known[0], max(noise, known[1]), known[2])

@@ -1,4 +1,4 @@
-"""Which dot of one picture is which dot of another, without being told."""
+"""Which dot of one image is which dot of another, without being given it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VERIFIED = 40
 UNMATCHED = 40.0
 """cost of a dot that could have had a partner"""
 GOOD = 4.0
-"""a match is believed up to this rms deviation, in standard deviations"""
+"""a match is accepted up to this rms deviation, in standard deviations"""
 RATIO, GAP = 2.5, 25.0
 """every other match must cost at least RATIO times as much as the best, and GAP more"""
 
@@ -37,7 +37,7 @@ class DotMatch:
     """What `match_dots` found; only ``status`` "ok" is a match."""
 
     pairs: IntArray
-    """(k, 2) indices of the first and of the second picture's dots, by the first; empty unless "ok" """
+    """(k, 2) indices of the first and of the second image's dots, by the first; empty unless "ok" """
     status: Literal["ok", "ambiguous", "no_match", "too_few"]
     residual_px: float
     """rms distance from the epipolar constraint of the best hypothesis; infinite where there is none"""
@@ -56,13 +56,13 @@ class _View:
     side: FloatArray
     """(n, 11), see score_hypotheses"""
     index: IntArray
-    """(n,) number of the dot in its picture"""
+    """(n,) number of the dot in its image"""
 
 
 def match_dots(
     camera: CentralModel, dots_a: FoundDots, dots_b: FoundDots, *, noise_px: float = 0.03
 ) -> DotMatch:
-    """Match the dots of two pictures of one rigid target; refuse where the answer is not clear.
+    """Match the dots of two images of one rigid target; refuse where the answer is not clear.
 
     1. Hypothesise: the size and shape of a dot's image give its distance in radii (`circles`), hence a
        rough cloud of points in each view. Triples of one cloud are laid on all triples of the other that
@@ -73,13 +73,13 @@ def match_dots(
     3. Decide: the best hypothesis must fit within the noise, and every one that contradicts it, exchanges
        of any two dots included, must be clearly worse.
 
-    The target may have any shape; its dots have one radius. FoundDots seen in only one of the pictures stay
+    The target may have any shape; its dots have one radius. FoundDots seen in only one of the images stay
     unmatched.
 
     Args:
-        camera: the camera that took both pictures.
-        dots_a: dots of the first picture.
-        dots_b: dots of the second picture.
+        camera: the camera that took both images.
+        dots_a: dots of the first image.
+        dots_b: dots of the second image.
         noise_px: standard deviation of a dot's centre [px].
 
     Raises:

@@ -1,4 +1,4 @@
-"""Which natural feature of one picture is which of another, or why that cannot be told."""
+"""Which natural feature of one image is which of another, or why that cannot be determined."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class FeatureMatch:
 def match_features(initial: Features, goal: Features) -> FeatureMatch:
     """Pair features that are each other's most similar one, where nothing elsewhere looks like them.
 
-    The most similar feature elsewhere is looked for in both pictures, and for both members of the pair: in
-    its own picture, too, it must not have a twin. A pair with a twin is a repeated one. A pattern that
+    The most similar feature elsewhere is looked for in both images, and for both members of the pair: in
+    its own image, too, it must not have a twin. A pair with a twin is a repeated one. A pattern that
     repeats and is seen one period on looks more like itself than like the right place, since near and far,
     straight and slanted, change the look: pairs are then many, alike, and wrong together. Where repeated
     pairs outnumber the clear ones by two to one, the answer is therefore "ambiguous".

@@ -1,4 +1,4 @@
-"""Two pictures of one scene: the pixels that show the same points of it, to a fraction of a pixel."""
+"""Two images of one scene: the pixels that show the same points of it, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from omniservo.perception.smear_length import smear_length
 
 
 def match_images(camera: CentralModel, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
-    """Find natural features in both pictures, match them, and lay their patches on each other.
+    """Find natural features in both images, match them, and lay their patches on each other.
 
     See `smear_length`, `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong:
     about one of a hundred, and `estimate_two_view` finds them.
 
     Args:
-        camera: took both pictures.
+        camera: took both images.
         image_initial: (height, width) grey values, uint8.
         image_goal: likewise.
 

@@ -33,10 +33,10 @@ class NaturalKind:
         return find_features(image, camera).points.pixels
 
     def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
-        """Return the points that both pictures show, each with its noise.
+        """Return the points that both images show, each with its noise.
 
         Raises:
-            InputError: a picture with fewer than eight features.
+            InputError: an image with fewer than eight features.
             NoSolutionError: the match is ambiguous, or fewer than eight features can be matched.
         """
         match = match_images(camera, initial, goal)
@@ -50,5 +50,5 @@ class NaturalKind:
     def tracker(
         self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints
     ) -> PatchTracker:
-        """Return a tracker that looks for each point's patch of either picture near its prediction."""
+        """Return a tracker that looks for each point's patch of either image near its prediction."""
         return PatchTracker(camera, initial, matched.initial, goal_image=goal, pixels_goal=matched.goal)

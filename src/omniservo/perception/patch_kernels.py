@@ -48,7 +48,7 @@ def write_rays(
 
 @kernel
 def write_greys(image: FloatImage, pixels: FloatArray, greys: FloatArray) -> None:
-    """Interpolate with Keys' cubic (a = −½); outside the picture, its border goes on.
+    """Interpolate with Keys' cubic (a = −½); outside the image, its border goes on.
 
     ``cv2.remap`` would round every place to 1/32 px, about the accuracy that is wanted of the whole patch.
 
@@ -159,7 +159,7 @@ def write_templates(
         grey: (n, side²) the normalised grey values.
         norm: (n,) of the patches without rim.
         steepest: (n, side², 6) written: derivative of ``grey`` by the map's (a, b, c, d, x, y), less its
-            parts along 1 and along ``grey``, which offset and gain take up.
+            parts along 1 and along ``grey``, which offset and gain absorb.
         normal: (n, 6, 6) written: weighted sum of its products.
     """
     k, side = len(weight), square.shape[1] - 2

@@ -1,4 +1,4 @@
-"""The patches of one reference picture, and where they are in another."""
+"""The patches of one reference image, and where they are in another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from omniservo.perception.patch_kernels import FloatImage
 from omniservo.perception.tangent_patches import TangentFrames
 
 HALF = 7
-"""[px] half the side of a patch in the picture it comes from"""
+"""[px] half the side of a patch in the image it comes from"""
 PROMISING = 0.5
 """correlation of a patch at the best whole sample, before it is laid on precisely"""
 RIVAL = 0.1
@@ -27,7 +27,7 @@ STEPS = 10
 
 
 class PatchReference:
-    """The patches round given pixels of one picture, ready to be found in others: `seek`, then `lay_on`."""
+    """The patches round given pixels of one image, ready to be found in others: `seek`, then `lay_on`."""
 
     def __init__(self, camera: CentralModel, name: str, image: ByteArray, pixels: npt.ArrayLike) -> None:
         """Cut the patches; ``name`` is what the caller calls the pixels (n, 2).
@@ -48,7 +48,7 @@ class PatchReference:
             camera, image.astype(np.float32), frames, 1.0 / np.where(seen, size, 1.0), HALF
         )
         self.whole: BoolArray = self._templates.whole & seen
-        """(n,) the picture shows the whole patch, and it is not flat"""
+        """(n,) the image shows the whole patch, and it is not flat"""
         # where and in what shape the patches were seen last, and of which that is known
         self._frames, self._affinities = frames, np.tile(np.eye(2), (len(given), 1, 1))
         self._places, self._known = np.zeros((len(given), 2)), np.zeros(len(given), dtype=np.bool_)

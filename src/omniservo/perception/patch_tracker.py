@@ -16,10 +16,10 @@ LEAST_CORRELATION = 0.8
 
 
 class PatchTracker:
-    """Finds the points of a target in each new picture, given where they are expected.
+    """Finds the points of a target in each new image, given where they are expected.
 
-    Each patch is compared with the reference pictures, never with the picture before: nothing drifts. Between
-    pictures only the shape of the found patches is kept, as the start of the next search; a point that was
+    Each patch is compared with the reference images, never with the image before: nothing drifts. Between
+    images only the shape of the found patches is kept, as the start of the next search; a point that was
     lost is found again as soon as it is seen near its prediction.
     """
 
@@ -36,11 +36,11 @@ class PatchTracker:
         """Cut the patches.
 
         Args:
-            camera: the camera that takes the pictures.
-            image: (height, width) grey values, uint8: the reference picture.
+            camera: the camera that takes the images.
+            image: (height, width) grey values, uint8: the reference image.
             pixels: (n, 2) [px] the points in it; a row with NaN is a point that it does not show.
-            goal_image: a second reference picture, such as the one to be reached; for each point the one
-                that looks more like the new picture counts.
+            goal_image: a second reference image, such as the one to be reached; for each point the one
+                that looks more like the new image counts.
             pixels_goal: (n, 2) [px] the points in that.
             gate_px: largest distance from prediction to point [px].
 
@@ -60,14 +60,14 @@ class PatchTracker:
 
     @property
     def trackable(self) -> BoolArray:
-        """(n,) whether a reference picture shows the whole patch, with some texture on it."""
+        """(n,) whether a reference image shows the whole patch, with some texture on it."""
         return np.asarray(np.logical_or.reduce([r.whole for r in self._references]))
 
     def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Find each point near its prediction.
 
         The window round a prediction is brought into the patch's own shape (an affinity between tangent
-        planes: of the last picture, or else of the neighbouring predictions), the patch is looked for in it
+        planes: of the last image, or else of the neighbouring predictions), the patch is looked for in it
         by correlation, and laid on precisely (`align_patches`). A point is lost where nothing correlates,
         where a second place in the gate does so nearly as well, or where another point fits the same place
         better.

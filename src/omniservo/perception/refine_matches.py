@@ -26,12 +26,12 @@ FARTHEST = 1.5
 MOST_SHEAR = 2.0
 """largest stretch of a patch over the smallest, and over what the features' scales say"""
 LEAST_ERROR = 0.02
-"""[px] standard deviation of the best pair: the pictures' own sampling"""
+"""[px] standard deviation of the best pair: the images' own sampling"""
 CORRELATED = (1.1, 20.0)
 """So many neighbouring samples err together, the factor of the variance: noise by interpolation; the more the
 patches differ, by 1 − correlation, the less it is noise and the farther what differs hangs together."""
 LEAST_SHARE = 1.0 / 16.0
-"""of the features of the picture that has fewer. As many pairs are wrong however few are right: fewer pairs
+"""of the features of the image that has fewer. As many pairs are wrong however few are right: fewer pairs
 are trusted only where they agree on one motion beyond chance."""
 MOST_ERROR = 0.3
 """[px] standard deviation of the worst pair, in its worst direction"""
@@ -42,21 +42,21 @@ MOST_ERROR = 0.3
 class ImageMatch:
     """What `refine_matches` and `match_images` found; only ``status`` "ok" is a match.
 
-    Row k of both pictures is one point.
+    Row k of both images is one point.
     """
 
     initial: ImagePoints
-    """(m) pixels of the initial picture; empty unless "ok" """
+    """(m) pixels of the initial image; empty unless "ok" """
     goal: ImagePoints
-    """(m) pixels of the goal picture. What is uncertain is where the two differ: each picture has half of
+    """(m) pixels of the goal image. What is uncertain is where the two differ: each image has half of
     that variance"""
     correlation: FloatArray
     """(m,) of the two patches, at most 1"""
     window: FloatArray
-    """(m,) standard deviation [px] of the Gaussian window of the patch, in the initial picture"""
+    """(m,) standard deviation [px] of the Gaussian window of the patch, in the initial image"""
     status: Status
     """as of `match_features`; "too_few" also where fewer patches fit than eight, or than `LEAST_SHARE`; of
-    `match_images`, "blurred": a picture is smeared by motion"""
+    `match_images`, "blurred": an image is smeared by motion"""
     reason: str
     """one sentence"""
 
@@ -76,9 +76,9 @@ def refine_matches(
     goal: Features,
     match: FeatureMatch,
 ) -> ImageMatch:
-    """Lay the goal's patch round each matched feature on the initial picture's, and keep the pairs that fit.
+    """Lay the goal's patch round each matched feature on the initial image's, and keep the pairs that fit.
 
-    The pixel of the initial picture is where the feature was found; the pixel of the goal is where an affine
+    The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
     image of the patch round it, with gain and offset, fits best (`align_patches`). A pair is left out where
     that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
     is uncertain: that finds most wrong pairs. A place that stands in several pairs keeps the best one.
@@ -87,11 +87,11 @@ def refine_matches(
     `LEAST_ERROR`² in all.
 
     Args:
-        camera: took both pictures.
+        camera: took both images.
         image_initial: (height, width) grey values, uint8.
         image_goal: likewise.
-        initial: features of the initial picture.
-        goal: features of the goal picture.
+        initial: features of the initial image.
+        goal: features of the goal image.
         match: of these features; one that is not "ok" is returned as it is.
     """
     if match.status != "ok":
@@ -135,7 +135,7 @@ def refused(status: Status, reason: str) -> ImageMatch:
 
 
 def _errors(camera: CentralModel, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:
-    """Covariance (2, n, 2, 2) [px²] of the pixels in both pictures: half of the difference's in each."""
+    """Covariance (2, n, 2, 2) [px²] of the pixels in both images: half of the difference's in each."""
     upright = np.linalg.det(found.affinities) > 0.0
     back = np.linalg.inv(np.where(upright[:, None, None], found.affinities, np.eye(2)))
     maps = np.stack([one.jacobians(camera) @ back, other.jacobians(camera)])

@@ -1,4 +1,4 @@
-"""Nearest and second nearest descriptors; a second one counts only if it lies elsewhere in the picture."""
+"""Nearest and second nearest descriptors; a second one counts only if it lies elsewhere in the image."""
 
 from __future__ import annotations
 

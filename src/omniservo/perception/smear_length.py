@@ -1,7 +1,7 @@
-"""Is a picture smeared by motion, and how far?
+"""Is an image smeared by motion, and how far?
 
-A picture that moved by L pixels along one direction while it was taken has little slope along it, and what
-slope there is, is that of the sharp picture at one place less that at another, L away: the autocorrelation
+An image that moved by L pixels along one direction while it was taken has little slope along it, and what
+slope there is, is that of the sharp image at one place less that at another, L away: the autocorrelation
 of the slope along that direction has its minimum at a shift of L (Yitzhaky & Kopeika, "Identification of
 blur parameters from motion blurred images", Graphical Models and Image Processing 1997).
 """
@@ -14,8 +14,8 @@ import numpy as np
 from omniservo.geometry.arrays import ByteArray, FloatArray
 
 LEAST_SMEAR = 15
-"""[px] A surface's own texture has its minimum nearer; features of a picture smeared so far, in both
-pictures alike, are wrong by several times what their patches say."""
+"""[px] A surface's own texture has its minimum nearer; features of an image smeared so far, in both
+images alike, are wrong by several times what their patches say."""
 FARTHEST = 100
 """[px]"""
 LEAST_DEPTH = 0.15
@@ -24,11 +24,11 @@ ONE_SIDED = (0.05, 0.5)
 """Mean square slope along the direction over that across it: with less, the surface shows bars and nothing
 else, and soft light along them looks like a smear."""
 ROWS = 256
-"""at once: large pictures need little memory"""
+"""at once: large images need little memory"""
 
 
 def smear_length(image: ByteArray) -> int:
-    """Return over how many pixels a picture (height, width) of grey values is smeared; 0: none is seen.
+    """Return over how many pixels an image (height, width) of grey values is smeared; 0: none is seen.
 
     Straight motion is seen, from `LEAST_SMEAR` to `FARTHEST` pixels.
     """

@@ -27,7 +27,7 @@ _MOST_CANDIDATES = 400
 _RIM_SHARE = 0.8
 """of the places along the sides that must be darker inside than outside"""
 _MOST_SQUARES = 2000
-"""of one picture or view; more are noise, the largest are kept"""
+"""of one image or view; more are noise, the largest are kept"""
 _SAME = 0.03
 """of a square's diagonal: middles and diagonals so near are those of one square"""
 _RIM = np.linspace(-0.8, 0.8, 9)

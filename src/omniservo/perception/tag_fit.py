@@ -30,7 +30,7 @@ _LEAST_VOLUME = 1e-9
 _FIRST_BLUR = 1.0
 _BLUR = (0.25, 4.0)
 _LARGEST_BOX = 40_000
-"""pixels that are looked at, before some of them are chosen"""
+"""pixels that are checked, before some of them are chosen"""
 _LARGEST_SIDE_PX = 1500.0
 _UNEXPLAINED = 0.08
 """part of the grey values' variance that is shadow, glare and the like"""

@@ -18,7 +18,7 @@ class TagKind:
 
     Args:
         dictionary: its name, as of `find_tags`.
-        least: how many corners both pictures must show: eight where nothing is known of the target, four (one
+        least: how many corners both images must show: eight where nothing is known of the target, four (one
             tag) where it is known.
     """
 
@@ -34,11 +34,11 @@ class TagKind:
         return self._points(camera, image).pixels
 
     def match(self, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> MatchedPoints:
-        """Return the corners of the tags that both pictures show, by number.
+        """Return the corners of the tags that both images show, by number.
 
         Raises:
-            InputError: a picture with fewer corners than ``least``.
-            NoSolutionError: both pictures share fewer.
+            InputError: an image with fewer corners than ``least``.
+            NoSolutionError: both images share fewer.
         """
         first, second = self._points(camera, initial), self._points(camera, goal)
         require_features(len(first), self.name, "the initial image", self.least)
@@ -66,7 +66,7 @@ class CornerTracker:
     """Follows single corners by their tags.
 
     Args:
-        camera: takes the pictures.
+        camera: takes the images.
         dictionary: of the tags.
         ids: (n,) of the corners, 4·tag + corner.
     """

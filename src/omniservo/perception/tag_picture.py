@@ -1,4 +1,4 @@
-"""The picture of a tag, to print it or to put it into a rendered scene."""
+"""The image of a tag, to print it or to put it into a rendered scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tags followed from picture to picture, each looked for where it is predicted."""
+"""Tags followed from image to image, each looked for where it is predicted."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _WIDEST_VIEW = np.deg2rad(130.0)
 
 
 class TagTracker:
-    """Finds the corners of known tags in each new picture, given where they are expected.
+    """Finds the corners of known tags in each new image, given where they are expected.
 
-    The tracker keeps nothing between pictures: a tag that was lost is found again as soon as it is seen near
+    The tracker keeps nothing between images: a tag that was lost is found again as soon as it is seen near
     its prediction.
     """
 
@@ -32,7 +32,7 @@ class TagTracker:
         """Prepare to follow tags.
 
         Args:
-            camera: the camera that takes the pictures.
+            camera: the camera that takes the images.
             dictionary: of the tags, as in `find_tags`.
             ids: of the tags, k of them, each once.
             gate_px: largest distance from prediction to corner [px].

@@ -1,4 +1,4 @@
-"""Small patches of a picture as planes tangent to the sphere of view show them, whatever the lens."""
+"""Small patches of an image as planes tangent to the sphere of view show them, whatever the lens."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def sample(
 ) -> tuple[FloatArray, FloatArray]:
     """Grey values (n, k) at p + M·u on the planes, cubic, and their pixels (n, k, 2) [px].
 
-    Outside the picture the grey is that of its border; where the camera sees nothing, pixels are NaN and the
+    Outside the image the grey is that of its border; where the camera sees nothing, pixels are NaN and the
     grey means nothing.
 
     Args:

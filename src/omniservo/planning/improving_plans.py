@@ -34,7 +34,7 @@ def improving_plans(
     Args:
         problem: what to plan.
         quality: what is better; see `Quality`.
-        time_budget: [s] from this call on, looked at between starts, or for more margin between groups of
+        time_budget: [s] from this call on, checked between starts, or for more margin between groups of
             13. A start takes about 0.2 ms with 9 points, 4 ms with 1000, 1 s with 1e5. One is always made.
             None: without end.
         seed: turns the directions in which detours are tried.
@@ -100,7 +100,7 @@ def first_proven(
 ) -> tuple[Found, int]:
     """Return the first proven path, else the best attempt, and how many starts were tried.
 
-    With a bounded budget every start is a call of its own, and the budget is looked at between them. Starts
+    With a bounded budget every start is a call of its own, and the budget is checked between them. Starts
     are tried, and counted, from ``begin`` on.
     """
     if not budget.is_bounded:

@@ -26,13 +26,13 @@ from omniservo.planning.time_budget import TimeBudget
 from omniservo.planning.widened import widened
 
 CAP = 0.9
-"""The part of what the end poses leave that a path is asked to keep on its whole way."""
+"""The part of what the end poses leave that a path is required to keep on its whole way."""
 
 BISECTIONS = 10
 """of μ; the last interval is 1/1024 of the first"""
 
 UNTIGHTENED = ("domain", "rotation")
-"""Constraints that nobody asks more of: the image's own limits and the ends keep them."""
+"""Constraints that no one asks more of: the image's own limits and the ends keep them."""
 
 TINY = 1e-6
 """A path may keep so much less than what it is compared with, as an angle: what rounding makes of it."""
@@ -81,7 +81,7 @@ def angle_units(problem: PlanningProblem) -> dict[str, float]:
 
 
 def tightened(problem: PlanningProblem, asked: Mapping[str, float]) -> PlanningProblem:
-    """Return the problem with so much more asked for, as an angle, by name of the constraint.
+    """Return the problem with so much more required, as an angle, by name of the constraint.
 
     Raises:
         InputError: nothing is left of the workspace.

@@ -73,7 +73,7 @@ def constraints_of(problem: PlanningProblem, limits: ImageLimits) -> Constraints
 
 
 def searched_constraints(problem: PlanningProblem) -> Constraints:
-    """Return what a path must keep in a search: a little more than is asked.
+    """Return what a path must keep in a search: a little more than is required.
 
     Raises:
         InputError: the visibility margin leaves nothing of the image.
@@ -82,7 +82,7 @@ def searched_constraints(problem: PlanningProblem) -> Constraints:
 
 
 class ConstraintTable(NamedTuple):
-    """A problem as asked, without anything tightened."""
+    """A problem as required, without anything tightened."""
 
     constraints: Constraints
     optics: FloatArray

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from omniservo.planning.planning_problem import PlanningProblem
 
 MANY_METRES = 10.0
-"""A body larger than this is told of [m]."""
+"""A body larger than this is reported [m]."""
 
 FAR_AWAY = 100.0
 """So is a target or a goal with a coordinate beyond this, from the initial camera [m]."""

@@ -10,7 +10,7 @@ from omniservo.geometry.arrays import finite_number
 
 
 class TimeBudget:
-    """So much time from now on; what runs is never interrupted, so it is looked at between starts.
+    """So much time from now on; what runs is never interrupted, so it is checked between starts.
 
     Args:
         seconds: [s], > 0; None: without end.

@@ -15,7 +15,7 @@ from omniservo.planning.workspace import Workspace
 
 
 def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) -> PlanningProblem:
-    """Return the problem with more asked for: ``metres`` by name of the constraint, ``px`` of all limits.
+    """Return the problem with more required: ``metres`` by name of the constraint, ``px`` of all limits.
 
     A line of sight keeps more from an obstacle that is made larger, its clearance that much smaller, if
     it has so much; lines of sight past meshes, the domain and ‖φ‖ stay as they are.
@@ -36,7 +36,8 @@ def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) ->
 def widened_evenly(problem: PlanningProblem, metres: float, px: float) -> PlanningProblem:
     """Return the problem for a camera that may be ``metres`` off its path and see points ``px`` off theirs.
 
-    A camera's centre that strays by d comes nearer to anything by no more, and neither does a line of sight.
+    A camera's centre that deviates by d comes nearer to anything by no more, and neither does a line of
+    sight.
 
     Raises:
         InputError: nothing is left of the workspace.

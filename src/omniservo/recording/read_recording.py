@@ -1,6 +1,6 @@
 """Reading a recording, which need not be trusted, record by record, in the order in which it was written.
 
-Source: the MCAP format specification, version 0. Nothing is believed beyond what the file's own bytes allow:
+Source: the MCAP format specification, version 0. Nothing is accepted beyond what the file's own bytes allow:
 a record, and what a compressed chunk comes to, is bounded before it is held in memory.
 """
 
@@ -27,7 +27,7 @@ MOST_BYTES = 2**28
 """Largest record, and largest chunk once it is decompressed [bytes]: an image of 10⁸ pixels fits."""
 
 MOST_CHANNELS = 10_000
-"""So many topics and types are told apart; more are no recording of ours."""
+"""So many topics and types are distinguished; more are no recording of ours."""
 
 _WINDOW = 2**27
 """[bytes] that the decompressor looks back, at most"""

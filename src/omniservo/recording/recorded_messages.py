@@ -135,7 +135,7 @@ class LogMessage(RosMessage, ros_type="rcl_interfaces/msg/Log"):
 
 @dataclass(eq=False)
 class LookMessage(RosMessage, ros_type="omniservo_msgs/msg/Look"):
-    """The arm stands and the newest image is looked at: the job is planned from here."""
+    """The arm stands and the newest image is checked: the job is planned from here."""
 
     header: HeaderMessage = field(default_factory=HeaderMessage)
     """of that image"""

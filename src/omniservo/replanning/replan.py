@@ -50,7 +50,7 @@ def replan(
         velocity: the present twist (6,), (linear [m], angular [rad]) per unit of the old w, in the camera
             frame. None: that of the old path at w; at w = 0 what the problem asks for, so that a camera that
             rests may leave in any direction.
-        time_budget: [s], looked at between starts; None: without end.
+        time_budget: [s], checked between starts; None: without end.
         seed: as for `plan_path`.
 
     Raises:

@@ -31,8 +31,8 @@ from omniservo.whole_arm.arm_setting import ArmSetting
 from omniservo.whole_arm.plan_with_arm import NEAR, ArmPlanner
 
 ROOMS = (0.015, 0.03, 0.05, 0.08)
-"""[m] more than is asked from camera centre to obstacles: so bent a path is found in a fraction of the time
-that moving it for the arm takes"""
+"""[m] more than is required from camera centre to obstacles: so bent a path is found in a fraction of the
+time that moving it for the arm takes"""
 
 _BETWEEN = 1e-2
 """[m] over `LENGTH_SCALE`, [rad] farther from the camera's pose than rounding and quintics leave joints"""
@@ -66,7 +66,7 @@ def replan_with_arm(
         setting: the arm, with that frame as its initial one.
         pose: the camera's there, in that frame, where it is known; None: it is looked up.
         bodies: the setting's among the problem's obstacles, where they are known; None: made here.
-        time_budget: [s], looked at between starts and descents; None: without end.
+        time_budget: [s], checked between starts and descents; None: without end.
         seed: as for `plan_with_arm`.
 
     Raises:

@@ -21,7 +21,7 @@ class LogRow:
     w: float
     """path parameter that the time law gave"""
     leg: int
-    """which way was followed: 0 the plan's, then what was taken up after it"""
+    """which way was followed: 0 the plan's, then what was entered after it"""
     joints: FloatArray
     """(n,) [rad]"""
     planned_joints: FloatArray

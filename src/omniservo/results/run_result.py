@@ -22,7 +22,7 @@ from omniservo.tracking.planned_motion import PlannedMotion
 
 @dataclass(frozen=True)
 class Seen:
-    """The two pictures and the points matched between them."""
+    """The two images and the points matched between them."""
 
     initial_image: ByteArray
     """(height, width)"""
@@ -34,7 +34,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Film:
-    """Pictures taken during the servo, for the animation."""
+    """Images taken during the servo, for the animation."""
 
     times: tuple[float, ...]
     """[s]"""
@@ -85,7 +85,7 @@ class RunResult:
     truth: Truth | None
     """None on a real robot"""
     way: FollowedWay | None
-    """the plan's way and what was taken up after it; None where nothing was planned"""
+    """the plan's way and what was entered after it; None where nothing was planned"""
     replannings: tuple[Replanning, ...]
     """every time when something had changed on the way"""
     seconds: dict[str, float]
@@ -115,10 +115,10 @@ class RunResult:
 
     @property
     def initial_pixels(self) -> FloatArray:
-        """(m, 2) the followed points in the initial picture [px]."""
+        """(m, 2) the followed points in the initial image [px]."""
         return self.seen.matched.initial[self.followed]
 
     @property
     def goal_pixels(self) -> FloatArray:
-        """(m, 2) the followed points in the goal picture [px]."""
+        """(m, 2) the followed points in the goal image [px]."""
         return self.seen.matched.goal[self.followed]

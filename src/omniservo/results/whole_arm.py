@@ -20,7 +20,7 @@ class WholeArm:
     margin: LinkMargin | None
     """what mount and estimate take of the gaps, where the task states a risk"""
     tube: Tube | None
-    """what the arm strays, where the task names a tube; the proof keeps it beyond"""
+    """what the arm deviates, where the task names a tube; the proof keeps it beyond"""
     planned: dict[str, FloatArray]
     """smallest gap by link where the plan is at each row of the log (m,) [m]"""
     executed: dict[str, FloatArray]

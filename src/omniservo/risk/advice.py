@@ -1,4 +1,4 @@
-"""Which uncertainty stands in the way, found by leaving it out."""
+"""Which uncertainty is the obstacle, found by leaving it out."""
 
 from __future__ import annotations
 

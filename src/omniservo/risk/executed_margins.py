@@ -51,7 +51,7 @@ def executed_margins(
 
     Columns are the entries (e, 4), then border and dead zone of a distorted camera [px], whose
     ``frame`` is (parameters …, width, height, margin, u₀, v₀, radius); (0,) where it is not distorted.
-    ``active`` (W, e + 2) says what is looked at where. ``margins`` is (K, 1, e + 2) for the smallest over all
+    ``active`` (W, e + 2) says what is checked where. ``margins`` is (K, 1, e + 2) for the smallest over all
     places, or (K, W, e + 2) for each; it comes filled with infinity.
     """
     constraints = held(constraints)
@@ -208,7 +208,7 @@ def _lower_to_circle(optics: FloatArray, c: FloatArray, j: int, least: FloatArra
 
 @leaf
 def _lower_to_distance(asked: float, c: FloatArray, j: int, least: FloatArray) -> None:
-    """Lower ``least`` to what the distance of point j is more than is asked."""
+    """Lower ``least`` to what the distance of point j is more than is required."""
     o3 = np.uint64(4 * j + 3) * SIDE
     for k in range(SIDE):
         value = 1.0 / c[o3 + k] - asked

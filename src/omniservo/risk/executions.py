@@ -18,10 +18,10 @@ from omniservo.risk.executed_margins import Drawn, executed_margins
 from omniservo.risk.servo_response import ServoResponse, servo_response
 
 EVEN_PLACES = 25
-"""Places of the path where samples are looked at, besides those of the certificate's smallest margins."""
+"""Places of the path where samples are checked, besides those of the certificate's smallest margins."""
 
 PILOTS = 100
-"""Samples that show where the rest is looked at."""
+"""Samples that show where the rest is checked."""
 
 IMAGE = "image"
 """Name of the one constraint that all image limits share: the visibility margin."""
@@ -45,7 +45,7 @@ class Executions:
         """Return those of an estimate's samples; the problem's points are these rows of theirs, or all.
 
         Raises:
-            InputError: a distorted camera with a mask, whose pixels are not looked at.
+            InputError: a distorted camera with a mask, whose pixels are not checked.
         """
         if problem.camera.is_distorted and problem.camera.mask:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
@@ -65,7 +65,7 @@ class Executions:
         """Return the smallest margin (K, d) of each sample and constraint along the executed path [m], [px].
 
         ``critical`` are more places w to look at. The domain's angle counts in px, by the focal length. A
-        constraint is looked at only where it is nearly as tight as anywhere: see `_worth_looking`.
+        constraint is checked only where it is nearly as tight as anywhere: see `_worth_looking`.
         """
         response = self._response(
             path, np.unique(np.concatenate((np.linspace(0.0, 1.0, EVEN_PLACES), critical)))

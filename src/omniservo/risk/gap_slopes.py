@@ -19,14 +19,14 @@ from omniservo.robots import ArmBodies
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 NEAR = 0.1
-"""[m] beyond what is asked: pairs that are farther apart are not looked at"""
+"""[m] beyond what is required: pairs that are farther apart are not checked"""
 
 
 class GapSlopes(NamedTuple):
-    """The pairs of the arm and what stands around that are close in one posture."""
+    """The pairs of the arm and what stands around that are close in one configuration."""
 
     left: FloatArray
-    """(k,) gap beyond what is asked [m]"""
+    """(k,) gap beyond what is required [m]"""
     by_mount: FloatArray
     """(k, 6) ∂gap/∂ξ, ξ in the camera's frame (linear [m], angular [rad])"""
     by_move: FloatArray

@@ -42,7 +42,7 @@ class Taken(NamedTuple):
     """What K samples do to the gaps along a path."""
 
     left: FloatArray
-    """(K,) the least that any close gap keeps beyond what is asked; ∞ where none is close [m]"""
+    """(K,) the least that any close gap keeps beyond what is required; ∞ where none is close [m]"""
     mount: FloatArray
     """(K,) the most that the mount takes of any [m]"""
     estimate: FloatArray
@@ -59,7 +59,7 @@ def plan_links_at_risk(
     seed: int = 0,
     begin: float = 0.0,
 ) -> tuple[ArmPlan, LinkMargin]:
-    """Return a plan whose gaps keep what is asked but for a share ``risk`` of mounts and estimates.
+    """Return a plan whose gaps keep what is required but for a share ``risk`` of mounts and estimates.
 
     To first order, in samples of both together, at 33 places of the path (`gap_slopes`). Where more than the
     share misses anything (95% upper bound), clearance is added, and it is planned again.

@@ -36,7 +36,7 @@ LEAST_RISK = 1e-4
 MOST_RISK = 0.5
 
 PLANNED_PLACES = 101
-"""Places where the planned margins are looked at."""
+"""Places where the planned margins are checked."""
 
 
 def plan_with_risk(

@@ -1,4 +1,4 @@
-"""The planning problem that follows from an estimate, and from a file of what stands in the way."""
+"""The planning problem that follows from an estimate, and from a file of obstacles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FORMAT = "omniservo.obstacles/1"
 def problem_around(
     estimate: TwoViewEstimate, obstacles: str | Path, *, clearance: float | None = None
 ) -> PlanningProblem:
-    """Return the problem of an estimate's camera, points and goal among what a file says stands in the way.
+    """Return the problem of an estimate's camera, points and goal among a file's obstacles.
 
     Args:
         estimate: metric, of status "ok", with the camera that took its images.

@@ -23,7 +23,7 @@ class UncertainMargin:
     executed: float
     """the same along the executed path; less is left only with the stated risk"""
     extra: float
-    """by how much more the plan was asked for than the problem asks for"""
+    """by how much more the plan was required than the problem asks for"""
     parts: Mapping[str, float]
     """source → what it alone takes of the planned margin at the stated risk"""
 
@@ -39,7 +39,7 @@ class LinkMargin:
     """What gaps of the arm, and of what it carries, to what stands around are kept wider for [m]."""
 
     risk: float
-    """that any gap is narrower than asked and strayed, because mount or estimate are uncertain"""
+    """that any gap is narrower than required and deviated, because mount or estimate are uncertain"""
     violated: float
     """share of the samples in which one is"""
     mount: float
@@ -47,7 +47,7 @@ class LinkMargin:
     estimate: float
     """what the estimate alone takes, likewise"""
     added: float
-    """by how much more clearance was planned with, so that the samples keep what is asked"""
+    """by how much more clearance was planned with, so that the samples keep what is required"""
 
 
 @with_field_docs

@@ -38,12 +38,12 @@ AHEAD = 1.05
 """A margin is widened by this part of what was missing: the next path is another one."""
 
 END_ROOM = 0.99
-"""Part of what the end poses leave that may be asked of the whole path."""
+"""Part of what the end poses leave that may be required of the whole path."""
 
 
 @dataclass(frozen=True, eq=False)
 class SafePath:
-    """The best plan that was found, and whether its risk is as small as asked."""
+    """The best plan that was found, and whether its risk is as small as required."""
 
     ok: bool
     plan: Plan

@@ -21,7 +21,7 @@ RARE = 20
 """At least so many samples are drawn for one expected violation."""
 
 FEWER = 4
-"""A plan is looked at first with this part of them."""
+"""A plan is checked first with this part of them."""
 
 ALONE = 400
 """for the part that each source has"""

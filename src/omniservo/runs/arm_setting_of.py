@@ -33,7 +33,7 @@ def arm_setting_of(task: Task, scene: Scene, *, with_tube: bool = True) -> ArmSe
 
 
 def tube_of(task: Task) -> Tube | None:
-    """Return how far the task's arm strays: its part of the risk leaves that; None where no tube is named."""
+    """Return how far the task's arm deviates, at its part of the risk; None where no tube is named."""
     measured, risk = task.planning.tracking_tube, task.planning.risk
     if measured is None:
         return None

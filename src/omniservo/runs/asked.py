@@ -1,4 +1,4 @@
-"""What a run was asked for, as a document beside its results and in its recording."""
+"""What a run was required, as a document beside its results and in its recording."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Asked:
 
     @classmethod
     def now(cls, method: Method, seed: int, task: KeptTask, start_joints: FloatArray | None = None) -> Asked:
-        """Return what this version of the program is asked for."""
+        """Return what this version of the program is required."""
         return cls(omniservo.__version__, method, seed, task, start_joints)
 
     def to_json(self) -> str:

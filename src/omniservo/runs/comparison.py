@@ -51,7 +51,7 @@ class Comparison:
             self.differ(name, f"{place}{then.ravel()[worst]:.9g} recorded, {now.ravel()[worst]:.9g} replayed")
 
     def documents(self, name: str, recorded: Any, replayed: Any, skip: frozenset[str]) -> None:
-        """Compare fields of documents one by one; those called as in ``skip`` are not looked at."""
+        """Compare fields of documents one by one; those called as in ``skip`` are not checked."""
         if isinstance(recorded, dict) and isinstance(replayed, dict):
             for key in {**recorded, **replayed}:
                 if key not in skip:

@@ -1,4 +1,4 @@
-"""Motion and structure from two pictures: files, or those of a task's own cell."""
+"""Motion and structure from two images: files, or those of a task's own cell."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from omniservo.tasks import Task, load_task
 
 @dataclass(frozen=True, eq=False)
 class EstimatedImages:
-    """Two pictures with what was seen in both and what follows from it."""
+    """Two images with what was seen in both and what follows from it."""
 
     seen: Seen
     estimate: TwoViewEstimate
@@ -91,7 +91,7 @@ def estimate_images(
 def estimate_in_cell(
     task: str | Task, open_cell: OpenCell, *, camera: str | CentralModel | None = None, seed: int = 0
 ) -> EstimatedImages:
-    """Return what a task's own two pictures say, taken in its cell; ``camera`` as `load_task` has it.
+    """Return what a task's own two images say, taken in its cell; ``camera`` as `load_task` has it.
 
     Raises:
         InputError, NoSolutionError: as `run_task`.

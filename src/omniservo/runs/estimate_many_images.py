@@ -169,7 +169,7 @@ def estimate_many_images(
         dictionary: of the tags.
         scale: what makes the estimate metric. None: nothing.
         calibration_covariance: as `Calibration.covariance`. None: the camera's parameters are exact.
-        progress: is told what is being done.
+        progress: is called with what is being done.
 
     Raises:
         InputError: a file that is not what it should be, or scales that do not go together.

@@ -1,4 +1,4 @@
-"""Motion and structure of a task's two pictures, made metric by the task's scale."""
+"""Motion and structure of a task's two images, made metric by the task's scale."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def estimate_task(
         scene: the arm's kinematics, for ``odometry``.
         seen: the matched points.
         goal: with the arm's joints, where ``odometry`` is the scale.
-        joints: (n,) the arm's joints at the initial picture [rad].
+        joints: (n,) the arm's joints at the initial image [rad].
 
     Raises:
         InputError: the scale names dots that are not there, or needs joints that the goal does not hold.
-        NoSolutionError: the pictures do not determine the motion.
+        NoSolutionError: the images do not determine the motion.
     """
     if task.scale.tags:
         return _with_pose(task, estimate_on_target(task.camera, seen.matched, task.target.known))

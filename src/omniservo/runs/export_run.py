@@ -57,7 +57,7 @@ def export_run(
         out: the file.
         open_cell: the simulator's.
         force: an existing file is replaced.
-        progress: told what is being done.
+        progress: called with what is being done.
 
     Raises:
         InputError: no folder of a run; the file exists and ``force`` is False.

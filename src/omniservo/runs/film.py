@@ -1,4 +1,4 @@
-"""Pictures of a run for the animation: what the camera saw, and a bystander's view."""
+"""Images of a run for the animation: what the camera saw, and a bystander's view."""
 
 from __future__ import annotations
 

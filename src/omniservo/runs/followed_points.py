@@ -23,14 +23,14 @@ ENOUGH = 12
 def followed_points(
     estimate: TwoViewEstimate, pixels: FloatArray, shown: BoolArray | None = None
 ) -> IntArray:
-    """Return the rows (m,) of the points to follow, ascending: inliers, well known, spread over the picture.
+    """Return the rows (m,) of the points to follow, ascending: inliers, well known, spread over the image.
 
-    Up to `MOST_POINTS` all inliers; of more, one after the other the point farthest in the picture from
+    Up to `MOST_POINTS` all inliers; of more, one after the other the point farthest in the image from
     those chosen so far.
 
     Args:
         estimate: with status "ok".
-        pixels: (n, 2) [px] of its points in the initial picture.
+        pixels: (n, 2) [px] of its points in the initial image.
         shown: (n,) which of them both ends of a path show (`shown_at_ends`): where these are `ENOUGH`, the
             others are not followed. None: all.
     """

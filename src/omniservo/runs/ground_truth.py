@@ -1,4 +1,4 @@
-"""What only who made the world knows of a run: for its log, its scores and its report's pictures."""
+"""What only who made the world knows of a run: for its log, its scores and its report's images."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class GroundTruth(Protocol):
     def outside_picture(
         self, joints: FloatArray, time: float | None = None, *, quick: bool = False
     ) -> ByteArray:
-        """Return a bystander's picture (rows, columns, 3), 8 bit sRGB, with the arm in ``joints`` (n,) [rad].
+        """Return a bystander's image (rows, columns, 3), 8 bit sRGB, with the arm in ``joints`` (n,) [rad].
 
         Obstacles stand where they were at the exposure of the frame with the stamp ``time`` [s]; None: now.
-        ``quick``: a smaller and simpler picture, one of many.
+        ``quick``: a smaller and simpler image, one of many.
         """
         ...

@@ -1,4 +1,4 @@
-"""The robot cell of a real arm: nobody knows the truth in it, and nothing moves before somebody agrees."""
+"""The robot cell of a real arm: unknown the truth in it, and nothing moves before somebody agrees."""
 
 from __future__ import annotations
 
@@ -19,9 +19,15 @@ class HardwareCell:
 
     Args:
         scene: as the task describes it; the arm stands in its start joints.
+    <<<<<<< HEAD
         client: of the process that drives the arm; it has the camera.
         camera: on the flange.
         approve: told what the arm is about to do; raises where it may not.
+    =======
+        driver: of the arm.
+        camera: on its flange.
+        approve: called with what the arm is about to do; raises where it may not.
+    >>>>>>> main
     """
 
     def __init__(
@@ -39,7 +45,7 @@ class HardwareCell:
 
     @property
     def truth(self) -> None:
-        """Nobody's."""
+        """No one's."""
         return
 
     @property

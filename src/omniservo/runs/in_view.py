@@ -1,4 +1,4 @@
-"""Whether a task's target can be seen at all: geometry, before any picture is searched."""
+"""Whether a task's target can be seen at all: geometry, before any image is searched."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
 
     Args:
         task: its target and camera.
-        initial_T_camera: where the picture is taken.
-        where: the picture's name in the message.
+        initial_T_camera: where the image is taken.
+        where: the image's name in the message.
 
     Raises:
         InputError: too few dots or tags, or too little of the textured faces, project into the image.
@@ -50,15 +50,15 @@ def require_in_view(task: Task, initial_T_camera: RigidTransform, where: str) ->
 
 
 def require_unhidden(task: Task, cell: RobotCell, joints: FloatArray, where: str) -> None:
-    """Refuse a posture of the arm from which too much of the target is hidden by something in between.
+    """Refuse a configuration of the arm from which too much of the target is hidden by something in between.
 
-    On a real robot only the picture itself can tell.
+    On a real robot only the image itself can tell.
 
     Args:
         task: its target and camera.
         cell: the arm, and what stands around it.
-        joints: (n,) of the arm where the picture is taken [rad].
-        where: the picture's name in the message.
+        joints: (n,) of the arm where the image is taken [rad].
+        where: the image's name in the message.
 
     Raises:
         InputError: of the dots, tags or textured faces in the image too few are met first by the rays of

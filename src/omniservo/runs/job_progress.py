@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 Progress = Callable[[str, float], object]
-"""Told a stage and the share of it, or of the whole job, that is behind."""
+"""Called with a stage and the share of it, or of the whole job, that is behind."""
 
 _LOADING = 1.2
 """[s] before the first stage: what is imported"""
@@ -34,7 +34,7 @@ class JobProgress:
     """Turns the stages of a job's runs into the share of the job that is behind.
 
     Args:
-        tell: is told what is being done, and that share.
+        tell: is called with what is being done, and that share.
         methods: of the runs, one after the other.
         filmed: whether there is an animation.
     """

@@ -28,7 +28,7 @@ from omniservo.geometry.adjoint import adjoint
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.looks import (
     NextLook,
-    Standing,
+    ViewingState,
     next_look,
     uncertainty_parts,
     uncertainty_size,
@@ -95,14 +95,14 @@ class LookingPlanner:
         take: moves the arm and takes an image.
         goal: with the joints, where the task's scale is odometry.
         seed: of all that is random.
-        progress: told of every look.
+        progress: called with every look.
     """
 
     def __init__(self, job: Job, take: TakeShot, goal: TaughtGoal, seed: int, progress: Progress) -> None:
         self._take_shot, self._goal, self._seed, self._progress = take, goal, seed, progress
         self._kind = feature_kind_of(job.task)
         self._first = job
-        self._standing: Standing
+        self._standing: ViewingState
         self._shots = [Shot(job.seen.initial_image, job.scene.start_joints, job.seen.matched)]
         self.job = job
         """as it stands after the looks"""
@@ -171,7 +171,7 @@ class LookingPlanner:
     def _is_at_risk(self) -> bool:
         return self.job.task.planning.risk is not None
 
-    def _leads_to_plan(self, there: Standing) -> bool:
+    def _leads_to_plan(self, there: ViewingState) -> bool:
         """Return whether there is a plan from there, at the task's risk if it states one."""
         estimate, task = there.estimate, self.job.task
         if estimate.initial_T_goal is None:
@@ -358,7 +358,7 @@ def _unified(
     return image.camera, np.where(seen[..., None], carried, 0.0), seen, noise * image.scale(pixels)
 
 
-def _standing_of(job: Job) -> Standing:
+def _standing_of(job: Job) -> ViewingState:
     task, scene, estimate = job.task, job.scene, job.estimate
     if estimate.initial_T_goal is None:
         raise NoSolutionError(f"no goal pose to plan to: {estimate.status}")
@@ -369,7 +369,7 @@ def _standing_of(job: Job) -> Standing:
         mount = to_camera @ covariance @ to_camera.T
     asked = problem_without_tube(task, estimate.initial_T_goal, estimate.points[estimate.inliers])
     setting = arm_setting_of(task, scene, with_tube=False)
-    return Standing(asked, setting, tube_of(task), estimate, None, mount)
+    return ViewingState(asked, setting, tube_of(task), estimate, None, mount)
 
 
 def _in_flange(mount: FloatArray | None, flange_T_camera: RigidTransform) -> FloatArray | None:

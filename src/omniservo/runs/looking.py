@@ -18,7 +18,7 @@ from omniservo.tasks import Task
 
 
 def looking(cell: RobotCell, recording: JobRecording | None) -> TakeShot:
-    """Return what moves the cell's arm and takes an image; the ``recording`` is told."""
+    """Return what moves the cell's arm and takes an image; the ``recording`` is given."""
 
     def take(task: Task, scene: Scene, path: JointPath) -> tuple[float, ByteArray, FloatArray]:
         moved = scene.world_T_camera(scene.start_joints).inv() * scene.world_T_camera(path(np.array(1.0)))

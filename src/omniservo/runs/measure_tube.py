@@ -17,11 +17,11 @@ from omniservo.tasks import Task
 
 
 def measure_tube(task: Task, logs: Sequence[Path]) -> TrackingTube:
-    """Return how far the arm of a task strayed from its plans in the runs logged.
+    """Return how far the arm of a task deviated from its plans in the runs logged.
 
     Of ``log.csv`` the columns ``joints_i``, ``planned_joints_i``, and of points that were found
     ``pixels_j_k`` and ``reference_pixels_j_k`` are read, so a log written by another program will do. What
-    points stray in the image includes the noise with which they were found.
+    points deviate in the image includes the noise with which they were found.
 
     Args:
         task: names the arm and its camera's mount.

@@ -1,4 +1,4 @@
-"""What a task lets happen on the way: obstacles are put elsewhere, and the planner is told."""
+"""What a task lets happen on the way: obstacles are put elsewhere, and the planner is informed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Moves:
     Args:
         task: with its moves.
         move: has the scene's obstacles of these numbers put elsewhere, by (3,) [m] in the world.
-        replanner: is told what it knows of them; None: nobody is.
+        replanner: is given what it knows of them; None: there is none.
     """
 
     def __init__(

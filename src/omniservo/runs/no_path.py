@@ -1,4 +1,4 @@
-"""A task that is refused at planning, with what a picture of it needs."""
+"""A task that is refused at planning, with what an image of it needs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class NoPath(NoSolutionError):
         found: ArmPlan | None,
         risk: RiskPlan | None = None,
     ) -> None:
-        """Keep what was planned; ``found``: with what the arm made of it, ``risk``: at a risk, if asked."""
+        """Keep what was planned; ``found``: with what the arm made of it, ``risk``: at a risk, if any."""
         super().__init__(f"no path: {plan.status}: {plan.reason}")
         self.plan, self.scene, self.setting, self.risk = plan, scene, setting, risk
         self.posture = scene.start_joints if found is None else _posture(found, setting, scene)

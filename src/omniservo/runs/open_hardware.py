@@ -39,7 +39,7 @@ def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConn
         driver: replaces the file's; ``FILE.py:CLASS`` runs that file's code.
 
     Raises:
-        InputError: nobody there, other joints, or an arm that would go on moving if this program fell silent.
+        InputError: no one there, other joints, or an arm that would go on moving if this program fell silent.
         ConnectionLost: the connection was lost before the first state.
     """
     connection = _address(robot, arm, driver).open()
@@ -69,7 +69,7 @@ def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> CameraSource:
         offset: added to the stamps of its images [s], as `measure_delay` finds it.
 
     Raises:
-        InputError: nobody there, no images, or of another size.
+        InputError: no one there, no images, or of another size.
     """
     lens = robot.camera.calibration
     with ExitStack() as opened:
@@ -109,7 +109,7 @@ def open_hardware(
     Args:
         task: the job.
         robot: what it is done with.
-        approve: told what the arm is about to do; raises where it may not.
+        approve: called with what the arm is about to do; raises where it may not.
         driver: replaces the file's.
         offset: of the camera's stamps [s].
 

@@ -17,7 +17,7 @@ def own_branch(task: Task, scene: Scene, path: CameraPath, aim: FloatArray | Non
 
     Raises:
         NoSolutionError: the arm cannot follow on it; the message says which joint, at which w, by how much,
-            and whether the arm could from another posture.
+            and whether the arm could from another configuration.
     """
     frames = task.base_T_initial, scene.flange_T_camera
     branch = follow_path(scene.arm, path, *frames, start=scene.start_joints, aim=aim).best
@@ -33,7 +33,7 @@ def every_branch(task: Task, scene: Scene, path: CameraPath) -> FollowedPath:
 
 
 def _advice(followed: FollowedPath) -> str:
-    """Say whether another posture at the start would do."""
+    """Say whether another configuration at the start would do."""
     if followed.best.feasible:
         start = ", ".join(f"{angle:.1f}" for angle in np.rad2deg(followed.best.positions[0]))
         return f"it can from start.joints_near = [{start}] deg"

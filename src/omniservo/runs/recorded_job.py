@@ -1,4 +1,4 @@
-"""A recording as a job meets it: what was asked, then image by image what the job was given."""
+"""A recording as a job meets it: what was required, then image by image what the job was given."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class RecordedJob:
         return self._state
 
     def asked(self) -> tuple[Asked, TaughtGoal]:
-        """Read up to the first message; return what was asked for, and the taught goal.
+        """Read up to the first message; return what was required, and the taught goal.
 
         Raises:
             InputError: it is not there, or not legal.

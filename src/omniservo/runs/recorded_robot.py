@@ -115,7 +115,7 @@ class RecordedRobot:
         self.stopped = self.stopped or reason
 
     def release(self, reason: str) -> None:
-        """Forget what it was stopped for."""
+        """Drop what it was stopped for."""
         self.stopped = None
 
     def _apply(self, messages: list[Recorded]) -> None:

@@ -40,7 +40,7 @@ class Recorder:
     ) -> None:
         """Prepare an empty log; ``points`` (n, 3) are the true points in the order of the loop's pixels.
 
-        None where there is no truth. ``recording`` is told of every step, too.
+        None where there is no truth. ``recording`` is reported every step, too.
         """
         self._recording = recording
         self._camera = task.camera

@@ -29,7 +29,7 @@ def replanner_of(
 ) -> Replanner | None:
     """Return the replanner of a plan that is about to be followed; None where nothing was planned.
 
-    Another way is taken up one period of the camera, and the delay until a twist acts, after the image with
+    Another way is entered one period of the camera, and the delay until a twist acts, after the image with
     which planning began; time that passes in `RobotCell.wait` alone stands meanwhile. What the plan keeps
     because mount and estimate are uncertain is kept later, too.
     """

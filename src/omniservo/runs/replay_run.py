@@ -75,7 +75,7 @@ def replay_run(
     Args:
         path: of the recording.
         allow_outside: whether files that the task names may lie outside its folder.
-        progress: told what is being done.
+        progress: called with what is being done.
 
     Raises:
         InputError: the file is no recording, damaged, cut off before the first image, or its task is wrong.

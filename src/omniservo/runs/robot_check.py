@@ -13,7 +13,7 @@ from omniservo.errors import ServoStop
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmConnection
-from omniservo.robots import CAMERA_HOUSING, SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
+from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.safety import SafetyOptions
 
 SECONDS = 3.0
@@ -84,7 +84,7 @@ def check_robot(
         arm: as its file has it.
         connection: to it; use it no more afterwards: the watchdog may have ended it.
         camera: on its flange.
-        approve: told what the arm is about to do; raises where it may not.
+        approve: called with what the arm is about to do; raises where it may not.
         watchdog: after which something of the user's own stops the arm [s]; None: the connection's.
 
     Raises:
@@ -156,7 +156,7 @@ def _stream_times(arrivals: list[tuple[float, float]]) -> StreamTimes | None:
 
 def _self_clearance(arm: Arm, joints: FloatArray) -> float:
     """Return the smallest gap [m] between parts of the arm, of those that are nearer than `NEAR`."""
-    bodies = ArmBodies(arm, mounted=CAMERA_HOUSING)
+    bodies = ArmBodies(arm)  # what it carries is not in its file
     bodies.place(joints)
     return min((each.gap for each in bodies.near(NEAR)), default=NEAR)
 

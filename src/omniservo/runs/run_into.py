@@ -48,7 +48,7 @@ def run_into(
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
         filmed: whether there is an animation.
-        progress: told what is being done, and the share of the whole job that is behind.
+        progress: called with what is being done, and the share of the whole job that is behind.
 
     Raises:
         InputError, NoSolutionError: as `run_task`.
@@ -69,7 +69,7 @@ def run_into(
 
 
 def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
-    """Write everything but the report; return the pictures, which it shows again."""
+    """Write everything but the report; return the images, which it shows again."""
     write_whole(folder / "metrics.json", json.dumps(result.metrics, indent=2, allow_nan=False) + "\n")
     write_whole(folder / "log.csv", result.log.to_csv())
     result.estimate.save(folder / "estimate.json")

@@ -65,8 +65,8 @@ def run_task(
         method: "certified" plans with proof, "paper" with the paper's own search, "ibvs" not at all.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
-        filmed: whether to render the animation's pictures, which takes about a fifth of the time.
-        progress: told what is being done, and the share of that stage that is behind.
+        filmed: whether to render the animation's images, which takes about a fifth of the time.
+        progress: called with what is being done, and the share of that stage that is behind.
         recording: takes in what passes between job and cell, and what the job makes of it.
 
     Raises:
@@ -165,7 +165,7 @@ def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
 
 
 def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:
-    """Return a bystander's picture of the arm in ``joints`` (n,) [rad]; None where nobody can take one."""
+    """Return a bystander's image of the arm in ``joints`` (n,) [rad]; None where no one can take one."""
     return None if cell.truth is None else cell.truth.outside_picture(joints)
 
 
@@ -247,7 +247,7 @@ def _arm_metrics(whole: WholeArm | None) -> dict[str, object]:
 
 
 def _margin_parts(whole: WholeArm) -> dict[str, object]:
-    """What gaps are kept wider for, beside what is asked."""
+    """What gaps are kept wider for, beside what is required."""
     parts: dict[str, object] = {}
     if whole.margin is not None:
         parts["link_margin_estimate_m"] = whole.margin.estimate

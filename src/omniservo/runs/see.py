@@ -1,4 +1,4 @@
-"""From two pictures to matched points."""
+"""From two images to matched points."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from omniservo.results.run_result import Seen
 
 
 def see(kind: FeatureKind, camera: CentralModel, initial: ByteArray, goal: ByteArray) -> Seen:
-    """Find the features in both pictures and match them.
+    """Find the features in both images and match them.
 
     Raises:
-        InputError: a picture with too few features.
+        InputError: an image with too few features.
         NoSolutionError: they cannot be matched, or too few can.
     """
     return Seen(initial, goal, kind.match(camera, initial, goal))

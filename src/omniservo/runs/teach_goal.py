@@ -1,4 +1,4 @@
-"""Teaching: the arm is brought to the goal and takes a picture."""
+"""Teaching: the arm is brought to the goal and takes an image."""
 
 from __future__ import annotations
 

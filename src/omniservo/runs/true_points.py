@@ -10,7 +10,7 @@ from omniservo.tasks import Task
 
 
 def true_points(task: Task, truth: GroundTruth, joints: FloatArray, initial_pixels: FloatArray) -> FloatArray:
-    """Return the points (n, 3) [m], initial camera frame, that the initial picture shows at pixels (n, 2).
+    """Return the points (n, 3) [m], initial camera frame, that the initial image shows at pixels (n, 2).
 
     It was taken in ``joints`` (n,) [rad].
 

@@ -36,7 +36,7 @@ def warm_up(open_cell: OpenCell, progress: Progress = lambda job, done: None) ->
 
     Args:
         open_cell: where runs are done.
-        progress: told each job and the share of them all that is behind.
+        progress: called with each job and the share of them all that is behind.
     """
     jobs: list[tuple[str, float, Callable[[], object]]] = [
         *(
@@ -93,7 +93,7 @@ def _plans() -> None:
 
 
 def _board() -> None:
-    """Look for a chequered board in a picture of one."""
+    """Look for a chequered board in an image of one."""
     square = 40
     squares = np.indices((7, 9)).sum(axis=0) % 2
     picture = np.pad(np.kron(squares, np.full((square, square), 200)) + 20, square, constant_values=220)

@@ -75,7 +75,7 @@ Posture: TypeAlias = Callable[[float], tuple[FloatArray, FloatArray]]
 """From the time since the loop's first image [s] to joints (n,) [rad] and their speeds [rad/s]."""
 
 POSTURE_GAIN = 2.0
-"""[1/s] with which what the camera leaves free returns to the posture"""
+"""[1/s] with which what the camera leaves free returns to the configuration"""
 
 
 class Controller(Protocol):
@@ -304,7 +304,7 @@ def _refuse_wrong_points(pixels: FloatArray, valid: BoolArray, count: int) -> No
 
 
 def _towards(posture: Posture, start: float) -> Wish:
-    """Return the velocities that lead to the posture, and on with it."""
+    """Return the velocities that lead to the configuration, and on with it."""
 
     def wish(state: RobotState) -> FloatArray:
         wanted, speeds = posture(state.time - start)

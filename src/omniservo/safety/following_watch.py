@@ -1,4 +1,4 @@
-"""Whether the joints do what they were told."""
+"""Whether the joints do what they were commanded."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from omniservo.safety.motion_history import SPACING, MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
 
 WINDOWS = np.array([0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
-"""in reaction times: how far back motion is compared; slow motion needs the longer ones to be told, a reading
-that jumps the shortest"""
+"""in reaction times: how far back motion is compared; slow motion needs the longer ones to be detected, a
+reading that jumps the shortest"""
 
 DELAYS = np.linspace(0.0, 1.0, 6)
 """dead times of drives, of the most lag"""

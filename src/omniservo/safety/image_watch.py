@@ -49,7 +49,7 @@ is also compared with the oldest of these: that shows soonest that they should h
 translation together ask for counts then: errors by which points stand still are not to be expected."""
 
 SAME_PX = 1.0
-"""A picture whose points do not differ at all from those before is an old one where they should have moved
+"""An image whose points do not differ at all from those before is an old one where they should have moved
 by this [px]."""
 
 
@@ -75,7 +75,7 @@ class ImageWatch:
     and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms and half of the
     step between two offsets make of it: ε is the share by which distances may be wrong. Joints and images may
     be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
-    the points disagree in any two images in a row of the last `MEMORY`. Where there is none, pictures or
+    the points disagree in any two images in a row of the last `MEMORY`. Where there is none, images or
     joints are wrong. What the points belong to must stand still.
 
     Args:

@@ -33,7 +33,7 @@ class MotionHistory:
         self.begin(state)
 
     def begin(self, state: RobotState) -> None:
-        """Forget everything before; the robot stands."""
+        """Drop everything before; the robot stands."""
         self._count = 1
         self._times[0] = state.time
         self._rows[0] = state.joint_positions, 0.0 * self._velocities, 0.0 * self._velocities

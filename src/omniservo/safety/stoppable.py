@@ -13,7 +13,7 @@ from omniservo.safety.motion_limits import stopping_distance
 from omniservo.safety.safety_options import SafetyOptions
 
 RUNAWAY = 1.25
-"""A joint measured to turn faster than this times its speed limit does not do what it is told."""
+"""A joint measured to turn faster than this times its speed limit does not do what it is commanded."""
 
 
 class Stoppable:

@@ -66,8 +66,8 @@ class Supervisor:
     the joints can accelerate is approached, along its own direction where that can be. Any other breach
     brakes the robot within its acceleration limits and then raises the `ServoStop` that names it: a joint
     (or the camera's centre, to first order in the braking distance) that could not be stopped inside its
-    range any more, a number that is not finite, an image too old, a robot not looked at, joints that do not
-    do what they were told, a robot that does not answer. So the last command sent was one after which
+    range any more, a number that is not finite, an image too old, a robot not checked, joints that do not
+    do what they were commanded, a robot that does not answer. So the last command sent was one after which
     braking leads to no violation, whenever it begins within the reaction time.
 
     Whatever braked it latches: nothing moves it again until `release` names the reason.
@@ -180,11 +180,11 @@ class Supervisor:
             return self._commanded(self._checked_command(joint_velocities), self._seen_state())
 
     def carry(self, twist: npt.ArrayLike, wish: Wish | None = None) -> Passed:
-        """Move the camera with this twist (6,) (linear [m/s], angular [rad/s]; camera frame) until told more.
+        """Move the camera with this twist (6,) from now on: linear [m/s], angular [rad/s], camera frame.
 
         The joint velocities of it are found anew every `TICK`, by `Arm.joint_velocities`:
-        those of one posture, held for the time between two images, lead the camera astray where the
-        Jacobian changes fast, as it does near singular postures.
+        those of one configuration, held for the time between two images, lead the camera astray where the
+        Jacobian changes fast, as it does near singular configurations.
 
         Args:
             twist: of the camera.
@@ -274,7 +274,7 @@ class Supervisor:
             reason: what for; nothing moves it again until it is released. None: it may move on.
 
         Raises:
-            RobotLost: it could not be told to; nothing else can be done from here.
+            RobotLost: it could not be commanded to; nothing else can be done from here.
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None

@@ -1,4 +1,4 @@
-"""A flat printed picture: a tag, a textured face."""
+"""A flat printed image: a tag, a textured face."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _SHORTEST = 1e-4
 
 @dataclass(frozen=True)
 class Panel:
-    """A flat printed picture. Like a dot it has no body of its own: it cannot be touched.
+    """A flat printed image. Like a dot it has no body of its own: it cannot be touched.
 
-    Its frame lies in the middle of its face, as a viewer sees it: x right, y down in the picture, z into the
+    Its frame lies in the middle of its face, as a viewer sees it: x right, y down in the image, z into the
     panel. From behind and from the side it is white card.
     """
 
@@ -44,7 +44,7 @@ class Panel:
 
     @property
     def corners(self) -> FloatArray:
-        """(4, 3) corners in the world [m]: top left, top right, bottom right, bottom left of the picture."""
+        """(4, 3) corners in the world [m]: top left, top right, bottom right, bottom left of the image."""
         signs = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
         corners: FloatArray = self.world_T_panel.apply(signs * [*self.size, 0.0])
         return corners

@@ -46,7 +46,7 @@ def _tag(tag: TagSection, dictionary: str, world_T_initial: RigidTransform) -> P
 
 
 def _face(name: str, face: TexturedFace, world_T_initial: RigidTransform) -> Panel:
-    """A textured face with square picture elements, or nearly."""
+    """A textured face with square image elements, or nearly."""
     width, height = face.size
     shape = np.maximum(np.rint(ELEMENTS * np.array([height, width]) / max(face.size)), _SHORTEST).astype(int)
     picture = _texture(face.kind, face.seed, int(shape[0]), int(shape[1]))

@@ -122,13 +122,13 @@ class Scene:
     """the arm's foot"""
     flange_T_camera: RigidTransform
     camera: CentralModel
-    """what whoever works with the pictures is told"""
+    """what whoever works with the images is given"""
     start_joints: FloatArray
     """(n,) [rad], within the arm's range"""
     sensor: Sensor = field(default_factory=Sensor)
     dots: Dots | None = None
     panels: tuple[Panel, ...] = ()
-    """printed pictures: tags, textured faces"""
+    """printed images: tags, textured faces"""
     boards: tuple[SceneBox, ...] = ()
     """what carries dots and panels or stands behind them"""
     obstacles: tuple[SceneBox | Ball, ...] = ()
@@ -137,9 +137,9 @@ class Scene:
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
     true_camera: CentralModel | None = None
-    """whose pictures are taken, of the same size; None: `camera`"""
+    """whose images are taken, of the same size; None: `camera`"""
     lens_error: LensError | None = None
-    """where the pictures are displaced against that model's"""
+    """where the images are displaced against that model's"""
     lights: tuple[Light, ...] = (Light(),)
     """as they shine one after the other, by `Light.since`"""
 
@@ -160,7 +160,7 @@ class Scene:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
 
     def light_at(self, time: float) -> Light:
-        """Return the light that shines at ``time`` [s] on the clock of whoever takes pictures."""
+        """Return the light that shines at ``time`` [s] on the clock of whoever takes images."""
         return [light for light in self.lights if light.since <= max(time, 0.0)][-1]
 
     @property

@@ -1,4 +1,4 @@
-"""Pictures with detail like that of real surfaces, made from a seed: what natural features are found on."""
+"""Images with detail like that of real surfaces, made from a seed: what natural features are found on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray, finite_number
 
 LONGEST = 4096
-"""Most rows or columns of a picture."""
+"""Most rows or columns of an image."""
 
 _PAPER, _INK = 0.80, 0.04
 _STONES_ACROSS = 9  # along the longer side
@@ -22,13 +22,13 @@ _SMALLEST = 16
 
 
 def texture(kind: str, seed: int, rows: int, columns: int) -> FloatArray:
-    """Return a picture (rows, columns) of linear greys in [0, 1].
+    """Return an image (rows, columns) of linear greys in [0, 1].
 
     Everything in it scales with its longer side; all sizes of detail down to single elements occur, their
     strength falling about as 1/f like in photographs of nature (Field 1987).
 
     Args:
-        kind: one of `texture_kinds`: "stones", a wall of rubble; "poster", print with pictures and lines of
+        kind: one of `texture_kinds`: "stones", a wall of rubble; "poster", print with images and lines of
             letters; "crate", weathered planks with nails and a stencil.
         seed: which one of its kind.
         rows: 16 … `LONGEST`
@@ -97,7 +97,7 @@ def _stones(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
 
 
 def _poster(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
-    """Coloured areas as greys, pictures in few tones, discs and bars, headlines and lines of letters."""
+    """Coloured areas as greys, images in few tones, discs and bars, headlines and lines of letters."""
     side = max(rows, columns)
     picture = np.full((rows, columns), _PAPER)
     for row, column in _spread(rng, 16):
@@ -124,13 +124,13 @@ def _spread(rng: np.random.Generator, count: int) -> FloatArray:
 
 
 def _print_of(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
-    """A picture in five tones."""
+    """An image in five tones."""
     tones = np.sort(rng.uniform(0.05, 0.8, 5))
     return tones[np.digitize(_cloud(rng, rows, columns, fall=1.6), [-1.0, -0.3, 0.3, 1.0])]
 
 
 def _disc(picture: FloatArray, row: float, column: float, radius: float, rng: np.random.Generator) -> None:
-    """Put a disc or a ring into the picture."""
+    """Put a disc or a ring into the image."""
     y, x = np.ogrid[: picture.shape[0], : picture.shape[1]]
     distance = np.hypot(y - row, x - column)
     hole = radius * rng.choice([0.0, 0.0, 0.6])
@@ -138,7 +138,7 @@ def _disc(picture: FloatArray, row: float, column: float, radius: float, rng: np
 
 
 def _letters(picture: FloatArray, rng: np.random.Generator, top: int, left: int, height: int) -> None:
-    """Put a line of made-up letters into the picture: two to four strokes each on a grid of 5 × 4."""
+    """Put a line of made-up letters into the image: two to four strokes each on a grid of 5 × 4."""
     ink = _INK if rng.uniform() < 0.8 else _PAPER
     stroke = max(height // 6, 1)
     for _ in range(int(rng.integers(4, 16))):

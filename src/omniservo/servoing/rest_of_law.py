@@ -1,4 +1,4 @@
-"""What is left of a time law when another path is taken up on the way, slowed down where that asks for it."""
+"""What is left of a time law when another path is entered on the way, slowed down where that requires it."""
 
 from __future__ import annotations
 
@@ -99,11 +99,11 @@ class RestOfLaw:
     def within(cls, law: TimeLaw, begin: float, limits: PathLimits | None) -> Self | None:
         """Return the rest of a law, slowed down as far as limits need it; None: no clock is slow enough.
 
-        Limits are looked at in 401 places; one that the law just met may be exceeded by 0.2%.
+        Limits are checked in 401 places; one that the law just met may be exceeded by 0.2%.
 
         Args:
             law: what is followed until then.
-            begin: [s] when the new path is taken up.
+            begin: [s] when the new path is entered.
             limits: along the new path, over s; None: the law is carried on as it is.
 
         Raises:
@@ -127,7 +127,7 @@ class RestOfLaw:
         return found
 
     def keeps(self, limits: PathLimits) -> bool:
-        """Return whether the law keeps limits along its path; looked at as by `within`."""
+        """Return whether the law keeps limits along its path; checked as by `within`."""
         motion = self._motion()
         return self._excess(limits.at(motion.s), motion) <= _MET
 

@@ -109,7 +109,7 @@ class RestToRestLaw:
         """Return the shortest law that keeps the limits.
 
         With q̇ = q′ẇ and q̈ = q″ẇ² + q′ẅ, ẇ ∝ 1/T and ẅ ∝ 1/T², the shortest duration T has a closed form at
-        every place; limits are looked at in 3201 places, evenly in time, and what may lie between gets 0.01%.
+        every place; limits are checked in 3201 places, evenly in time, and what may lie between gets 0.01%.
 
         Args:
             limits: along the joint path.

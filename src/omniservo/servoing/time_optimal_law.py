@@ -18,7 +18,7 @@ _SMALL = 1.005
 """A stretch by no more than this ends the search for steps that are fine enough."""
 
 _BETWEEN = 8
-"""places in each step at which the limits are looked at"""
+"""places in each step at which the limits are checked"""
 
 _RESERVE = 1e-4
 """of the duration, for what may lie between those places"""

@@ -1,4 +1,4 @@
-"""Which pixels of a bystander's picture the arm may change: those that it may cover or shade."""
+"""Which pixels of a bystander's image the arm may change: those that it may cover or shade."""
 
 from __future__ import annotations
 

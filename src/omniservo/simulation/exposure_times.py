@@ -11,9 +11,9 @@ from omniservo.scenes import Sensor
 def exposure_times(sensor: Sensor, height: int, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return instants t (steps + 1,) [s] since the time stamp, and weights W (steps + 1, height).
 
-    With a picture that changes evenly between neighbouring instants, row v's mean over its exposure
-    [s_v − T/2, s_v + T/2], s_v = (v + ½ − H/2)/H · R, is Σ_k W_kv · picture(t_k), for exposure T and
-    readout R; for T = 0 it is the picture at s_v. Each row's weights are not negative and add to 1.
+    With an image that changes evenly between neighbouring instants, row v's mean over its exposure
+    [s_v − T/2, s_v + T/2], s_v = (v + ½ − H/2)/H · R, is Σ_k W_kv · image(t_k), for exposure T and
+    readout R; for T = 0 it is the image at s_v. Each row's weights are not negative and add to 1.
 
     Args:
         sensor: states T and R; one of them is not 0.

@@ -1,4 +1,4 @@
-"""A bystander's picture of arm, obstacles and target: ordinary perspective, colour, light and shadow."""
+"""A bystander's image of arm, obstacles and target: ordinary perspective, colour, light and shadow."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Viewpoint:
     eye: tuple[float, float, float]
     """[m] in the world"""
     focus: tuple[float, float, float]
-    """[m] the point in the middle of the picture"""
+    """[m] the point in the middle of the image"""
     field_of_view: float = math.radians(36.0)
     """upright opening angle [rad]"""
 
@@ -80,7 +80,7 @@ class _Look:
     bodies: IntArray
     """(height, width)"""
     panels: IntArray
-    """(height, width) whose picture is met, −1 for none"""
+    """(height, width) whose image is met, −1 for none"""
 
     @classmethod
     def empty(cls, shape: tuple[int, int]) -> _Look:
@@ -107,15 +107,15 @@ class OutsideView:
         """Prepare.
 
         Args:
-            world: what is looked at.
+            world: what is seen.
             viewpoint: from where; None: `Viewpoint.beside`.
             width: [px]
             height: [px]
             shadow_rays: points of the lamp that each visible point is joined to; 0: no shadows, 1: hard ones.
                 Time grows with it.
-            shows_camera: whether the camera on the arm's flange is in the picture.
-            films: whether what stands still is drawn once, and each picture anew only where the arm may cover
-                or shade it: for many pictures of one world.
+            shows_camera: whether the camera on the arm's flange is in the image.
+            films: whether what stands still is drawn once, and each image anew only where the arm may cover
+                or shade it: for many images of one world.
 
         Raises:
             InputError: eye and focus coincide or stand above each other, or a number is out of range.
@@ -141,7 +141,7 @@ class OutsideView:
         self._still = self._without_arm() if films else None
 
     def render(self, q: npt.ArrayLike) -> ByteArray:
-        """Return the picture (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (n,) [rad].
+        """Return the image (height, width, 3), 8 bit sRGB, with the arm in the joints ``q`` (n,) [rad].
 
         Raises:
             InputError: wrong shape, NaN or infinity.
@@ -157,7 +157,7 @@ class OutsideView:
         return drawn
 
     def _without_arm(self) -> tuple[_Look, ByteArray, ArmPixels]:
-        """What the pixels meet without the arm, the picture of it, and what the arm may change of it."""
+        """What the pixels meet without the arm, the image of it, and what the arm may change of it."""
         casters = [RayCaster(self._world, sees_camera=False, sees_arm=False) for _ in range(_THREADS)]
         for caster in casters:
             caster.pose_arm(self._world.scene.start_joints)
@@ -181,7 +181,7 @@ class OutsideView:
         )
 
     def _drawn(self, casters: list[RayCaster], look: _Look, chosen: BoolArray) -> ByteArray:
-        """Return the picture, of which the ``chosen`` pixels are drawn, also in ``look``."""
+        """Return the image, of which the ``chosen`` pixels are drawn, also in ``look``."""
         self._first_look(casters, look, chosen)
         edge = self._edges(look.image, look.panels) & chosen
         rows, columns = np.nonzero(edge)
@@ -219,7 +219,7 @@ class OutsideView:
         cast(~known & chosen)
 
     def project(self, points: npt.ArrayLike) -> FloatArray:
-        """Return where points (…, 3) [m] of the world, before the eye, are in the picture: (…, 2) [px]."""
+        """Return where points (…, 3) [m] of the world, before the eye, are in the image: (…, 2) [px]."""
         rays = (finite_array("points", points, (-1, 3)) - self._eye) @ self._axes
         height, width = self._shape
         middle = np.array([(width - 1) / 2.0, (height - 1) / 2.0])
@@ -227,7 +227,7 @@ class OutsideView:
         return pixels
 
     def _edges(self, image: FloatArray, panels: IntArray) -> BoolArray:
-        """Where neighbours differ; within a panel its picture is averaged over each pixel already."""
+        """Where neighbours differ; within a panel its image is averaged over each pixel already."""
         printed = (panels >= 0) & ~differs_from_neighbour(panels)
         return differs_from_neighbour(np.einsum("ijk,k->ij", image, _LUMINANCE), _CONTRAST) & ~printed
 

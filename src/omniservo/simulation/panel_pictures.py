@@ -1,4 +1,4 @@
-"""What a pixel sees of a printed picture: the mean grey over its footprint, however small or large."""
+"""What a pixel sees of a printed image: the mean grey over its footprint, however small or large."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _LEAST_SIDE = 0.01  # [picture elements] a smaller rectangle's sum would drown i
 
 
 class _Sums(NamedTuple):
-    """Summed-area tables of k panels' pictures."""
+    """Summed-area tables of k panels' images."""
 
     density: FloatArray
-    """(k, 2) picture elements per length along x and y [1/m]"""
+    """(k, 2) image elements per length along x and y [1/m]"""
     shapes: IntArray
-    """(k, 2) rows and columns of the pictures"""
+    """(k, 2) rows and columns of the images"""
     starts: IntArray
     """(k + 1,) where each one's table starts"""
     table: FloatArray
@@ -45,16 +45,16 @@ class Footprints(NamedTuple):
 
 
 class PanelPictures:
-    """The pictures of a world's panels, ready to be averaged.
+    """The images of a world's panels, ready to be averaged.
 
-    A picture is piecewise constant, so its integral over any rectangle follows exactly from a table of its
+    An image is piecewise constant, so its integral over any rectangle follows exactly from a table of its
     running sums (Crow 1984, summed-area tables). A pixel's square, cut into tiles, maps to the panel tile by
-    tile; each tile's image is replaced by the rectangle with the same second moments along the picture's
+    tile; each tile's image is replaced by the rectangle with the same second moments along the image's
     axes. Sub-pixel positions are kept and minified detail cannot alias.
     """
 
     def __init__(self, panels: Sequence[Panel]) -> None:
-        """Sum the pictures of ``panels``, which are told apart by their index."""
+        """Sum the images of ``panels``, which are distinguished by their index."""
         self._poses = [panel.world_T_panel for panel in panels]
         tables = [np.pad(p.picture, ((1, 0), (1, 0))).cumsum(0).cumsum(1).ravel() for p in panels]
         self._sums = _Sums(
@@ -145,7 +145,7 @@ def _mean(
     half_width: float,
     half_height: float,
 ) -> float:
-    """Mean over the part of a rectangle round (column, row) that lies on the picture."""
+    """Mean over the part of a rectangle round (column, row) that lies on the image."""
     left, right = _within(column, half_width, columns)
     top, bottom = _within(row, half_height, rows)
     total = (
@@ -166,7 +166,7 @@ def _within(middle: float, half: float, length: int) -> tuple[float, float]:
 
 @leaf
 def _sum_before(table: FloatArray, start: int, rows: int, columns: int, column: float, row: float) -> float:
-    """Integral of the picture over [0, column] × [0, row]: linear in each between the running sums."""
+    """Integral of the image over [0, column] × [0, row]: linear in each between the running sums."""
     i, j = min(int(row), rows - 1), min(int(column), columns - 1)
     a, b = row - i, column - j
     at = start + i * (columns + 1) + j

@@ -16,7 +16,7 @@ def points_under(world: World, joints: FloatArray, pixels: FloatArray) -> FloatA
     NaN where a pixel lies outside the camera's domain or its ray meets nothing.
 
     Args:
-        world: what is looked at.
+        world: what is seen.
         joints: (n,) of the arm [rad].
         pixels: (n, 2) [px].
     """

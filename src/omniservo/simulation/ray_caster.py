@@ -31,7 +31,7 @@ class RayCaster:
         """Prepare.
 
         Args:
-            world: what is looked at.
+            world: what is seen.
             sees_camera: whether the camera's housing is visible; the camera's own rays start in it.
             sees_arm: whether the arm's links are.
         """
@@ -95,8 +95,8 @@ def _for_rays(model: Any, groups: NDArray[np.uint8]) -> Any:
     It first asks whether a ray meets a body's ball (3.17), then for each shape whether it lies in the angles
     of the shape's box. Its own ball holds the shapes that are touched, and is misplaced where the body's
     inertia is stated off its origin with skew axes: what sticks out of it would not be met. Here it lies
-    round the body's centre of mass, where MuJoCo puts it, and holds all shapes. What stands around is asked
-    for by its boxes alone: all of it counts as one body, and bodies without shapes that are seen as none.
+    round the body's centre of mass, where MuJoCo puts it, and holds all shapes. What stands around is tested
+    by its boxes alone: all of it counts as one body, and bodies without shapes that are seen as none.
     """
     model = copy(model)
     reach = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1) + model.geom_rbound

@@ -19,7 +19,7 @@ from omniservo.simulation.simulated_robot import Exposure, SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 
 _TICK = 2e-3
-"""The arm is moved on so often where nobody asks for it [s]."""
+"""The arm is moved on so often where no one asks for it [s]."""
 
 _ENOUGH = 0.95
 """share of the camera's frames that keeps up with its rate"""
@@ -90,7 +90,7 @@ class RealTimeRobot:
             return self._picture
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        """Move with these joint velocities (n,) [rad/s] until told otherwise.
+        """Move with these joint velocities (n,) [rad/s] until commanded otherwise.
 
         Raises:
             InputError: wrong shape, NaN or infinity.

@@ -58,7 +58,7 @@ class SimulatedCell:
         return
 
     def approve(self, motion: str) -> None:
-        """Let it: nobody is hurt."""
+        """Let it: no one is hurt."""
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass, which passes here alone."""
@@ -81,7 +81,7 @@ class SimulatedCell:
         self.robot.rearrange(obstacles)
 
     def close(self) -> None:
-        """Let go of what pictures are made with."""
+        """Let go of what images are made with."""
         self.robot.close()
 
 

@@ -139,7 +139,7 @@ class SimulatedRobot:
         return Exposure(tick * TICK, self._motion or joints, world, light, (self._seed, number))
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        """Move with these joint velocities (n,) [rad/s] until told otherwise.
+        """Move with these joint velocities (n,) [rad/s] until commanded otherwise.
 
         A command beyond a joint's nominal speed is scaled down as a whole, so that its direction is kept.
 
@@ -155,7 +155,7 @@ class SimulatedRobot:
         self._command = np.zeros_like(self._command)
 
     def close(self) -> None:
-        """Let go of what pictures are made with."""
+        """Let go of what images are made with."""
         self._renderer = None
 
     def advance(self, duration: float) -> None:

@@ -17,10 +17,10 @@ _SURFACE = 1e-3
 
 
 class SimulatedTruth:
-    """Where things truly are, and pictures of it from outside.
+    """Where things truly are, and images of it from outside.
 
     Args:
-        robot: what it is asked of, as it is at the time.
+        robot: of what it knows the truth, as it is at the time.
     """
 
     def __init__(self, robot: SimulatedRobot) -> None:
@@ -74,7 +74,7 @@ class SimulatedTruth:
     def outside_picture(
         self, joints: FloatArray, time: float | None = None, *, quick: bool = False
     ) -> ByteArray:
-        """Return a bystander's picture (rows, columns, 3), 8 bit sRGB, with the arm in these joints.
+        """Return a bystander's image (rows, columns, 3), 8 bit sRGB, with the arm in these joints.
 
         Args:
             joints: (n,) [rad].

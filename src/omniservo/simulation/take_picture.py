@@ -1,4 +1,4 @@
-"""One picture from a robot that stands still."""
+"""One image from a robot that stands still."""
 
 from __future__ import annotations
 

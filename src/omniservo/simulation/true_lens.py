@@ -1,4 +1,4 @@
-"""The lens that pictures are truly taken through, whatever its user is told."""
+"""The lens that images are truly taken through, whatever its user is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene as it truly is: that which everybody is told, and what only the simulator knows."""
+"""The scene as it truly is: that which everybody is given, and what only the simulator knows."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ BACKGROUND = 0.25
 """Linear grey of rays that meet nothing, in a light of brightness 1."""
 
 MOVING_STEP = 0.5
-"""[px] Pictures of a moving camera are mixed of sharp ones so far apart."""
+"""[px] Images of a moving camera are mixed of sharp ones so far apart."""
 STANDS_STILL = 0.1
-"""[px] A camera whose picture moves by less while it is taken counts as standing still."""
+"""[px] A camera whose image moves by less while it is taken counts as standing still."""
 
 JointsAt: TypeAlias = Callable[[float], FloatArray]
 """From the time since an image's time stamp [s] to the joints (n,) [rad]"""
@@ -48,11 +48,11 @@ class _Sight(NamedTuple):
     """What rays meet."""
 
     greys: FloatArray
-    """(…) linear; of a picture: as if it were white"""
+    """(…) linear; of an image: as if it were white"""
     is_dot: BoolArray
     """(…)"""
     panels: IntArray
-    """(…) index of the panel whose picture is met, −1 for none"""
+    """(…) index of the panel whose image is met, −1 for none"""
 
 
 class _Look(NamedTuple):
@@ -110,7 +110,7 @@ class UnifiedRenderer:
     def expose(self, joints_at: JointsAt, light: Light | None = None) -> FloatArray:
         """Return the linear intensity (height, width) on the sensor of a camera that may move meanwhile.
 
-        Each row shows the mean over its own exposure (`Sensor`). The picture is mixed of sharp ones
+        Each row shows the mean over its own exposure (`Sensor`). The image is mixed of sharp ones
         `MOVING_STEP` apart, between which it is taken to change evenly; of one alone where less than
         `STANDS_STILL` changes. By how much it moves is what nine of ten pixels of a grid stay below.
 
@@ -148,7 +148,7 @@ class UnifiedRenderer:
         return grey_values(image, self.world.scene.sensor, noise)
 
     def _motion(self, before: FloatArray, after: FloatArray) -> float:
-        """Return by how much most of what stands still moves in the image between two postures [px]."""
+        """Return by how much most of what stands still moves in the image between two configurations [px]."""
         camera = self.world.scene.camera
         u, v = (np.linspace(0.0, side - 1.0, _LOOKS) for side in (camera.width, camera.height))
         pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -235,7 +235,7 @@ class UnifiedRenderer:
         image[chosen] = greys.mean(axis=1)
 
     def _printed(self, pose: RigidTransform, panels: IntArray, pixels: Footprints, tiles: int) -> FloatArray:
-        """Greys (n,) of the pictures that the pixels see, in two threads."""
+        """Greys (n,) of the images that the pixels see, in two threads."""
         parts = np.array_split(np.arange(len(panels)), _THREADS)
         looks = self._pool.map(
             lambda part: self._pictures.greys(pose, panels[part], pixels.at(part), tiles), parts

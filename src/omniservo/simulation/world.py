@@ -92,11 +92,11 @@ class World:
         return str(self.model.body(int(self.model.geom_bodyid[geom])).name)
 
     def panels_at(self, geoms: NDArray[np.int32], normals: FloatArray) -> IntArray:
-        """Return whose picture each ray meets: indices (n,) into the scene's panels, −1 for no picture.
+        """Return whose image each ray meets: indices (n,) into the scene's panels, −1 for no image.
 
         Args:
             geoms: (n,) as `RayCaster.cast` returns them.
-            normals: (n, 3) of the surfaces there; a panel's back and sides bear no picture.
+            normals: (n, 3) of the surfaces there; a panel's back and sides bear no image.
         """
         panels = self._panel_of_geom[geoms]
         met = np.flatnonzero(panels >= 0)

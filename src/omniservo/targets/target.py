@@ -164,7 +164,7 @@ class Target:
 
 
 def _joined(known: IntArray, places: FloatArray, ids: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-    """Return the rows of ``places`` whose number in ``known`` is asked for, NaN for the others."""
+    """Return the rows of ``places`` whose number in ``known`` is required, NaN for the others."""
     asked = np.asarray(ids)
     if asked.ndim != 1 or (asked.size and asked.dtype.kind not in "iu"):
         raise InputError(f"ids: {asked.dtype} {asked.shape} given; whole numbers (k,) are needed")

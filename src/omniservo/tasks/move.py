@@ -13,7 +13,7 @@ _Indices = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1
 
 
 class Move(Section):
-    """Some bodies are moved, and the planner is told at once what it knows of them."""
+    """Some bodies are moved, and the planner is given at once what it knows of them."""
 
     time: Annotated[FiniteFloat, Field(ge=0, le=3600)]
     """since the servo's start [s]; at the first image from then on"""

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
@@ -26,6 +26,16 @@ class _Obstacle(Framed):
 
     clearance: NonNegativeLength | None = None
     """own clearance instead of the planner's [m]"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _moved_in_time(cls, fields: Any) -> Any:
+        if isinstance(fields, dict) and fields.get("motion") is not None:
+            raise ValueError(
+                "motion: of a problem's file, where it runs over the path's own w; a run goes by time, "
+                "replans on the way and judges the whole arm; legal here: the task's moves, at a time each"
+            )
+        return fields
 
     def transformed(self, a_T_b: RigidTransform) -> Self:
         """Return the same, stated in frame b, in frame a."""
@@ -202,4 +212,4 @@ ObstacleSection = Annotated[
     ],
     BeforeValidator(_sphere_by_default),
 ]
-"""One of them, told apart by ``type``; without it a sphere."""
+"""One of them, distinguished by ``type``; without it a sphere."""

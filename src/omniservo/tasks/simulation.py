@@ -1,4 +1,4 @@
-"""What of a task only the simulator knows: whoever estimates, plans and controls sees its pictures alone."""
+"""What of a task only the simulator knows: whoever estimates, plans and controls sees its images alone."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class LensErrorSection(Section):
 
 
 class SimulationSection(Section):
-    """What nobody but the simulator is told."""
+    """What the simulator alone is given."""
 
     true_camera: Any = None
-    """the camera whose pictures are taken, where it is not the one that the program is told: any model; in
+    """the camera whose images are taken, where it is not the one that the program is given: any model; in
     the file as ``camera``. Its image has the same size"""
     lens_error: LensErrorSection | None = None
     """on top of that"""

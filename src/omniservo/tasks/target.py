@@ -1,4 +1,4 @@
-"""What is looked at: dots, tags or textured faces, and the boards that carry them."""
+"""The target: dots, tags or textured faces, and the boards that carry them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class TagsSection(Section):
 
 
 class TexturedFace(Placed):
-    """A flat face with a picture that looks like a real surface. Its frame is that of a `TagSection`."""
+    """A flat face with an image that looks like a real surface. Its frame is that of a `TagSection`."""
 
     kind: Literal["stones", "poster", "crate"]
     """what surface"""
@@ -117,7 +117,7 @@ class TargetSection(Framed):
     def known(self) -> targets.Target | None:
         """The tags as a target of known geometry, in the frame of the first; None where it has no tags.
 
-        Where the tags are as a whole is left out: that is for the pictures to tell.
+        Where the tags are as a whole is left out: that is for the images to tell.
         """
         if self.tags is None:
             return None

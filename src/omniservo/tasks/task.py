@@ -108,14 +108,14 @@ class StartSection(Section):
 
 
 class Teach(Section):
-    """How the goal is taught: the arm is brought there and a picture is taken."""
+    """How the goal is taught: the arm is brought there and an image is taken."""
 
     initial_T_goal: Pose
     """where the operator brings the camera, relative to its initial pose"""
 
 
 class KnownLength(Section):
-    """The distance between two dots, numbered as in the initial picture (top to bottom, left to right)."""
+    """The distance between two dots, numbered as in the initial image (top to bottom, left to right)."""
 
     dots: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
     length: PositiveLength
@@ -201,7 +201,7 @@ class Planning(Section):
     """added to both clearances when planning, because the arm does not follow exactly [m]"""
     tracking_tube: Any = None
     """a `TrackingTube` once loaded; in the file "shipped", or the file of one that was measured on runs of
-    the own arm: what the arm strays is added to all margins, instead of a ``tracking_margin``"""
+    the own arm: what the arm deviates is added to all margins, instead of a ``tracking_margin``"""
     arm_clearance: NonNegativeLength | None = 0.005
     """every link and the camera's housing to every obstacle and the floor, as executed [m]; 5 mm where the
     file says nothing; null: obstacles are there for the camera's centre alone, as points that stand for
@@ -285,7 +285,7 @@ class Task(Section):
     planning: Planning = Planning()
     servo: Servo = Servo()
     simulation: SimulationSection = SimulationSection()
-    """what the simulator alone knows: how its pictures differ from what the program takes them for"""
+    """what the simulator alone knows: how its images differ from what the program takes them for"""
     moves: tuple[Move, ...] = ()
     """what is put elsewhere while the arm moves; the path is planned again then"""
     _sources: TaskSources | None = PrivateAttr(None)

@@ -1,4 +1,4 @@
-"""Following a plan by the image, and planning again on the way: joins a plan and features."""
+"""Following a plan by the image, and replanning: joins a plan and features."""
 
 from omniservo.tracking.following_arm import FollowingArm
 from omniservo.tracking.goal_servo import GoalServo

@@ -1,4 +1,4 @@
-"""The way that a run was led on: the plan's, and what was taken up after it."""
+"""The way that a run was led on: the plan's, and what was entered after it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omniservo.tracking.leg import Leg
 
 @dataclass(frozen=True, eq=False)
 class FollowedWay:
-    """Legs, each followed until the next one is taken up."""
+    """Legs, each followed until the next one is entered."""
 
     legs: tuple[Leg, ...]
     joints: tuple[JointPath, ...]

@@ -11,13 +11,13 @@ BLEND_START = 0.5
 
 
 class GoalBlend:
-    """o(w) = Σ β((w − w_k)/(1 − w_k)) Δ_k, β(x) = 10x³ − 15x⁴ + 6x⁵: at w = 1 all of what was asked for last.
+    """o(w) = Σ β((w − w_k)/(1 − w_k)) Δ_k, β(x) = 10x³ − 15x⁴ + 6x⁵: at w = 1 all of what was required last.
 
-    Every change Δ_k of what is asked for comes in smoothly from where it became known, or from w = 1/2 on,
+    Every change Δ_k of what is required comes in smoothly from where it became known, or from w = 1/2 on,
     so that neither o nor its slope has a jump.
 
     Args:
-        offsets: (n, 3) asked for at first.
+        offsets: (n, 3) required at first.
     """
 
     def __init__(self, offsets: FloatArray) -> None:

@@ -12,14 +12,14 @@ from omniservo.servoing import TimeLaw
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A path that is followed from some time on, to the goal or until the next leg is taken up."""
+    """A path that is followed from some time on, to the goal or until the next leg is entered."""
 
     path: CameraPath
     """initial_T_camera of s in [0, 1]"""
     law: TimeLaw
     """s of the time since the servo's start"""
     time: float = 0.0
-    """when it is taken up, since the servo's start [s]"""
+    """when it is entered, since the servo's start [s]"""
     begin: float = 0.0
     """w where it begins: w(s) = begin + (1 − begin)s goes on from leg to leg and ends with 1"""
 

@@ -218,7 +218,7 @@ class PathTracker:
         return self._image.inside(name, finite_array(name, pixels, (len(self._points), 2)))
 
     def _refinement(self, initial_pixels: npt.ArrayLike | None) -> StructureRefinement | None:
-        """Return what refines the points; None where a picture is missing."""
+        """Return what refines the points; None where an image is missing."""
         if initial_pixels is None:
             return None
         initial = self._carried("initial_pixels", initial_pixels)
@@ -333,7 +333,7 @@ class PathTracker:
         )
 
     def _refuse_points_behind(self, path: CameraPath) -> None:
-        """Raise where virtual-plane features are asked for and do not exist along the path."""
+        """Raise where virtual-plane features are required and do not exist along the path."""
         if self.options.feature != "virtual-plane":
             return
         for w in np.linspace(0.0, 1.0, PLACES_CHECKED):

@@ -15,7 +15,7 @@ _TICK = 1e-3
 """[s]"""
 
 _PLACES = 1001
-"""at which limits are looked at"""
+"""at which limits are checked"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class PlannedMotion:
         return float(self.joints.singular_values[place]), float(self.joints.w[place])
 
     def is_own(self, branch: JointPath) -> bool:
-        """Return whether a branch begins in the arm's own posture, full turns aside."""
+        """Return whether a branch begins in the arm's own configuration, full turns aside."""
         return bool(np.abs(np.sin(0.5 * (branch.positions[0] - self.joints.positions[0]))).max() < 1e-6)
 
     def posture(self, time: float) -> tuple[FloatArray, FloatArray]:

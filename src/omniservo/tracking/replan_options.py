@@ -14,7 +14,7 @@ class ReplanOptions:
     """When a plan is made again."""
 
     ahead: float = 0.08
-    """The new way is taken up so long after the image with which planning began [s]: a period of the camera,
+    """The new way is entered so long after the image with which planning began [s]: a period of the camera,
     in which to plan, and the delay until a twist acts. Until then the old way is followed, and proven, too"""
     tube: float = 0.005
     """An estimate that has changed by more than this is planned for again [m]; see `Replanner.change`"""

@@ -51,7 +51,7 @@ class _Fork:
     joints: JointPath | None
     time: float
     before: tuple[Leg, ...] = ()
-    """legs to be taken up before"""
+    """legs to be entered before"""
     joints_before: tuple[JointPath | None, ...] = ()
 
     @cached_property
@@ -66,7 +66,7 @@ class _Fork:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known now, prepared for all that is asked of it."""
+    """What is known now, prepared for all that is required of it."""
 
     problem: PlanningProblem
     constraints: Constraints
@@ -80,7 +80,7 @@ class Replanner:
 
     After every command `look` is called. Where something has changed the rest of the way is proven again for
     what is known now; where that fails, another way is planned from where the reference will be in a moment,
-    with its pose and velocity, near the old one if that can be (`replan`), and taken up there: the reference
+    with its pose and velocity, near the old one if that can be (`replan`), and entered there: the reference
     has no jump in pose or twist, and the joints that follow it have none in position or, six of them, in
     speed. Its law is what is left of the old one, its clock slowed down where the joints ask for it
     (`RestOfLaw`); a way that would be entered too fast for its bend is planned anew from the old one slowed
@@ -235,7 +235,7 @@ class Replanner:
     def _answer(
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
     ) -> Replanning:
-        """Return what is to be done; how long that took is told by `look`."""
+        """Return what is to be done; how long that took is stated by `look`."""
         known, later = self._known(problem), time + self.options.ahead
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 

@@ -30,7 +30,7 @@ class Replanning:
     reason: str = ""
     """why no way on is proven; else empty"""
     legs: tuple[Leg, ...] = ()
-    """what was taken up: the new way, and before it the old one slowed down if need be; none unless
+    """what was entered: the new way, and before it the old one slowed down if need be; none unless
     replanned"""
     joints: tuple[JointPath | None, ...] = ()
     """that follow each"""

@@ -25,7 +25,7 @@ class StopCriterion:
         self._time = -np.inf
 
     def restart(self) -> None:
-        """Forget the frames so far."""
+        """Drop the frames so far."""
         self._gaps.clear()
 
     def holds(self, time: float, goal_error_px: float, pose: FloatArray) -> bool:

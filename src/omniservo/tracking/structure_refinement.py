@@ -21,11 +21,11 @@ _MOST_STEPS = 20
 class StructureRefinement:
     """Keeps views along the way and refines all camera poses and points on them.
 
-    The frame is that of the initial camera. The scale stays that of the given goal pose: pictures do not
+    The frame is that of the initial camera. The scale stays that of the given goal pose: images do not
     tell it.
 
     Args:
-        camera: took all pictures.
+        camera: took all images.
         points: (n, 3) [m] as estimated, initial camera frame.
         initial_pixels: (n, 2) [px].
         goal_pixels: (n, 2) [px].
@@ -57,7 +57,7 @@ class StructureRefinement:
         return len(self._poses)
 
     def look(self, pixels: FloatArray, used: BoolArray, pose: FloatArray) -> FloatArray | None:
-        """Take a picture in; return the refined points (n, 3) [m], None where it adds nothing.
+        """Take an image in; return the refined points (n, 3) [m], None where it adds nothing.
 
         Args:
             pixels: (n, 2) [px]; rows that are not used may hold anything.

@@ -1,4 +1,4 @@
-"""The path's form: start at the identity, with the velocity asked for; end at the goal; degrees allowed."""
+"""The path's form: start at the identity, with the velocity required; end at the goal; degrees allowed."""
 
 from fractions import Fraction
 from math import asin
@@ -35,7 +35,7 @@ def faults_of_form(path: CameraPath, problem: Problem) -> list[str]:
 
 
 def _faults_of_velocity(path: CameraPath, asked: Vector | None) -> list[str]:
-    """t′(0) is the linear and 2 vec(φ* ⊗ φ′)/‖φ‖² at 0 the angular velocity asked for."""
+    """t′(0) is the linear and 2 vec(φ* ⊗ φ′)/‖φ‖² at 0 the angular velocity required."""
     if asked is None:
         return []
     linear = [Fraction(p[1], path.scale) if len(p) > 1 else Fraction(0) for p in path.translation]

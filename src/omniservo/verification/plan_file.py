@@ -83,7 +83,7 @@ class Problem:
     obstacles: tuple[Obstacle, ...]
     least_distance: Fraction
     visibility_margin: Fraction
-    """what is asked for, and the camera's deviation [px]"""
+    """what is required, and the camera's deviation [px]"""
     occlusion: bool
     workspace: tuple[Vector, Vector] | None
     workspace_half_spaces: tuple[HalfSpace, ...]

@@ -1,7 +1,7 @@
 """Polynomials with integer coefficients, lowest power first: exact, whatever their size.
 
 Every number of a plan file is a fraction. A polynomial is multiplied by a positive number until its
-coefficients are integers; only its sign is ever asked for, so that factor is forgotten.
+coefficients are integers; only its sign is ever needed, so that factor is forgotten.
 """
 
 from fractions import Fraction

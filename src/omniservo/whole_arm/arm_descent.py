@@ -59,7 +59,7 @@ class ArmDescent:
         joint_demands: JointDemands,
         seen: PostureGaps,
     ) -> None:
-        """Join a problem's arrays and the arm's constraints; ``seen`` knows postures near the first ones."""
+        """Join a problem's arrays and the arm's constraints; ``seen`` knows joints near the first ones."""
         self._constraints, self._family, self._setting, self._joint_demands = (
             constraints,
             family,
@@ -80,10 +80,10 @@ class ArmDescent:
         None: it cannot begin, because these joints do not lead onto the path.
 
         Args:
-            x: offsets to begin with.
+            x: offsets at first.
             places: (m,) w of the samples, ascending.
             joints: (k, n) near those at the first k ≤ m samples [rad]: as far as the arm can follow the path.
-            end_least: (GROUPS,) smallest g of the arm at its end postures, which no path can improve.
+            end_least: (GROUPS,) smallest g of the arm at its end configurations, which no path can improve.
             higher: factor of the targets.
         """
         camera = np.maximum(0.0, np.minimum(higher * 0.03, 0.5 * self._camera_ends))

@@ -17,7 +17,7 @@ from omniservo.whole_arm.arm_setting import ArmSetting
 def violation_at_start(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
     """Return a sentence that says why the arm cannot stand at the initial pose; else "".
 
-    In the setting's posture, if there is one, else in any; see `violation_at_goal`.
+    In the setting's configuration, if there is one, else in any; see `violation_at_goal`.
     """
     stand = _Stand(problem, setting, bodies)
     if setting.start is not None:
@@ -26,15 +26,15 @@ def violation_at_start(problem: PlanningProblem, setting: ArmSetting, bodies: Ar
 
 
 def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> str:
-    """Return a sentence that says why the arm can stand at the goal in no posture; else "".
+    """Return a sentence that says why the arm can stand at the goal in no configuration; else "".
 
-    Every posture that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
+    Every configuration that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
     """
     return _violation_at("goal", problem.initial_T_goal, _Stand(problem, setting, bodies))
 
 
 def free_postures(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
-    """Return the postures (k, n) [rad] that reach the goal and in which the arm can stand."""
+    """Return the configurations (k, n) [rad] that reach the goal and in which the arm can stand."""
     stand = _Stand(problem, setting, bodies)
     try:
         postures = setting.arm.inverse(setting.base_T_flange(problem.initial_T_goal))
@@ -63,7 +63,7 @@ def _sentence(pose: str, reason: str, where: str) -> str:
 
 
 def _apart(postures: FloatArray) -> FloatArray:
-    """Return one of all postures that differ by full turns: bodies and singularity are the same in them."""
+    """Return one of all joints that differ by full turns: bodies and singularity are the same there."""
     _, first = np.unique(np.round(np.exp(1j * postures), 6), axis=0, return_index=True)
     return postures[np.sort(first)]
 
@@ -76,7 +76,7 @@ class _Stand:
         self._in_sight = setting.points_in_sight(problem)
 
     def violation(self, q: FloatArray) -> tuple[float, str]:
-        """Return by how much a posture fails, and the words for it; "" where it will do."""
+        """Return by how much a configuration fails, and the words for it; "" where it will do."""
         setting = self.setting
         room = setting.arm.limit_margins(q) - setting.limit_reserve
         if room.min() < 0.0:

@@ -31,7 +31,7 @@ from omniservo.short_repr import short_repr
 from omniservo.whole_arm.solids_of import solids_of
 
 LIMIT_RESERVE = math.radians(1.0)
-"""What joints keep to the ends of their ranges [rad], where nothing else is asked for."""
+"""What joints keep to the ends of their ranges [rad], where nothing else is required."""
 
 
 @with_field_docs
@@ -48,7 +48,7 @@ class ArmSetting:
     """the initial camera, in which problems are stated, in the arm's base frame"""
     flange_T_camera: RigidTransform
     start: FloatArray | None = None
-    """(n,) where the arm stands [rad], read-only; None: any posture that sees the initial image"""
+    """(n,) where the arm stands [rad], read-only; None: any configuration that sees the initial image"""
     mounted: tuple[Solid, ...] = ()
     """what the flange carries, in the camera frame; what of it holds the camera's centre hides no point"""
     surroundings: tuple[Solid, ...] = ()
@@ -59,12 +59,14 @@ class ArmSetting:
     self_clearance: float = SELF_CLEARANCE
     """of the arm's parts to each other [m]"""
     limit_reserve: float = LIMIT_RESERVE
-    """of every joint to the ends of its range [rad]; at least what the joints stray by, if a tube says so"""
+    """of every joint to the ends of its range [rad]; at least what the joints deviate by, if a tube says
+    so"""
     singular_value: float = SINGULAR_VALUE
-    """of the camera Jacobian, linear rows divided by `LENGTH_SCALE`: postures keep at least this, and what a
-    tube was measured at, if there is one"""
+    """of the camera Jacobian, linear rows divided by `LENGTH_SCALE`: configurations keep at least this, and
+    what a tube was measured at, if there is one"""
     tube: Tube | None = None
-    """how far a run strays from its path: what links stray is added to every clearance. None: it does not"""
+    """how far a run deviates from its path: what links deviate is added to every clearance. None: it does
+    not"""
 
     __repr__ = short_repr
 
@@ -135,7 +137,7 @@ class ArmSetting:
     ) -> OwnSight:
         """Return what of the arm, of what it carries or around it hides points (m, 3); see `own_sight`.
 
-        Lines of sight are kept as free as what the arm may stray asks for.
+        Lines of sight are kept as free as what the arm may deviate asks for.
         """
         kept, strays = self._strays
         return own_sight(
@@ -144,7 +146,7 @@ class ArmSetting:
         )  # fmt: skip
 
     def own_sight_in(self, q: FloatArray, base_points: FloatArray) -> OwnSight:
-        """Return what hides points (m, 3) in one posture (n,); see `own_sight`."""
+        """Return what hides points (m, 3) in one configuration (n,); see `own_sight`."""
         kept, strays = self._strays
         return own_sight_in(
             self.arm, q, self._camera, base_points,

@@ -1,7 +1,7 @@
 """Camera paths that curves in joint space suggest, where none that the camera finds by itself will do.
 
-From where the arm stands to postures that are free at the goal: straight in the joints, then bent. The camera
-may turn the long way round on them, which detours of a straight camera path never do.
+From where the arm stands to configurations that are free at the goal: straight in the joints, then bent. The
+camera may turn the long way round on them, which detours of a straight camera path never do.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 BENT = 7
-"""Curves to each posture beside the straight one"""
+"""Curves to each configuration beside the straight one"""
 
 _BEND = 0.3
 """[rad] how far a joint is bent aside half way, one standard deviation"""
@@ -48,7 +48,7 @@ def joint_curves(
         problem: whose degrees the paths have.
         setting: the arm.
         start: (n,) q₀ [rad].
-        ends: (k, n) postures q₁ at the goal, those first that are to be tried first [rad].
+        ends: (k, n) configurations q₁ at the goal, those first that are to be tried first [rad].
         count: of places.
         seed: of the bends.
     """
@@ -61,7 +61,7 @@ def joint_curves(
 
 
 def path_near(problem: PlanningProblem, setting: ArmSetting, joints: FloatArray) -> CameraPath:
-    """Return the path from the identity to the goal that misses the postures least, φ and t by themselves."""
+    """Return the path from the identity to the goal that misses the joints least, φ and t by themselves."""
     here = setting.base_T_initial.inv()
     poses = [here * setting.arm.base_T_flange(q) * setting.flange_T_camera for q in joints]
     phi, t = _steady(RigidTransform.concatenate(poses).rotation), np.array([p.translation for p in poses])

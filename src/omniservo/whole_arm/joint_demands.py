@@ -1,4 +1,4 @@
-"""What a posture leaves of the arm's constraints, and how a motion of the camera changes it."""
+"""What a configuration leaves of the arm's constraints, and how a motion of the camera changes it."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _NEAR = 0.1
 
 
 class JointDemands:
-    """Dimensionless constraints g ≥ 0 of a posture.
+    """Dimensionless constraints g ≥ 0 of a configuration.
 
-    Room to the ends of each joint's range beyond the reserve [rad]; smallest singular value of the camera
-    Jacobian beyond what is asked; gap of each pair of bodies beyond its clearance over a length ℓ.
+    Joint-limit margin of each joint beyond the reserve [rad]; smallest singular value of the camera
+    Jacobian beyond what is required; gap of each pair of bodies beyond its clearance over a length ℓ.
     """
 
     def __init__(self, setting: ArmSetting, bodies: ArmBodies, ell: float) -> None:
@@ -50,7 +50,7 @@ class JointDemands:
     def pulls(self, joints: FloatArray, targets: FloatArray, seen: PostureGaps | None = None) -> Pulls:
         """Return the rows of what is below its target (GROUPS,) at the joints (m, n).
 
-        ``seen``: has measured postures near these; None: nothing has.
+        ``seen``: has measured configurations near these; None: nothing has.
         """
         bodies, m = self._bodies, len(joints)
         seen = PostureGaps(bodies, m) if seen is None else seen
@@ -66,5 +66,5 @@ class JointDemands:
         return found
 
     def seen(self, count: int) -> PostureGaps:
-        """Return what remembers measurements of ``count`` postures that move."""
+        """Return what remembers measurements of ``count`` configurations that move."""
         return PostureGaps(self._bodies, count)

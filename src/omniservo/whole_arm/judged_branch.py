@@ -93,7 +93,7 @@ def judged_branch(
 def _least_room(setting: ArmSetting, branch: JointPath) -> tuple[float, float, int]:
     """Return w, by how much the reserve is missed there at most [rad] (≤ 0: kept for all w), and the joint.
 
-    A polynomial lies within the range of its Bernstein coefficients: those of shorter pieces are looked at
+    A polynomial lies within the range of its Bernstein coefficients: those of shorter pieces are checked
     where it needs them.
     """
     knots, pieces = branch.bernstein_pieces()

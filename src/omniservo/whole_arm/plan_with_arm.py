@@ -38,7 +38,7 @@ from omniservo.whole_arm.joint_demands import JointDemands
 from omniservo.whole_arm.judged_branch import JudgedBranch, judged_branch
 
 ATTEMPTS = 16
-"""Camera paths from different starts at most, unless more are asked for"""
+"""Camera paths from different starts at most, unless more are required"""
 
 ROUNDS = 5
 """Descents for one of them."""
@@ -47,13 +47,13 @@ BRANCHES = 3
 """that are tried for one of them, where the arm may start in any"""
 
 AIMS = 8
-"""postures at the goal that seven joints are led to, where they do not find there by themselves"""
+"""configurations at the goal that seven joints are led to, where they do not find there by themselves"""
 
 NEAR = 17
 """Even places, ends included, at which joints say what a camera path is likely to need"""
 
 _LOOKED_AT = np.linspace(0.0, 1.0, 2 * NEAR - 1)
-"""where a camera path is looked at before the arm is led along it"""
+"""where a camera path is checked before the arm is led along it"""
 
 _PLACES = np.arange(1, NEAR - 1) / (NEAR - 1.0)
 """where a descent samples"""
@@ -76,7 +76,7 @@ def plan_with_arm(
     can: its joint limits, its smallest singular value and the gaps of its bodies take part in the descent
     through J⁻¹, beside the camera's own constraints. If that fails, or where a problem asks for sight and a
     link hides a point on the way (`own_sight`), another start is taken. After `ATTEMPTS` of them it is paths
-    near curves in joint space, from where the arm stands to postures at the goal (`joint_curves`).
+    near curves in joint space, from where the arm stands to configurations at the goal (`joint_curves`).
 
     Args:
         problem: what the camera has to keep; its obstacles count for the whole arm, too.
@@ -346,7 +346,7 @@ class ArmPlanner:
 
     @cached_property
     def _free_at_goal(self) -> FloatArray:
-        """Postures (k, n) free at the goal, those first that are near the start; none without a start."""
+        """Joints (k, n) free at the goal, those first that are near the start; none without a start."""
         setting, start = self._setting, self._setting.start
         if start is None:
             return np.empty((0, setting.arm.dof))

@@ -1,4 +1,4 @@
-"""The rows of the arm's constraints at postures, compiled."""
+"""The rows of the arm's constraints at configurations, compiled."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIMITS, SINGULARITY, CLEARANCE = range(3)
 
 
 class JointConstraints(NamedTuple):
-    """What a posture has to keep."""
+    """What a configuration has to keep."""
 
     to_camera: FloatArray
     """see `sensitivities`"""
@@ -35,7 +35,7 @@ class JointConstraints(NamedTuple):
 
 
 class Near(NamedTuple):
-    """The k gaps that are near in some posture, ascending in the posture."""
+    """The k gaps that are near in some configuration, ascending in the configuration."""
 
     posture: IntArray
     """(k,) of each gap"""
@@ -46,7 +46,7 @@ class Near(NamedTuple):
 
 
 class Pulls(NamedTuple):
-    """Rows of m postures as in `omniservo.planning.constraints.push`."""
+    """Rows of m configurations as in `omniservo.planning.constraints.push`."""
 
     systems: FloatArray
     """(m, 6, 7) [Σ a aᵀ, Σ a r] for a camera motion ξ = (linear [m], angular) in the camera frame"""
@@ -87,15 +87,15 @@ def write_pulls(
     targets: FloatArray,
     pulls: Pulls,
 ) -> None:
-    """Write what `write_pull` does for m postures.
+    """Write what `write_pull` does for m configurations.
 
     Args:
         chain: of n joints.
         shapes: of the arm and what stands around.
         postures: as measured.
-        asked: of a posture.
+        asked: of a configuration.
         joints: (m, n) [rad]
-        near: of all postures.
+        near: of all configurations.
         targets: (3,)
         pulls: out.
     """
@@ -147,7 +147,7 @@ def write_pull(
 
     Args:
         chain: of n joints.
-        asked: of the posture.
+        asked: of the configuration.
         q: (n,) [rad]
         gaps: (k,) g of pairs that are near.
         gap_slopes: (k, n) ∂g/∂q.

@@ -170,7 +170,7 @@ def _search(views: Views, size: tuple[int, int], camera: UnifiedCamera | None) -
 
 
 def _choose(selection: Selection, start: FloatArray, size: tuple[int, int], distortion: Distortion) -> Fit:
-    """Return the fit of the model that was asked for, or that the held-out views support."""
+    """Return the fit of the model that was required, or that the held-out views support."""
     views, keep = selection.views, selection.keep
     plain_start = start if selection.state.theta[5:].any() else selection.state.theta
     posed, _ = refine_poses(views, selection.state.with_theta(plain_start), scale_px=None, keep=keep)

@@ -58,7 +58,7 @@ def same_pixels(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the camera with this α and nearly θ's pixels of ``rays``, and how far they are off (n,) [px].
 
-    All other free parameters and a rotation of the rays (which poses would take up) are adjusted by
+    All other free parameters and a rotation of the rays (which poses would absorb) are adjusted by
     Levenberg–Marquardt.
     """
     wanted, _ = project(theta, rays)

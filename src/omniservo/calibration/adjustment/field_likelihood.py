@@ -1,7 +1,7 @@
 """How far the adjusted camera is off, alike over regions of the image: from residuals of views left out.
 
 The corners u of all views see one field e(u), `ModelError`, beside noise of their own. Of a view's residuals
-y only what its pose (6 numbers) cannot take up counts: with Q onto the complement of ∂pixel/∂pose
+y only what its pose (6 numbers) cannot absorb counts: with Q onto the complement of ∂pixel/∂pose
 
     Qy ~ N(0, Q(τ² I + σ² K_ℓ)Qᵀ),     K_ℓ(u, u') = exp(−‖u − u'‖²/(2ℓ²)),
 
@@ -35,7 +35,7 @@ class LikelyError(NamedTuple):
 
 
 LENGTHS = (1 / 20, 1 / 14, 1 / 10, 1 / 7, 1 / 5)
-"""ℓ over the image's longer side. Shorter is noise of corners; of longer ones pose and camera take up nearly
+"""ℓ over the image's longer side. Shorter is noise of corners; of longer ones pose and camera absorb nearly
 all, and residuals say nothing of them."""
 
 _SPACING = 0.9
@@ -45,7 +45,7 @@ _NEAR = 1.5
 """Grid points farther from every corner, in ℓ, say nothing."""
 
 _RATIOS = (-12.0, 6.0)
-"""ln(σ²/τ²) that is looked at"""
+"""ln(σ²/τ²) that is checked"""
 
 _LEAST_PART = 1e-4
 """of the largest eigenvalue: smaller parts of the field are left out"""

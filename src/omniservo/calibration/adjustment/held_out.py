@@ -18,7 +18,7 @@ LEAST_VIEWS = 4
 
 _ASKED = ((0.01, 0.01), (0.2, 0.05))
 """(part, p): distortion must lower the held-out rms by this part, so surely. Of four views no test is as
-sure as of many; a large gain is believed sooner."""
+sure as of many; a large gain is accepted sooner."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def pixel_responses(theta: FloatArray, rays: FloatArray, *, turned: bool) -> Flo
 
     With ``turned``, what is left after the best rotation of the camera's frame [least squares over the
     rays]: a
-    rotation that poses, and a hand-eye calibration with the same camera, take up.
+    rotation that poses, and a hand-eye calibration with the same camera, absorb.
     """
     _, by_theta, by_point, _ = project_jacobian(theta, rays)
     return _turned_back(by_theta, by_point, rays) if turned else by_theta

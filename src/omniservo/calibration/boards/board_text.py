@@ -64,7 +64,7 @@ def _number(name: str, part: str) -> float:
 
 
 def _length(name: str, part: str) -> float:
-    """Return a length [m]; nobody holds a board of larger squares before a camera."""
+    """Return a length [m]; no one holds a board of larger squares before a camera."""
     number = _number(name, part)
     if number > _LARGEST:
         raise InputError(

@@ -58,7 +58,7 @@ class Corners:
         self.refine()
 
     def drop_strays(self) -> None:
-        """Forget corners that are not where the others say: another corner of the board, or none."""
+        """Drop corners that are not where the others say: another corner of the board, or none."""
         known = np.flatnonzero(self.known)
         places, pixels = self.places[known], self.pixels[known]
         expected, axes, ok = local_map(places, pixels, places, without_itself=True)

@@ -1,4 +1,4 @@
-"""Where the camera sits on the flange: from robot poses and pictures of a board that stands still."""
+"""Where the camera sits on the flange: from robot poses and images of a board that stands still."""
 
 from omniservo.calibration.hand_eye.calibrate_hand_eye import calibrate_hand_eye
 from omniservo.calibration.hand_eye.calibrate_images import ImageHandEye, calibrate_hand_eye_images

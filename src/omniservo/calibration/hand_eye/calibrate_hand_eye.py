@@ -84,7 +84,7 @@ def calibrate_hand_eye(
     independent. Views that no such error explains are left out, with the reason.
 
     Args:
-        camera: took the pictures.
+        camera: took the images.
         base_T_flange: n poses as the robot reports them: RigidTransform, several in a row, or (n, 4, 4) [m].
         image_points: of each view (k, 2) [px]; an empty one where the board was not found.
         object_points: of each view (k, 3) [m] the same points on the board.

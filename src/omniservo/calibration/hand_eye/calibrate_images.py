@@ -1,4 +1,4 @@
-"""From pictures and robot poses to the camera's place on the flange."""
+"""From images and robot poses to the camera's place on the flange."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def calibrate_hand_eye_images(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ImageHandEye:
-    """Return where the camera sits on the flange, from one picture at each pose; see `calibrate_hand_eye`.
+    """Return where the camera sits on the flange, from one image at each pose; see `calibrate_hand_eye`.
 
     Args:
-        camera: took the pictures.
+        camera: took the images.
         base_T_flange: n poses as the robot reports them.
         images: n files, in the same order.
         target: what stands still in front of the arm: a board, or tags of known size and place.
-        progress: told what is being done.
+        progress: called with what is being done.
 
     Raises:
         InputError: other numbers of poses and images, no image, another size than the camera's, no target.

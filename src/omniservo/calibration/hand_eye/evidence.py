@@ -28,7 +28,7 @@ _BETTER = 3.0
 """times that inverted poses must fit better to be what was meant"""
 
 _OPEN = (0.05, math.radians(5.0))
-"""standard deviations [m], [rad] beyond which nothing is determined, or robot and pictures disagree"""
+"""standard deviations [m], [rad] beyond which nothing is determined, or robot and images disagree"""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ _NEAR_UNIT = 1e-6
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class HandEyeView:
-    """What one picture says."""
+    """What one image says."""
 
     used: bool
     reason: str

@@ -23,7 +23,7 @@ _CAUCHY = 3.0
 
 @dataclass(frozen=True, eq=False)
 class SeenViews:
-    """What n pictures show of the board, and where the robot says that they were taken."""
+    """What n images show of the board, and where the robot says that they were taken."""
 
     base_T_flange: RigidTransform
     """n poses"""

@@ -3,7 +3,7 @@
 q = M θ + Δ + ε, where Δ ~ N(0, Ω), Ω = diag(σ_t² I, σ_r² I), the same for all views, is what the robot's
 reports are off by, and ε ~ N(0, C) is known from the image. Given (σ_t, σ_r), θ is generalised least squares
 with V = Ω + C. They are not known; their restricted likelihood, which unlike the mean square residual counts
-what θ has taken up, is
+what θ has absorbed, is
 
     L(σ_t, σ_r) ∝ Π|V|^(−½) · |Σ MᵀV⁻¹M|^(−½) · exp(−½ Σ rᵀV⁻¹r),   r = q − M θ,
 

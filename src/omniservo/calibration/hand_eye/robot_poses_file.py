@@ -32,7 +32,7 @@ _ROTATIONS = ("quaternion", "rotation_vector", "matrix")
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class RobotPoses:
-    """base_T_flange of n views, and what says which picture belongs to each."""
+    """base_T_flange of n views, and what says which image belongs to each."""
 
     source: str
     """the file, for messages"""

@@ -1,4 +1,4 @@
-"""What one picture shows of the board: corners that agree with each other, and where the board may be."""
+"""What one image shows of the board: corners that agree with each other, and where the board may be."""
 
 from __future__ import annotations
 

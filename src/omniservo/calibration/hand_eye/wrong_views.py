@@ -1,4 +1,4 @@
-"""Views that no error of the robot explains: another picture's pose, a pose read while the arm moved."""
+"""Views that no error of the robot explains: another image's pose, a pose read while the arm moved."""
 
 from __future__ import annotations
 

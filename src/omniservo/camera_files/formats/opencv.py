@@ -6,7 +6,7 @@ or D, the size image_width and image_height or image_size; capitals and _ do not
 camera_calibration.cpp, stereo_calib.cpp and omni_calibration.cpp, and the documentation of ``calib3d``,
 ``fisheye``, ``omnidir``.
 
-The model is told by
+The model is detected by
 1. ``xi``: omnidir, distortion (k1, k2, p1, p2);
 2. what the file says in fisheye_model, distortion_model, camera_model, model or a name with "fisheye" in it;
 3. the count: 5, 8, 12 or 14 numbers are the pinhole's, and so is none.
@@ -72,7 +72,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     """Return the camera of this name.
 
     Raises:
-        InputError: the model cannot be told, or a field is missing or not legal.
+        InputError: the model cannot be determined, or a field is missing or not legal.
     """
     root = _root(file)
     held = file.value(*root)

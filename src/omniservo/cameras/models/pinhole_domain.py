@@ -14,7 +14,7 @@ from omniservo.geometry.arrays import FloatArray
 
 _SHORT_OF_THE_END = 1.0 - 1e-6
 _LARGEST_DISTORTED = 1e3
-"""‖m‖ that is looked at where there is distortion: 89.94° from the axis"""
+"""‖m‖ that is checked where there is distortion: 89.94° from the axis"""
 _ANGLES = 2000
 _DIRECTIONS = 180
 

@@ -193,7 +193,7 @@ def _baseline(poses: FloatArray, view: int) -> float:
 
 @leaf
 def _rescale(poses: FloatArray, points: FloatArray, factor: float) -> None:
-    """Scale everything about the first view's centre, which no picture shows."""
+    """Scale everything about the first view's centre, which no image shows."""
     for i in range(3):
         centre = poses[0, 4 + i]
         for v in range(1, poses.shape[0]):
@@ -219,7 +219,7 @@ def _hold_scale(poses: FloatArray, scale_view: int, normal: FloatArray, reduced:
 
 @leaf
 def _damped_point(own: FloatArray, damping: float, factor: FloatArray) -> bool:
-    """Write the Cholesky factor of a point's damped block; False where nobody sees the point."""
+    """Write the Cholesky factor of a point's damped block; False where no one sees the point."""
     for a in range(3):
         for b in range(3):
             factor[a, b] = own[a, b]

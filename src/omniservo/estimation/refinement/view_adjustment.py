@@ -50,7 +50,7 @@ class ViewProblem:
     """(v, m, 2, q) what independent deviations of the camera's parameters, of one σ each, do to its pixels
     there [px]; q = 0: the parameters are taken as exact"""
     prior: DisplacementPrior | None = None
-    """displacements of the camera; None: the pictures do not tell the scale"""
+    """displacements of the camera; None: the images do not tell the scale"""
 
     def measured(self, deviation: FloatArray) -> FloatArray:
         """Return the pixels (v, m, 2) that the stated camera would have shown, were the true one so off."""

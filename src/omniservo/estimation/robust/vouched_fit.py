@@ -36,7 +36,7 @@ BESIDE = THING - 1
 
 
 def vouched_fit(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit | None:
-    """Return the fit to the members that the others vouch for; None: fewer than eight are left.
+    """Return the fit to the members that agree with the others; None: fewer than eight are left.
 
     Only where wrong matches were found among few: of many, hardly one is decisive.
     """

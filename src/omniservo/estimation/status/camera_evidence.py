@@ -1,6 +1,6 @@
 """Do the matches come from the camera that is given, and from one rigid scene?
 
-Pictures of another camera obey an epipolar geometry in parts: sampling finds a motion with which half of the
+Images of another camera obey an epipolar geometry in parts: sampling finds a motion with which half of the
 matches agree to their noise. Two things betray it.
 
 The matches rejected are not wrong ones. A wrong match lies anywhere; two rejected side by side have Sampson

@@ -38,7 +38,7 @@ HOMOGRAPHY = 2
 MOST_STEPS = 8
 
 FEW = 24
-"""Where there are twice as many matches, so many of them are asked first."""
+"""Where there are twice as many matches, so many of them are checked first."""
 
 OUT_OF_REACH = 4.0
 """A refinement that the quadratic model sees end above so many times the interesting cost is left."""

@@ -8,7 +8,7 @@ freedom), a simpler model of p parameters is kept where
 because then the pixels do not tell the general model from it. The floor stands for the fact that no pixel
 is known better; without it, exact synthetic data would make rounding errors significant. A simpler model is
 dropped all the same where S_simple exceeds (0.6 px)² χ²_c(2n − p): with nine points the F test alone would
-believe in several pixels of noise before it believed in parallax.
+assume several pixels of noise before it assumed parallax.
 
 Where the noise is stated, σ² is that (or what the residuals say, where that is more), F becomes χ² and the
 second bound falls away.

@@ -1,7 +1,7 @@
 """Rejected matches that are not wrong ones: errors with longer tails than a normal law.
 
 A wrong match lies anywhere; few come near the epipolar geometry of the others by chance. Where more of the
-rejected lie within `TAIL` σ than that chance explains, they are points badly found, in a blurred picture
+rejected lie within `TAIL` σ than that chance explains, they are points badly found, in a blurred image
 perhaps, and so may members be: then the rejected near ones count as noise. Where they are many, some motion
 fits whichever of them happen to agree.
 """

@@ -31,7 +31,7 @@ NEARLY_AS_LIKELY = 0.1
 """A far minimum that is at least so likely beside the best one makes the answer ambiguous."""
 
 NEGLIGIBLE = 1e-3
-"""Minima less likely than this are not told."""
+"""Minima less likely than this are not reported."""
 
 FAR_ROTATION = math.radians(5.0)
 """Minima nearer than this are one answer with an uncertainty."""

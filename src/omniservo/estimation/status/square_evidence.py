@@ -44,7 +44,7 @@ FREEDOM = 9
 """of a square: 16 pixel coordinates less 3 of its place, 3 of its orientation and its side"""
 
 USUAL = 0.5
-"""Squares that leave less than that are not looked at one by one."""
+"""Squares that leave less than that are not checked one by one."""
 
 DOUBT = 0.05
 """Leaving out one of the squares is named where chance explains what it brings with less than this."""

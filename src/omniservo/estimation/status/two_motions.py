@@ -7,7 +7,7 @@ match, with the density of its epipolar distance d,
 
     ln L = Σ over the motions of kᵢ (ln(kᵢ/n) − ln σᵢ) − (n − Σ kᵢ) ln w − (5/2) ln n for each motion
 
-w [px] over which the distance of a wrong match is spread evenly. Two motions are believed where that is
+w [px] over which the distance of a wrong match is spread evenly. Two motions are accepted where that is
 larger by `DECISIVE`, and where chance does not gather the second one's members: of r matches left out, the
 expected number of groups of k that agree with one motion to g σ is C(r, k) C(k, 5) s (2gσ/w)ᵏ⁻⁵, s solutions
 of five points (a-contrario test; Moisan and Stival, IJCV 2004).

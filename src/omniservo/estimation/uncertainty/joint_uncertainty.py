@@ -164,6 +164,6 @@ class EstimateSamples:
     initial_T_goal: RigidTransform
     """(count,)"""
     points: FloatArray
-    """(count, n, 3) [m], initial camera frame; NaN for a rejected match; of the rows asked for, if any"""
+    """(count, n, 3) [m], initial camera frame; NaN for a rejected match; of the rows required, if any"""
     camera: FloatArray
     """(count, p) by how much the camera's parameters differ from the stated ones, p = 0, 5 or 9"""

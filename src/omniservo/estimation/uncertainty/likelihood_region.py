@@ -1,4 +1,4 @@
-"""How far the motion may be from its optimum: the region that the likelihood leaves, not its linear picture.
+"""How far the motion may be from its optimum: the region that the likelihood leaves, not its linear image.
 
 With few points and real noise the cost has long curved valleys and more than one minimum, and the ellipsoid
 of the linearised cost covers the truth far less often than it says. The region of all motions with
@@ -39,11 +39,11 @@ LONGEST_STEP = 0.5
 """of a walk [rad]"""
 
 STRAIGHT = 0.15
-"""Where the cost at the ends of the longest axis differs from the linear picture by no more than this part,
+"""Where the cost at the ends of the longest axis differs from the linear image by no more than this part,
 the region is the ellipsoid."""
 
 LEAST_NOISE_PX = 1e-4
-"""With less noise the linear picture holds, and costs are rounding."""
+"""With less noise the linear image holds, and costs are rounding."""
 
 PASSES = 3
 """over the tips; stretching to one may leave less to do for another."""
@@ -68,7 +68,7 @@ def stretches(
     variance: float,
     freedom: float,
 ) -> Stretches:
-    """Return what the linear ellipsoid must be stretched to; nothing where the linear picture holds.
+    """Return what the linear ellipsoid must be stretched to; nothing where the linear image holds.
 
     Args:
         matches: the members.

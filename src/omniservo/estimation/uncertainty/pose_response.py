@@ -20,10 +20,10 @@ Weighted = tuple[FloatArray, FloatArray]
 
 
 LARGEST_EXCESS = 3.1
-"""[σ] by which residuals may exceed what is stated before that is believed to be too small"""
+"""[σ] by which residuals may exceed what is stated before that is taken to be too small"""
 
 MOST_COMPARED = 100
-"""points whose residuals are looked at for that"""
+"""points whose residuals are checked for that"""
 
 LARGEST_RAISE = 1e4
 
@@ -52,7 +52,7 @@ def contradicted(
 ) -> float:
     """Return by which factor points' own σ is too small, as the residuals show; 1: it is not.
 
-    What the pose does not take up of the residuals, y = Uᵀr with UᵀJ = 0, has the covariance Uᵀ(V + K)U, V
+    What the pose does not absorb of the residuals, y = Uᵀr with UᵀJ = 0, has the covariance Uᵀ(V + K)U, V
     of the points' own noise and K of the camera's field. Where yᵀ(…)⁻¹y exceeds its degrees of freedom by 3.1
     of its σ, V is raised to where it is as large as they are.
 
@@ -88,7 +88,7 @@ def own_variances(total: FloatArray, error: ModelError, variance: float, stated:
     """Return σ² (n,) [px²] of each point's own noise, ``total`` (n,) being its σ with the camera's error.
 
     ``variance`` [px²] is that of a coordinate of weight 1. Where σ comes from residuals, or these contradict
-    what is stated, they have but little of the camera's error, which the pose takes up.
+    what is stated, they have but little of the camera's error, which the pose absorbs.
     """
     if stated is None or variance > stated**2:
         return np.square(total)

@@ -1,7 +1,7 @@
 """What of two views' residuals is the camera's error, alike over regions, and what is left for the pixels.
 
 To first order the matches' signed distances d (n,) from the epipolar geometry of the optimum are P(N ε), ε
-(4n,) the displacements of the pixels, N their normals and P what the motion does not take up. Of independent
+(4n,) the displacements of the pixels, N their normals and P what the motion does not absorb. Of independent
 noise of variance v_j along the normals and of camera errors with rows f, G = N f, follows
 
     E[Σd²] = tr(P V) + tr(P GᵀG P),        Var[Σd²] = 2 ‖P(V + GᵀG)P‖².
@@ -19,7 +19,7 @@ from omniservo.estimation.refinement.epipolar_refinement import tangent_plane
 from omniservo.geometry.arrays import FloatArray
 
 LARGEST_EXCESS = 3.1
-"""[σ] by which Σd² may exceed what is stated before that is believed to be too small"""
+"""[σ] by which Σd² may exceed what is stated before that is taken to be too small"""
 
 LEAST_SHARE = 0.1
 """of the residuals' variance is noise of single pixels, where the camera's error would explain more of it"""

@@ -1,12 +1,12 @@
 """Neighbouring matches that err alike: what their windows share.
 
-A natural feature is measured in a patch of the picture, under a Gaussian window of standard deviation w. Two
+A natural feature is measured in a patch of the image, under a Gaussian window of standard deviation w. Two
 patches that overlap see the same noise. With independent noise of the grey values the errors of two places d
 apart have the correlation of their windows' product,
 
     R_jk = a 2 w_j w_k/(w_j² + w_k²) exp(−½ d²/(w_j² + w_k²)),   R_jj = 1,
 
-a = 1 where a patch is only shifted; what an affine fit takes up leaves a = `SHARED`. With G_j what one σ of
+a = 1 where a patch is only shifted; what an affine fit absorbs leaves a = `SHARED`. With G_j what one σ of
 match j does to the motion, its covariance is Σ_jk R_jk G_j G_kᵀ instead of C = Σ_j G_j G_jᵀ: in the mean over
 its p axes larger by λ = tr(C⁻¹ Σ_jk R_jk G_j G_kᵀ)/p.
 """

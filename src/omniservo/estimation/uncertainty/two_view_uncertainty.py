@@ -23,7 +23,7 @@ from omniservo.estimation.uncertainty.structure_size import size_variance
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 PROBABLE = 1e-3
-"""A stated σ is believed unless residuals as large as found have less than this probability."""
+"""A stated σ is accepted unless residuals as large as found have less than this probability."""
 
 
 class Noise(NamedTuple):
@@ -157,7 +157,7 @@ def two_view_uncertainty(
     Args:
         members: the matches of the fit.
         rivals: other minima of their cost; None: the optimum is that of another cost, whose valleys are not
-            looked at.
+            checked.
         responses: at the optimum.
         solution: the optimum.
         noise: of the pixels of one match.

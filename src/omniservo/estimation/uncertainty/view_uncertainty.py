@@ -5,7 +5,7 @@ point by dh = V⁻¹Bᵀe − K dc: the response of the optimum. Whatever is in 
 own noise; errors of the camera's model, alike over regions of the image and the same in every view, so that
 views do not average them out; what was stated of the camera's parameters and of displacements.
 
-No picture shows the scale: without displacements x moves along g = (t, 0; h) freely. A length ℓ that is known
+No image shows the scale: without displacements x moves along g = (t, 0; h) freely. A length ℓ that is known
 stops that: with a = ∂ log ℓ/∂x, dx becomes dx − g (a·dx).
 """
 

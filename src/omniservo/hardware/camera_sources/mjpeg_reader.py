@@ -37,7 +37,7 @@ class MjpegReader:
         patience: for the connection and its answer [s].
 
     Raises:
-        FrameLoss: nobody is there, or what is there sends no MJPEG.
+        FrameLoss: no one is there, or what is there sends no MJPEG.
     """
 
     clock = StampClock.SENDER

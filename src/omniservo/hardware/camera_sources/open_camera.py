@@ -45,7 +45,7 @@ def open_camera(
         patience: for opening, and for the first frame [s].
 
     Raises:
-        InputError: no such camera, nobody there, another protocol, no frame, another size.
+        InputError: no such camera, no one there, another protocol, no frame, another size.
     """
     finite_number("patience", patience, above=0.0)
     name, reader = _reader_of(str(uri), patience)

@@ -145,7 +145,7 @@ class Pace:
         return due
 
     def end(self) -> None:
-        """Let nobody wait any more."""
+        """Let no one wait any more."""
         self._ended.set()
 
 

@@ -73,10 +73,14 @@ class Endpoints:
         return self._of(1, topic)
 
     def _of(self, side: int, topic: str | None) -> list[Endpoint]:
+        from cyclonedds.core import InstanceState
+
         known = self._known[side]
         while samples := self._readers[side].take(N=100):
             for sample in samples:
-                if sample.sample_info.valid_data:
+                # Who came and went between two looks is one sample: its data, and that it is gone.
+                state = sample.sample_info
+                if state.valid_data and state.instance_state == InstanceState.Alive:
                     known[str(sample.key)] = _endpoint(sample)
                 else:
                     known.pop(str(sample.key), None)

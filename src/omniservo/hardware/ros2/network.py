@@ -38,7 +38,7 @@ class DdsNetwork:
     interface: str = ""
     """network interface by name or address; "" leaves it to Cyclone DDS"""
     peers: tuple[str, ...] = ()
-    """hosts that are asked directly; with any, nothing is sent by multicast"""
+    """hosts that are required directly; with any, nothing is sent by multicast"""
 
     def __post_init__(self) -> None:
         _ = self.domain_id
@@ -94,7 +94,7 @@ class DdsNetwork:
 
     @property
     def _text(self) -> str:
-        """What Cyclone DDS is told, as its XML."""
+        """What Cyclone DDS is given, as its XML."""
         kind = "address" if re.fullmatch(r"[0-9.]+", self.interface) or ":" in self.interface else "name"
         inner = "<MaxMessageSize>65500B</MaxMessageSize>"
         if self.interface:

@@ -38,7 +38,6 @@ def open_ros2_arm(
     joint_states: str = "/joint_states",
     watchdog: float | None = None,
     frame: str = "base_link",
-    patience: float = 5.0,
 ) -> Ros2Arm:
     """Connect to an arm.
 
@@ -52,11 +51,10 @@ def open_ros2_arm(
         joint_states: their topic.
         watchdog: of velocity and twist, which need one of the user's own [s].
         frame: of twist: the arm's base frame.
-        patience: for a first state [s].
 
     Raises:
         InputError: see `Ros2Arm`; other commands.
-        ConnectionLost: nobody there.
+        ConnectionLost: no one there.
     """
     return Ros2Arm(
         joint_names,
@@ -64,7 +62,6 @@ def open_ros2_arm(
         _commands(commands, topic, joint_names, arm, watchdog, frame),
         joint_states=joint_states,
         network=network_of(address),
-        patience=patience,
     )
 
 

@@ -56,7 +56,7 @@ class Ros2Arm:
     Raises:
         InputError: a name that the arm has not, a topic of another type, incompatible QoS, a controller that
             does not stop by itself, Cyclone DDS is not installed.
-        ConnectionLost: no joint state, or nobody who hears commands, within ``patience``.
+        ConnectionLost: no joint state, or no one who hears commands, within ``patience``.
         NotInControl: somebody else publishes commands, or the arm moves already.
     """
 
@@ -116,7 +116,7 @@ class Ros2Arm:
         """Return the newest state, whatever its age.
 
         Raises:
-            ConnectionLost: nobody publishes joint states any more.
+            ConnectionLost: no one publishes joint states any more.
             ClockFault: the robot's clock was set.
             InvalidData: the topic's messages do not name all joints any more.
         """
@@ -137,8 +137,8 @@ class Ros2Arm:
 
         Raises:
             InputError: wrong shape, NaN or infinity, or the arm is only listened to.
-            NotInControl: somebody else publishes commands, or nobody subscribes to them.
-            ConnectionLost: nobody publishes joint states any more.
+            NotInControl: somebody else publishes commands, or no one subscribes to them.
+            ConnectionLost: no one publishes joint states any more.
         """
         velocities = finite_array("joint_velocities", joint_velocities, (len(self._names),))
         with self._lock:
@@ -153,7 +153,7 @@ class Ros2Arm:
         """Brake to standstill as fast as the accelerations allow; nothing where nothing was commanded.
 
         Raises:
-            ConnectionLost: nobody publishes joint states any more; it is sent all the same.
+            ConnectionLost: no one publishes joint states any more; it is sent all the same.
         """
         with self._lock:
             if self._motion is not None and not self._closing.is_set():

@@ -35,7 +35,8 @@ class Ros2Camera:
     """A `CameraSource` of a topic of images: mono8, bgr8, rgb8, bayer_…8, JPEG, PNG.
 
     An image's time is its stamp on this machine's clock. What every image needs at least to get here cannot
-    be told from an offset of the clocks; where the stamps of joint states are of the same clock, name their
+    be distinguished from an offset of the clocks; where the stamps of joint states are of the same clock,
+    name their
     topic: they arrive within a millisecond.
 
     Args:
@@ -92,7 +93,7 @@ class Ros2Camera:
         """Return the newest image, without waiting.
 
         Raises:
-            ConnectionLost: nobody publishes images any more.
+            ConnectionLost: no one publishes images any more.
             ClockFault: the camera's clock was set, or its stamps are not of the clock topic's clock.
             InvalidData: the newest message is no legal image, or of another size than those before.
         """

@@ -77,7 +77,7 @@ class ProgramSender:
     """Sends a program to the controller's secondary interface, whose connection stays open until `close`.
 
     Raises:
-        InputError: nobody is there.
+        InputError: no one is there.
     """
 
     def __init__(self, host: str, port: int, program: str, patience: float) -> None:

@@ -37,7 +37,7 @@ class RtdeStream:
         patience: in which the controller must answer each question [s].
 
     Raises:
-        InputError: nobody is there, or speaks something else; the message says what was heard.
+        InputError: no one is there, or speaks something else; the message says what was heard.
     """
 
     def __init__(self, host: str, port: int, patience: float) -> None:
@@ -104,7 +104,7 @@ class RtdeStream:
         """Send a packet without waiting.
 
         Raises:
-            ConnectionLost: the connection is gone, or full of what nobody reads.
+            ConnectionLost: the connection is gone, or full of what no one reads.
         """
         data = packet(kind, body)
         try:

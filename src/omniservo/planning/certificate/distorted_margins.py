@@ -24,7 +24,7 @@ from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import constraints_of
 
 LOOKS = 256
-"""The path is looked at so many times, evenly."""
+"""The path is checked so many times, evenly."""
 
 _POLYGON = "visibility polygon"
 _MASK = "visibility mask "

@@ -24,7 +24,7 @@ from omniservo.planning.constraints.path_forms import ViewForms, path_forms
 from omniservo.planning.constraints.place import AT, place
 
 LOOKS = 32
-"""The path is looked at so many times, evenly, before every minimum is refined."""
+"""The path is checked so many times, evenly, before every minimum is refined."""
 
 TRIES = 24
 """A margin is proven at most so often, each time a little lower."""
@@ -45,7 +45,7 @@ def refine(
 ) -> tuple[float, float]:
     """Return (margin, w) of the smallest margin of point j near w.
 
-    Three places around the smallest so far give a parabola; its lowest place is looked at next, and the
+    Three places around the smallest so far give a parabola; its lowest place is checked next, and the
     places move closer together.
     """
     scratch = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1])), np.empty(14), np.empty((1, 4))

@@ -96,7 +96,7 @@ def depth_inside(
     """Return (unit direction, −depth, s): the shortest move that takes the segment p, p + d out of the box e.
 
     Candidates are the box's faces and the directions across both the segment and an edge. s says which part
-    of the segment is in the way: its ends for a face, the given s for an edge.
+    of the segment obstructs: its ends for a face, the given s for an edge.
     """
     depth, x, y, z, part = math.inf, 1.0, 0.0, 0.0, 0.0
     for k in range(3):

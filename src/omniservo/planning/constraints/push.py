@@ -5,8 +5,8 @@ With g ≈ g + a·ξ for a small camera motion ξ = (linear, angular) in the cam
 one normal equation a sample: ``systems[s]`` (6, 7) = [Σ a aᵀ, Σ a r], upper triangle. A row's price does not
 depend on the degree of the path. ``costs[s]`` is Σ r²/2.
 
-A family is told which of the targets is its first (`Constraints.slots`). A group of constraints whose target
-is ASLEEP is not looked at.
+A family is given which of the targets is its first (`Constraints.slots`). A group of constraints whose target
+is ASLEEP is not checked.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ ASLEEP = -1e300
 
 
 class Samples(NamedTuple):
-    """Where the path is looked at, what should be left there, and what becomes of it."""
+    """Where the path is checked, what should be left there, and what becomes of it."""
 
     poses: FloatArray
     """(samples, 14): R row by row, then t, then ‖φ‖², then w"""

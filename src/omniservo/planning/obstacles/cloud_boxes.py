@@ -13,7 +13,7 @@ MOST_BOXES = 256
 """for one cloud: with twice as many a plan takes almost twice the time, and few more are found"""
 
 _ENOUGH = 1e-3
-"""[m] A box that goes no farther beyond its balls, where it is looked at, is not halved."""
+"""[m] A box that goes no farther beyond its balls, where it is checked, is not halved."""
 
 _SAMPLED = 64
 """Points of a cloud whose nearest neighbours say how dense it is, most of it."""
@@ -52,7 +52,7 @@ def cloud_boxes(tree: BallTree, radius: float, most: int) -> CloudBoxes:
     A box's axes are the principal axes of its points, so one on a surface is thin, however that is turned.
     The box that goes farthest beyond the balls is halved, half of its points to either side, until there are
     ``most`` or all are tight: across its longest side, or another that leaves boxes of less volume. How far
-    it goes is looked at in 27 places: its corners, the middles of edges and faces, its own. A thin box goes
+    it goes is checked in 27 places: its corners, the middles of edges and faces, its own. A thin box goes
     no farther than it is thick, unless it has a gap that is none between neighbours: else a wall seen by few
     rays would take all boxes there are.
     Where all points of a box are one it is left as it is.
@@ -171,7 +171,7 @@ def _beyond(
     axes: FloatArray,
     half: FloatArray,
 ) -> float:
-    """Return how far a box goes beyond all balls [m], where it is looked at; 0 for one of a single place."""
+    """Return how far a box goes beyond all balls [m], where it is checked; 0 for one of a single place."""
     if half.max() <= larger:
         return 0.0
     farthest, place = 0.0, np.empty(3)

@@ -35,7 +35,7 @@ NOTABLY = 0.999
 """A path that is followed up gets below this part of the energy to beat."""
 
 LOOKS, PARTS = 16, (0.25, 0.5, 0.75)
-"""Samples, and the places between two paths, of the look at what is in the way from the one to the other."""
+"""Samples, and the places between two paths, of the look at what lies between the one and the other."""
 
 JUMPED, RETURNS = 0.05, 3
 """A path that violates something by more has jumped over it: back to where it came from, so often."""
@@ -103,7 +103,7 @@ def add_lows(
 
 @kernel
 def leads_back(constraints: Constraints, family: PathFamily, x: FloatArray, optima: FloatArray) -> bool:
-    """Tell whether nothing seems to be in the way from the path x straight to one of ``optima`` (m, nx).
+    """Tell whether nothing seems to obstruct the straight line from the path x to one of ``optima`` (m, nx).
 
     Its least effort nearby is then taken for that one's. The samples of ``family`` are replaced.
     """

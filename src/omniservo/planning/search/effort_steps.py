@@ -246,7 +246,7 @@ def step_to_least_effort(looks: Looks, hessian: FloatArray, x: FloatArray, fine:
 
     Args:
         looks: the problem, where to move, and the samples.
-        hessian: of the Lagrangian (nx, nx), to begin with; with what the steps have learnt at the end.
+        hessian: of the Lagrangian (nx, nx), at first; with what the steps have learnt at the end.
         x: offsets (nx,).
         fine: the steps end where the next would gain less than this part of the energy.
         beat: half an energy; the steps end where they are not likely to get below it.

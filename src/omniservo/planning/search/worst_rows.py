@@ -20,11 +20,11 @@ TOUCH = 1e-8
 """A group is pushed so little to learn its slope."""
 
 LOOKED_AT = -math.inf
-"""Target of a group that is looked at and not pushed."""
+"""Target of a group that is checked and not pushed."""
 
 
 class Looks(NamedTuple):
-    """A problem, looked at at the samples of its paths."""
+    """A problem, checked at the samples of its paths."""
 
     constraints: Constraints
     """the problem, held"""

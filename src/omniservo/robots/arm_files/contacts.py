@@ -30,7 +30,7 @@ def choose_contacts(spec: Any, model: Any) -> list[str]:
     what the first joint carries, and what the last joint carries off the link before it (a gripper and a
     bracket are fixed to the last link), but for the joint's bearing: pairs that are nowhere farther apart
     than 5 mm, or whose distance the joint does not change. Pairs that overlap in every one of 64 random
-    postures are left out as well.
+    configurations are left out as well.
 
     Returns:
         Notices of the pairs that are left out.

@@ -50,7 +50,7 @@ def add_drives(spec: Any, model: Any) -> None:
 
 
 def _largest_inertias(model: Any) -> FloatArray:
-    """Return the largest inertia (n,) [kg m²] about each joint in some random postures."""
+    """Return the largest inertia (n,) [kg m²] about each joint in some random configurations."""
     data, column = mujoco.MjData(model), np.zeros(model.nv)
     random = np.random.default_rng(0)
     largest = np.zeros(model.nv)

@@ -36,7 +36,7 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-3, 1e-6  # [kg], [kg m²] of a link whose file 
 def read_arm_file(
     path: str | Path, flange: str | None = None, packages: Mapping[str, str | Path] | None = None
 ) -> ArmModel:
-    """Read a serial arm of 6 or 7 joints that turn from an MJCF or URDF file, which nobody need trust.
+    """Read a serial arm of 6 or 7 joints that turn from an MJCF or URDF file, which no one need trust.
 
     Joints that do not carry the flange, as a gripper's, are held still, and said: see `arm_row`.
 

@@ -1,7 +1,7 @@
 """URDF files: checked, and what an arm needs of them rewritten so that MuJoCo reads it as it is meant.
 
 Links with inertia, colour, boxes, cylinders, spheres and meshes; the arm's joints, the others held still.
-Everything else in the file (transmissions, plugins, textures, MuJoCo's own settings) is not looked at.
+Everything else in the file (transmissions, plugins, textures, MuJoCo's own settings) is not checked.
 """
 
 from __future__ import annotations

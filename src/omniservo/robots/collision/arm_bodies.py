@@ -28,7 +28,7 @@ MOUNTED = "camera"
 """What the bodies that the flange carries are called together."""
 
 _FAR = 100.0
-"""[m] farther than any two bodies that are asked about"""
+"""[m] farther than any two bodies whose distance is computed"""
 
 _ON_TOP = 1e-9
 """[m] bodies that are no farther apart leave no direction between them"""
@@ -54,7 +54,7 @@ class Nearness:
 
 
 class ArmBodies:
-    """An arm, what it carries and what stands around it, in any posture; not for two threads at once.
+    """An arm, what it carries and what stands around it, in any configuration; not for two threads at once.
 
     Pairs are those that may meet: any part that moves with what stands around, and parts of the arm that do
     not carry each other; what the last joint carries is kept off the link before it, too, and what the first
@@ -77,7 +77,8 @@ class ArmBodies:
             mounted: what the flange carries, in the flange frame; one body called `MOUNTED`.
             surroundings: what stands around, in the base frame. Bodies of one name are one thing: they stand
                 side by side in the sequence.
-            tube: how far a run strays from its path: pairs are asked to keep so much more. None: it does not.
+            tube: how far a run deviates from its path: pairs are required to keep so much more. None: it does
+                not.
 
         Raises:
             InputError: two things around of one name; a tube of other parts than `tube_parts`; a half-space
@@ -128,7 +129,7 @@ class ArmBodies:
 
     @cached_property
     def tube_parts(self) -> tuple[str, ...]:
-        """What strays: the links, and of the pairs of links in `own_pairs`, as "camera & forearm"."""
+        """What deviates: the links, and of the pairs of links in `own_pairs`, as "camera & forearm"."""
         own = [self.names(i) for i in self.own_pairs.tolist()]
         return (*self.links, *(_PAIRED.format(*pair) for pair in dict.fromkeys(own)))
 
@@ -233,7 +234,7 @@ class ArmBodies:
 
     @property
     def touched(self) -> IntArray:
-        """Indices (k,) of the shapes that can be touched; others are there to be looked at."""
+        """Indices (k,) of the shapes that can be touched; others are there to be drawn."""
         return np.flatnonzero(self._model.geom_contype | self._model.geom_conaffinity)
 
     def corners(self, q: npt.ArrayLike) -> FloatArray:
@@ -272,13 +273,13 @@ class ArmBodies:
     def asked(self, clearance: float, self_clearance: float) -> FloatArray:
         """Return what each pair has to keep (p,) [m]: ``clearance`` to what stands around, else the other.
 
-        What its links may stray comes on top, but for what no joint can bring nearer.
+        What its links may deviate comes on top, but for what no joint can bring nearer.
         """
         own = np.where(self._has_surroundings, clearance, self_clearance)
         return np.asarray(own + np.where(self._is_steady, 0.0, self._strays))
 
     def place(self, q: npt.ArrayLike) -> None:
-        """Bring the joints to ``q`` (n,) [rad]: what is asked next is asked there.
+        """Bring the joints to ``q`` (n,) [rad]: what is computed next is computed there.
 
         Raises:
             InputError: wrong shape, NaN or infinity.

@@ -32,10 +32,10 @@ from omniservo.robots.path_following.joint_path import JointPath
 from omniservo.short_repr import short_repr
 
 SELF_CLEARANCE = 0.002
-"""What parts of the arm keep from each other [m], where nothing else is asked for."""
+"""What parts of the arm keep from each other [m], where nothing else is required."""
 
 _SCANNED = 33
-"""places at which a path that is too close is looked at for the worst"""
+"""places at which a path that is too close is checked for the worst"""
 
 
 @with_field_docs
@@ -61,17 +61,18 @@ class ArmClearance:
 
     status: Literal["clear", "too_close", "undecided"]
     """clear: proven for every w. too_close: `closest` shows where it is not so. undecided: something comes so
-    near to what is asked that no number of postures settles it"""
+    near to what is required that no number of configurations settles it"""
     clearance: float
-    """asked of the arm and what stands around [m]"""
+    """required of the arm and what stands around [m]"""
     self_clearance: float
-    """asked of the arm's own parts [m]"""
+    """required of the arm's own parts [m]"""
     closest: Closeness | None
-    """where least is left of what is asked, at the postures that were looked at; None: nothing came near"""
+    """where least is left of what is required, at the configurations that were checked; None: nothing came
+    near"""
     proven: float
-    """lower bound over all pairs and all w of what is left beyond what is asked [m]; −∞ unless clear"""
+    """lower bound over all pairs and all w of what is left beyond what is required [m]; −∞ unless clear"""
     postures: int
-    """that were looked at"""
+    """that were checked"""
 
     __repr__ = short_repr
 
@@ -106,7 +107,7 @@ def arm_clearance(
 
     The path is halved until, in the middle of each part, every pair is farther apart than its clearance plus
     what the joints can take of it before the part ends (`gap_kernels.farthest_moves`; how far a joint
-    strays from the middle is bounded by the Bernstein coefficients of its polynomial). Distances there are
+    deviates from the middle is bounded by the Bernstein coefficients of its polynomial). Distances there are
     bounded from below by a slab between the two bodies (`gap_kernels.lower_gaps`).
 
     Args:
@@ -114,8 +115,8 @@ def arm_clearance(
         path: of that arm.
         clearance: of the arm, and of what it carries, to what stands around [m], ≥ 0.
         self_clearance: of the arm's parts to each other [m], ≥ 0.
-        span: of w, the part of the path that is looked at.
-        worst: a path that is too close is looked at again for the worst place; False: the first one will do.
+        span: of w, the part of the path that is checked.
+        worst: a path that is too close is checked again for the worst place; False: the first one will do.
 
     Raises:
         InputError: a clearance that is negative or not finite.

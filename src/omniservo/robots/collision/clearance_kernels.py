@@ -18,14 +18,14 @@ from omniservo.robots.kinematics.chain import Chain, carry
 
 CLEAR, MEASURE, TOO_CLOSE, UNDECIDED = range(4)
 """What `prove_pieces` returns. MEASURE: the directions between the pairs in `Work.unmeasured` are wanted, in
-the posture that the scene now shows; then it is called again."""
+the configuration that the scene now shows; then it is called again."""
 
 SIZE, UNMEASURED, POSTURES = range(3)
-"""Places in `Work.counts`: pieces still to be proven, pairs to be measured, postures looked at."""
+"""Places in `Work.counts`: pieces still to be proven, pairs to be measured, configurations checked."""
 
 PROVEN, LEAST, LEAST_W, LEAST_GAP, LEAST_PAIR = range(5)
 """Places in `Work.found`: the least that was left beyond what was needed; and of the measured pair with the
-least beyond what is asked: that, w, gap and pair."""
+least beyond what is required: that, w, gap and pair."""
 
 HALVINGS = 32
 """Room for them in `Work`."""
@@ -73,11 +73,12 @@ class Gaps(NamedTuple):
 def prove_pieces(chain: Chain, shapes: Shapes, scene: PlacedShapes, asked: FloatArray, work: Work) -> int:
     """Halve pieces of a joint path until all pairs are clear on them; return why it stops.
 
-    On a part of the path a pair is clear if in its middle the two are farther apart than what is asked (p,)
-    plus what the joints can take of that before the part ends: `farthest_moves` of the largest distance of
-    the part's Bernstein coefficients from its middle. How far apart they are there is bounded from below by
-    slabs (`lower_gaps`) across directions that were found in earlier postures, or by `widen`; only pairs that
-    may touch, so that `widen` has no answer, are measured. What is clear on a part is so on its halves.
+    On a part of the path a pair is clear if in its middle the two are farther apart than what is required
+    (p,) plus what the joints can take of that before the part ends: `farthest_moves` of the largest distance
+    of the part's Bernstein coefficients from its middle. How far apart they are there is bounded from below
+    by slabs (`lower_gaps`) across directions that were found in earlier configurations, or by `widen`; only
+    pairs that may touch, so that `widen` has no answer, are measured. What is clear on a part is so on its
+    halves.
     """
     chain, shapes, scene, work = held(chain), held(shapes), held(scene), held(work)
     counts, most = work.counts, asked.shape[0]
@@ -166,7 +167,7 @@ def _foresee(
     proven: float,
     gaps: Gaps,
 ) -> None:
-    """Write what pairs (m,) need in this posture, and what is enough if others leave ``proven`` [m]."""
+    """Write what pairs (m,) need in this configuration, and what is enough if others leave ``proven`` [m]."""
     farthest_moves(
         scene.anchors,
         scene.directions,
@@ -210,7 +211,7 @@ def _list_open(pairs: IntArray, count: int, gaps: Gaps, work: Work) -> bool:
 
 @inlined
 def _remember(asked: FloatArray, pairs: IntArray, count: int, gaps: Gaps, work: Work) -> None:
-    """Keep the pair whose distance is known and that has the least beyond what is asked."""
+    """Keep the pair whose distance is known and that has the least beyond what is required."""
     top, at = work.counts[SIZE] - 1, 0
     for k in range(count):
         pair, gap = pairs[k], gaps.most[k]

@@ -1,7 +1,7 @@
 """Gaps between convex bodies, and how far joints move them: bounds that hold whatever a search has found.
 
 The width of the slab between two bodies across a unit vector n, min n·x over the one − max n·x over the
-other, is a lower bound of their distance for every n, and the distance itself for the best one. So nobody
+other, is a lower bound of their distance for every n, and the distance itself for the best one. So no one
 needs to trust the search that proposes n.
 """
 
@@ -72,7 +72,7 @@ def _extent_of(bodies: Bodies, i: int, x: float, y: float, z: float) -> float:
 
 @leaf
 def height(bodies: Bodies, i: int, j: int) -> float:
-    """Return how far shape j is from half-space i [m], negative: depth; min n·x, exact in any posture."""
+    """Return shape j's distance from half-space i [m], negative: depth; exact in any configuration."""
     places, axes = bodies.places, bodies.axes
     x, y, z = axes[i, XZ], axes[i, YZ], axes[i, ZZ]
     dx, dy, dz = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1], places[j, 2] - places[i, 2]
@@ -105,7 +105,7 @@ def lower_gaps(
         pairs: (p, 2) indices of two shapes.
         chosen: (m,) indices of pairs.
         normals: (p, 3) unit, from the first shape to the second; 0 where none is known.
-        enough: (m,) where the balls' gap is as large [m], slabs are not looked at.
+        enough: (m,) where the balls' gap is as large [m], slabs are not checked.
         gaps: [m]: the larger one of the balls' gap and the slab's width; a half-space's is its `height`.
     """
     places, radii = bodies.places, bodies.radii
@@ -212,7 +212,7 @@ def write_gap_slope(
 
 @kernel
 def middle_of_piece(piece: FloatArray, first: FloatArray, second: FloatArray, turns: FloatArray) -> None:
-    """Halve a polynomial piece by de Casteljau; write how far it strays from its middle at most.
+    """Halve a polynomial piece by de Casteljau; write how far it deviates from its middle at most.
 
     ``piece``, ``first``, ``second``: Bernstein coefficients (k + 1, n), of the halves in reading order; its
     middle is the last row of ``first``. ``turns`` (n,): the largest distance of a coefficient from the

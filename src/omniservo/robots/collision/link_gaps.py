@@ -9,7 +9,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.robots.collision.arm_bodies import ArmBodies
 
 FARTHEST = 0.4
-"""[m] Gaps that are larger are not told apart from it."""
+"""[m] Gaps that are larger are not distinguished from it."""
 
 
 def link_gaps(bodies: ArmBodies, joints: npt.ArrayLike) -> dict[str, FloatArray]:
@@ -17,7 +17,7 @@ def link_gaps(bodies: ArmBodies, joints: npt.ArrayLike) -> dict[str, FloatArray]
 
     Args:
         bodies: the arm and what stands around.
-        joints: (m, n) postures [rad].
+        joints: (m, n) configurations [rad].
 
     Raises:
         InputError: wrong shape, NaN or infinity.

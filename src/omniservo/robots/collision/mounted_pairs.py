@@ -19,14 +19,14 @@ def mounted_pairs(
     hinge: tuple[FloatArray, FloatArray],
     ends: FloatArray,
 ) -> tuple[IntArray, IntArray]:
-    """Return pairs (k, 2) that may meet, and those (m, 2) that overlap in every posture and say nothing.
+    """Return pairs (k, 2) that may meet, and those (m, 2) that overlap in every configuration.
 
     Args:
         shapes: at q = 0.
         before: (a,) those of the link before the last joint.
         mounted: (b,) those that the last joint carries.
         hinge: a point on its axis (3,) [m], and the axis (3,), at q = 0.
-        ends: (2,) of its range [rad]; 64 places of it are looked at.
+        ends: (2,) of its range [rad]; 64 places of it are checked.
     """
     turns = Rotation.from_rotvec(np.outer(np.linspace(ends[0], ends[1], _POSTURES), hinge[1]))
     pairs = np.stack(np.meshgrid(before, mounted, indexing="ij"), axis=-1).reshape(-1, 2)

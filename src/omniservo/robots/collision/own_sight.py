@@ -27,7 +27,7 @@ from omniservo.robots.path_following.joint_path import JointPath
 _LINE = "line of sight"
 
 _SHORTEST = 2.0**-12
-"""of the path: parts that are no longer are called hidden where they cannot be told from it"""
+"""of the path: parts that are no longer are called hidden where they cannot be distinguished from it"""
 
 
 @with_field_docs
@@ -95,7 +95,7 @@ def own_sight(
         camera_strays: how far the camera's centre may be from there [m]: everything keeps so much more from a
             line at its beginning, evenly less until its point. But for what the last joint carries, which
             goes with the camera: that keeps nothing.
-        span: of w, the part of the path that is looked at.
+        span: of w, the part of the path that is checked.
 
     Raises:
         InputError: wrong shape, NaN or infinity.
@@ -127,7 +127,7 @@ def own_sight_in(
     kept: Mapping[str, float] | None = None,
     camera_strays: float = 0.0,
 ) -> OwnSight:
-    """Look whether points are hidden in one posture q (n,); its w is 0. See `own_sight`."""
+    """Look whether points are hidden in one configuration q (n,); its w is 0. See `own_sight`."""
     lines = _Lines(arm, camera, base_points, surroundings, kept or {}, camera_strays)
     is_clear = lines.are_clear(finite_array("q", q, (arm.dof,)), np.zeros(arm.dof))
     return _FREE if is_clear else lines.hidden(0.0)
@@ -179,13 +179,13 @@ class _Lines:
         self._sights = self._sights._replace(hiders=np.setdiff1d(hiders, around_camera))
 
     def are_clear(self, q: FloatArray, turns: FloatArray) -> bool:
-        """Tell whether ``turns`` leave something of every gap in a posture; see `nearest_to_sights`."""
+        """Tell whether ``turns`` leave something of every gap in a configuration; see `nearest_to_sights`."""
         self._q = np.ascontiguousarray(q)
         nearest_to_sights(self._chain, self._shapes, self._scene, self._sights, self._q, turns, self._found)
         return bool(self._found[LEFT] >= 0.0)
 
     def hidden(self, w: float) -> OwnSight:
-        """Return that at ``w`` what left least of a line, when they were last looked at, hides it."""
+        """Return that at ``w`` what left least of a line, when they were last checked, hides it."""
         shape, point = int(self._found[SHAPE]), int(self._found[POINT])
         kept = float(self._sights.at_camera[shape])
         link = self._carried.get(shape) or self._bodies.owner(shape)

@@ -1,4 +1,4 @@
-"""How near bodies are in many postures at once, and how the joints change that."""
+"""How near bodies are in many configurations at once, and how the joints change that."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from omniservo.robots.kinematics.chain import Chain
 
 
 class Postures(NamedTuple):
-    """A scene for each of m postures; see `PlacedShapes`."""
+    """A scene for each of m configurations; see `PlacedShapes`."""
 
     anchors: FloatArray
     """(m, n, 3)"""
@@ -29,7 +29,7 @@ class Postures(NamedTuple):
     axes: FloatArray
     """(m, g, 9)"""
     normals: FloatArray
-    """(m, p, 3) directions between pairs, as last found in that posture; 0: none"""
+    """(m, p, 3) directions between pairs, as last found in that configuration; 0: none"""
     ends: FloatArray
     """(m, p, 6) their nearest points, likewise [m]"""
     nearest: FloatArray
@@ -37,13 +37,13 @@ class Postures(NamedTuple):
 
 
 class PostureGaps:
-    """Measures postures again and again as they move: what was found in each before spares measuring.
+    """Measures configurations again and again as they move: what was found in each before spares measuring.
 
     Gaps are those of `widen`; where it has no answer, because bodies may touch, MuJoCo's.
     """
 
     def __init__(self, bodies: ArmBodies, count: int) -> None:
-        """Prepare for ``count`` postures of an arm among bodies."""
+        """Prepare for ``count`` configurations of an arm among bodies."""
         self.count = count
         joints, shapes, pairs = bodies.arm.dof, len(bodies.shapes.kinds), len(bodies.pairs)
         self._bodies = bodies
@@ -59,7 +59,7 @@ class PostureGaps:
         """as last measured"""
 
     def measure(self, posture: IntArray, pair: IntArray, touching: IntArray, gaps: FloatArray) -> None:
-        """Write the gaps of those of the pairs in postures, see `near_pairs`, that may touch."""
+        """Write the gaps of those of the pairs in configurations, see `near_pairs`, that may touch."""
         postures = self.postures
         for k in touching.tolist():
             i, j = int(posture[k]), int(pair[k])
@@ -67,7 +67,7 @@ class PostureGaps:
             gaps[k] = self._bodies.measure(j, postures.ends[i, j], postures.normals[i, j])
 
     def worst(self, joints: FloatArray, asked: FloatArray, least: float) -> tuple[int, int, float] | None:
-        """Return posture, pair and gap [m] where least is left of what is asked; None: not below ``least``.
+        """Return configuration, pair and gap [m] where least is left; None: not below ``least``.
 
         Args:
             joints: (m, n) [rad], m ≤ ``count``.
@@ -101,10 +101,10 @@ def near_pairs(
     within: FloatArray,
     postures: Postures,
 ) -> tuple[IntArray, IntArray, FloatArray, IntArray]:
-    """Return posture, pair and gap [m] of what is closer than ``within`` (p,) at joints (m, n).
+    """Return configuration, pair and gap [m] of what is closer than ``within`` (p,) at joints (m, n).
 
-    In the order of the postures. The last array says which of them may touch: `PostureGaps.measure` has the
-    gaps of these.
+    In the order of the configurations. The last array says which of them may touch: `PostureGaps.measure` has
+    the gaps of these.
     """
     bounds = np.empty((joints.shape[0], within.shape[0]))
     _write_bounds(chain, shapes, frames, joints, within, postures, bounds)
@@ -132,7 +132,7 @@ def _write_bounds(
     postures: Postures,
     bounds: FloatArray,
 ) -> None:
-    """Bring everything to where it is in every posture (m, n); write lower bounds of all gaps (m, p) [m].
+    """Place everything at all joints (m, n); write lower bounds of all gaps (m, p) [m].
 
     Those that may be below ``within`` (p,) are what `widen` comes to.
     """

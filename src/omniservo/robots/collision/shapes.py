@@ -54,7 +54,7 @@ class Bodies(NamedTuple):
 
 
 class PlacedShapes(NamedTuple):
-    """Where everything is in one posture."""
+    """Where everything is in one configuration."""
 
     frames: FloatArray
     """(n + 1, 3, 4) see `chain.carry`"""
@@ -69,4 +69,4 @@ class PlacedShapes(NamedTuple):
     moves: FloatArray
     """(g, n + 1) see `farthest_moves`"""
     normals: FloatArray
-    """(p, 3) directions of slabs, of this posture or another; 0: none is known"""
+    """(p, 3) directions of slabs, of this configuration or another; 0: none is known"""

@@ -22,7 +22,7 @@ SHAPE, POINT, LEFT = range(3)
 between the two [m]: negative where no slab keeps them apart."""
 
 SURFACE = 1e-3
-"""[m] of every line of sight before its point that are not looked at: what is met there is the surface that
+"""[m] of every line of sight before its point that are not checked: what is met there is the surface that
 the point lies on"""
 
 
@@ -53,7 +53,7 @@ def nearest_to_sights(
     turns: FloatArray,
     found: FloatArray,
 ) -> None:
-    """Write which shape leaves least of a line in the posture q (n,), whatever ``turns`` (n,) take of it.
+    """Write which shape leaves least of a line at the joints q (n,), whatever ``turns`` (n,) take of it.
 
     As seen from a shape that k joints carry, the line's one end, the camera's centre c, is moved by the
     joints behind it, Σ_{j>k} r_j(c) · turn_j at most (`gap_kernels.farthest_moves`); its other one, the point

@@ -23,8 +23,8 @@ On the RX60 a wrist with q5 = 2…3° is about there."""
 class Chain(NamedTuple):
     """A serial chain of n hinges as it stands at q = 0, in the base frame.
 
-    A posture is the product of exponentials base_T_flange(q) = e^{q₁} … e^{qₙ} base_T_flange(0), e^{qᵢ} the
-    turn by qᵢ about the line of joint i (Brockett 1984), so hinges that share a body, and offsets, are
+    A configuration is the product of exponentials base_T_flange(q) = e^{q₁} … e^{qₙ} base_T_flange(0), e^{qᵢ}
+    the turn by qᵢ about the line of joint i (Brockett 1984), so hinges that share a body, and offsets, are
     the same.
     """
 

@@ -13,7 +13,7 @@ from omniservo.geometry.vectors import copy_into
 from omniservo.robots.kinematics.chain import Chain, least_motion, miss
 
 STARTS = 64
-"""Random postures that a search begins at."""
+"""Random configurations that a search begins at."""
 
 _EXACT = 1e-10
 """norm of the twist at the goal, metres over a link's length beside radians"""
@@ -25,11 +25,11 @@ _LEAST_DAMPING = 1e-12
 """Against ends of ranges fewer joints are left than the pose has degrees of freedom."""
 
 _SAME = 1e-6
-"""[rad] postures closer than this are one"""
+"""[rad] configurations closer than this are one"""
 
 
 def solutions(chain: Chain, goal: FloatArray, starts: int = STARTS) -> FloatArray:
-    """Return the postures (k, n) [rad] that descents from the middle and from random ones reach.
+    """Return the configurations (k, n) [rad] that descents from the middle and from random ones reach.
 
     For six joints these are branches, all of them only in all likelihood; for seven, members of families.
 

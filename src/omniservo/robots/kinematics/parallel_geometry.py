@@ -25,8 +25,8 @@ class ParallelGeometry:
     """Axes 2, 3, 4 parallel; 1 and 5 perpendicular to them; 6 perpendicular to 5 and through a point of it.
 
     base_T_flange(q) = e₁(q1) … e₆(q6) base_T_flange(0) with eᵢ the turn about axis i as it lies at q = 0,
-    which may be any posture. Solved in turn for q1 (what axes 2 to 4 leave along themselves), q5, q6, and the
-    two links in the plane across.
+    which may be any configuration. Solved in turn for q1 (what axes 2 to 4 leave along themselves), q5, q6,
+    and the two links in the plane across.
     """
 
     axes: FloatArray

@@ -1,4 +1,4 @@
-"""What a posture's Jacobian says, compiled: how near a singularity is, what a motion asks of the joints."""
+"""A configuration's Jacobian, compiled: how near a singularity is, what a motion asks of the joints."""
 
 from __future__ import annotations
 

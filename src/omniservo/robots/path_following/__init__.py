@@ -1,1 +1,1 @@
-"""Joint paths that carry a camera along its path, and how far an arm strays from one."""
+"""Joint paths that carry a camera along its path, and how far an arm deviates from one."""

@@ -20,13 +20,13 @@ from omniservo.robots.path_following.quintic import quintic_pieces
 from omniservo.robots.path_following.step_kernels import VALUE
 
 _FAMILIES = 8
-"""Starts of an arm with seven joints, spread over the postures that a search finds."""
+"""Starts of an arm with seven joints, spread over the configurations that a search finds."""
 
 _AT_START = 1e-6
 """[m], [rad] from the pose of a stated start to the path's"""
 
 _SHARES = np.arange(16) / 16.0
-"""places between two samples at which limits are looked at, and"""
+"""places between two samples at which limits are checked, and"""
 
 _BASIS = np.array([math.comb(5, k) * _SHARES**k * (1.0 - _SHARES) ** (5 - k) for k in range(6)]).T
 """(16, 6) the quintic Bernstein polynomials there"""
@@ -76,14 +76,14 @@ def follow_path(
         flange_T_camera: how the camera sits on the flange.
         start: (n,) [rad], where the arm stands: only the branch that goes on from there is followed, with
             these full turns; None: every branch, each with the full turns that leave most room.
-        aim: (n,) [rad], a posture of seven joints at the path's end: what the camera leaves free goes the
-            straight way from ``start`` to it, as far as the camera's path lets it.
+        aim: (n,) [rad], a configuration of seven joints at the path's end: what the camera leaves free goes
+            the straight way from ``start`` to it, as far as the camera's path lets it.
         velocity: (n,) dq/dw [rad] with which seven joints leave ``start``: what the camera leaves free of it
             fades away within a quarter of the path. None: self-motion begins as it goes on.
 
     Raises:
-        InputError: no posture reaches the path's start, or ``start`` is not one; an aim or a velocity without
-            start, or of six joints; or something is not finite.
+        InputError: no configuration reaches the path's start, or ``start`` is not one; an aim or a velocity
+            without start, or of six joints; or something is not finite.
     """
     _check_pose("base_T_initial", base_T_initial)
     _check_pose("flange_T_camera", flange_T_camera)
@@ -168,7 +168,7 @@ def _passed_limits(arm: Arm, w: FloatArray, q: FloatArray) -> list[PathFailure]:
 
 
 def _spread(starts: FloatArray, joint_range: FloatArray) -> FloatArray:
-    """Return up to `_FAMILIES` postures: that with most room, then ever the one farthest from those."""
+    """Return up to `_FAMILIES` configurations: that with most room, then ever the one farthest from those."""
     relative = (starts - joint_range[:, 0]) / np.diff(joint_range, axis=1)[:, 0]
     room = np.minimum(relative, 1.0 - relative).min(axis=1)
     chosen = [int(np.argmax(room))]

@@ -47,7 +47,7 @@ _LEAP = 0.1
 """[rad] farther from where its speed leads a joint never is on a step that is taken"""
 
 _TINY = 1e-9
-"""Singular values below it are taken for it where a state is asked for all the same."""
+"""Singular values below it are taken for it where a state is required all the same."""
 
 
 class Rule(NamedTuple):

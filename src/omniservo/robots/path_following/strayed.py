@@ -1,4 +1,4 @@
-"""How far one run of an arm strayed from its planned joint path."""
+"""How far one run of an arm deviated from its planned joint path."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ def strayed(
     executed: npt.ArrayLike,
     image_px: float,
 ) -> FloatArray:
-    """Return the most that a run strayed from its path: (k,), in the order of `TrackingTube.shape`.
+    """Return the most that a run deviated from its path: (k,), in the order of `TrackingTube.shape`.
 
-    Each executed posture is compared with the place of the path where the bodies are nearest to it (least
-    Σ ‖Δx‖² of the corners of boxes about their shapes), not with where the time law would have it: being
-    late is no deviation from a path that is clear for all w. Between rows the path is taken to be straight. A
-    link strays by the farthest of its corners; no point of a shape goes farther, ‖A x + b‖ being convex in x.
-    Two links of the arm with more than one joint between them stray by what the run takes of the gap between
-    them, where that is planned to be below 0.15 m.
+    Each executed configuration is compared with the place of the path where the bodies are nearest to it
+    (least Σ ‖Δx‖² of the corners of boxes about their shapes), not with where the time law would have it:
+    being late is no deviation from a path that is clear for all w. Between rows the path is taken to be
+    straight. A link deviates by the farthest of its corners; no point of a shape goes farther, ‖A x + b‖
+    being convex in x. Two links of the arm with more than one joint between them deviate by what the run
+    takes of the gap between them, where that is planned to be below 0.15 m.
 
     Args:
         bodies: the arm, with what it carries.
         flange_T_camera: where the camera sits.
         planned: (k, n) the path, in order, k ≥ 2 [rad].
-        executed: (m, n) postures of the run, m ≥ 1 [rad].
-        image_px: the most that a point in the image strayed [px].
+        executed: (m, n) configurations of the run, m ≥ 1 [rad].
+        image_px: the most that a point in the image deviated [px].
 
     Raises:
         InputError: wrong shape, NaN or infinity.
@@ -74,7 +74,7 @@ def _own_gaps(bodies: ArmBodies, within: float) -> dict[int, float]:
 
 
 def _nearest(bodies: ArmBodies, path: FloatArray, run: FloatArray) -> FloatArray:
-    """Return the postures (m, n) on the polyline (k, n) where the bodies are nearest to those of the run."""
+    """Return the joints (m, n) on the polyline (k, n) where the bodies are nearest to those of the run."""
     places, at_run = (np.array([bodies.corners(q).ravel() for q in rows]) for rows in (path, run))
     begin, way = places[:-1], np.diff(places, axis=0)
     length = np.maximum((way**2).sum(axis=1), 1e-300)

@@ -1,4 +1,4 @@
-"""How far an arm that follows a path by its camera strays from it: measured on runs, not assumed."""
+"""How far an arm that follows a path by its camera deviates from it: measured on runs, not assumed."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SHAPING = 3
 """One of so many runs, the first ones, shapes the tube."""
 
 _THINNEST = 0.5
-"""of the largest joint, or link: what hardly strayed in a few runs may in the next, and one part that strays
-three times its share makes all of the tube three times as thick"""
+"""of the largest joint, or link: what hardly deviated in a few runs may in the next, and one part that
+deviates three times its share makes all of the tube three times as thick"""
 
 _THINNEST_PAIR = 0.3
 """of the largest link, for pairs of links"""
 
 _IMAGE_ROOM = 2.0
-"""What points strayed in the image counts so many times: a pixel more is cheap."""
+"""What points deviated in the image counts so many times: a pixel more is cheap."""
 
 _LEAST = 1e-9
 """[rad], [m], [px] no part of a tube is thinner"""
@@ -56,17 +56,17 @@ class Tube:
     singular_value: float
     """of the paths that it holds for, see `TrackingTube`"""
     share: float
-    """of runs that may leave it, as asked"""
+    """of runs that may leave it, as required"""
 
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class TrackingTube:
-    """Runs of one arm, each with the most that it strayed: quantiles of it are tubes.
+    """Runs of one arm, each with the most that it deviated: quantiles of it are tubes.
 
     The first third of the runs gives the shape s (k,) of joints, links and camera: the most that they
-    strayed; of joints and links at least half of the largest, of pairs of links 0.3 of the largest link's, of
-    points in the image twice. Each of the other N, which strayed by d_i, needs the tube ρ_i s, with
+    deviated; of joints and links at least half of the largest, of pairs of links 0.3 of the largest link's,
+    of points in the image twice. Each of the other N, which deviated by d_i, needs the tube ρ_i s, with
     ρ_i = max d_i/s. The tube of a share p is ρ s with ρ the (j + 1)-th largest of the N, j as large as
     (j + 1)/(N + 1) ≤ p allows: one more run like these is as likely to take any place among them, so it
     exceeds that ρ with that probability at most, whatever the distribution is (split conformal prediction;
@@ -85,8 +85,8 @@ class TrackingTube:
     ratios: FloatArray
     """(N,) ρ of every run that had no part in the shape, ascending, read-only"""
     singular_value: float
-    """the paths' postures had at least this smallest singular value, and so must those of a path that the
-    tube is used for: what the camera strays makes joints and links stray by its inverse"""
+    """the paths' configurations had at least this smallest singular value, and so must those of a path that
+    the tube is used for: what the camera deviates makes joints and links deviate by its inverse"""
     source: str
     """what was run, in words"""
 
@@ -109,7 +109,7 @@ class TrackingTube:
         singular_value: float,
         source: str,
     ) -> Self:
-        """Return the tube of runs that strayed by (N, k), as `strayed` finds it of each.
+        """Return the tube of runs that deviated by (N, k), as `strayed` finds it of each.
 
         Their paths had at least this singular value. The order of the runs must not depend on what they did.
 

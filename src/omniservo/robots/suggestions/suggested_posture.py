@@ -31,13 +31,13 @@ _ABOVE = (0.31, 0.36, 0.42, 0.5, 0.6, 0.7)
 _YAWS = np.radians(np.arange(0.0, 360.0, 45.0))
 """of the camera about its view"""
 _TRIED = 40
-"""of the best postures at each tilt"""
+"""of the best configurations at each tilt"""
 _ROOM, _ROOM_THERE = math.radians(15.0), math.radians(5.0)
-"""of every joint to the ends of its range, to begin with, and where the camera goes"""
+"""of every joint to the ends of its range, at first, and where the camera goes"""
 _REGULAR = 0.1
 """smallest singular value there, as tracking tubes ask for"""
 _APART, _APART_THERE = 0.03, 0.02
-"""[m] between camera or floor and all else but the wrist, to begin with, and where the camera goes"""
+"""[m] between camera or floor and all else but the wrist, at first, and where the camera goes"""
 _OFF_SIGHT = 0.01
 """[m] between links and lines of sight"""
 _FARTHEST = 1.2
@@ -51,8 +51,9 @@ def suggested_posture(arm: Arm) -> FloatArray:
 
     The arm stands on the floor; a camera with `suggested_mount` looks down at the target before it, if it
     can: nothing hides that or is near, and the camera can go to all sides of it without coming near to
-    anything, the ends of ranges or singular postures. Of those the elbow is high, the arm near one upright
-    plane, and all of these far. Where there is none, the posture of many that is farthest from singular ones.
+    anything, the ends of ranges or singular configurations. Of those the elbow is high, the arm near one
+    upright plane, and all of these far. Where there is none, the configuration of many that is farthest from
+    singular ones.
     """
     first = _FirstTask(arm)
     for with_table, tilt in product((True, False), _TILTS):
@@ -74,7 +75,7 @@ class _FirstTask:
         self._ranked: dict[float, list[FloatArray]] = {}
 
     def ranked(self, tilt: float) -> list[FloatArray]:
-        """Return the postures that hold the camera at that tilt, the best first."""
+        """Return the configurations that hold the camera at that tilt, the best first."""
         if tilt not in self._ranked:
             found = {
                 tuple(q): self._value(q)
@@ -86,7 +87,7 @@ class _FirstTask:
         return self._ranked[tilt]
 
     def _reaching(self, base_T_camera: RigidTransform) -> Iterator[FloatArray]:
-        """Yield postures near that pose, of whole degrees, turned about the first axis if that is upright."""
+        """Yield joints near that pose, of whole degrees, turned about the first axis if that is upright."""
         arm = self._arm
         low, high = arm.joint_range.T
         try:
@@ -102,7 +103,7 @@ class _FirstTask:
                 yield q
 
     def _value(self, q: FloatArray) -> float:
-        """Return how good a posture looks; 0: no good."""
+        """Return how good a configuration looks; 0: no good."""
         arm = self._arm
         regular = float(np.linalg.svd(arm.scaled_flange_jacobian(q), compute_uv=False)[-1])
         if regular < _REGULAR:
@@ -157,7 +158,7 @@ class _FirstTask:
         return own_sight_in(self._arm, q, camera, target, surroundings=around, kept=kept).status == "free"
 
     def regular(self) -> FloatArray:
-        """Return the posture of many, free if one is, that is farthest from singular ones."""
+        """Return the configuration of many, free if one is, that is farthest from singular ones."""
         arm = self._arm
         middle, half = arm.joint_range.mean(axis=1), 0.4 * np.ptp(arm.joint_range, axis=1)
         drawn = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, arm.dof))
