@@ -9,7 +9,7 @@ from omniservo.hardware import JointHistory
 from omniservo.robots import RobotState, load_arm
 from omniservo.runs.robot_delay import (
     SECONDS,
-    Recorded,
+    DelayRecording,
     actuation_lag,
     swing,
     swing_joints,
@@ -63,7 +63,9 @@ def test_the_drives_lag_is_found(lag):
         RobotState(float(t), np.zeros(6), v + rng.normal(0.0, 1e-3, 6))
         for t, v in zip(times, late, strict=True)
     ]
-    recorded = Recorded(JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], [])
+    recorded = DelayRecording(
+        JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], []
+    )
     found, sigma = actuation_lag(recorded, chosen)
     assert found == pytest.approx(lag, abs=1e-3)
     assert 0.0 < sigma < 1e-3

@@ -1,4 +1,4 @@
-"""The robot cell of a real arm: unknown the truth in it, and nothing moves before somebody agrees."""
+"""The robot cell of a real arm: there is no ground truth, and nothing moves before somebody agrees."""
 
 from __future__ import annotations
 
@@ -19,15 +19,9 @@ class HardwareCell:
 
     Args:
         scene: as the task describes it; the arm stands in its start joints.
-    <<<<<<< HEAD
         client: of the process that drives the arm; it has the camera.
         camera: on the flange.
-        approve: told what the arm is about to do; raises where it may not.
-    =======
-        driver: of the arm.
-        camera: on its flange.
         approve: called with what the arm is about to do; raises where it may not.
-    >>>>>>> main
     """
 
     def __init__(

@@ -87,7 +87,7 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
 
 
 @dataclass
-class Recorded:
+class DelayRecording:
     """What came in while the joints swung."""
 
     history: JointHistory
@@ -105,11 +105,13 @@ def swing_size(arm: Arm) -> float:
     return float(min(AMPLITUDE, LIMITS_USED * speed / fastest, LIMITS_USED * acceleration / fastest**2))
 
 
-def _recorded(cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], size: float) -> Recorded:
+def _recorded(
+    cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], size: float
+) -> DelayRecording:
     """Swing the joints, and return what came in; the arm stands still on return."""
     supervisor = supervisor_of(cell, options)
     begin = supervisor.read()
-    found = Recorded(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [])
+    found = DelayRecording(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [])
     try:
         while (passed := supervisor.read().time - begin.time) < SECONDS:
             _take_in(found, supervisor.read(), supervisor.image())
@@ -126,7 +128,7 @@ def _recorded(cell: RobotCell, options: SafetyOptions, chosen: tuple[int, int], 
     return found
 
 
-def _take_in(found: Recorded, state: RobotState, image: CameraImage | None) -> None:
+def _take_in(found: DelayRecording, state: RobotState, image: CameraImage | None) -> None:
     found.states.append(state)
     found.history.add(state)
     if image is not None and (not found.stamps or image.time > found.stamps[-1]):
@@ -184,7 +186,7 @@ def tracked(images: list[ByteArray]) -> FloatArray:
     return np.array(tracks)
 
 
-def actuation_lag(recorded: Recorded, chosen: tuple[int, int]) -> tuple[float, float]:
+def actuation_lag(recorded: DelayRecording, chosen: tuple[int, int]) -> tuple[float, float]:
     """Return how long after a command its speeds are measured [s], and the standard deviation of that.
 
     Minimises Σ ‖q̇(t) − u(t − L)‖² over L, u the commands, each in force until the next.
