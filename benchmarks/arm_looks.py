@@ -73,35 +73,48 @@ def look_on(
 ) -> Looked | None:
     """Look up to so many times, until there is a plan; None: there is none."""
     failures: set[str] = set()
+    failed: list[CertifiedMove] = []
     for number in range(1, looks + 1):
         if here is None:
             return None
-        chosen = next_look(here, lambda there: plan_from(there).ok, seed)
+        chosen = next_look(here, lambda there: plan_from(there).ok, seed, failed)
         if isinstance(chosen, str):
             return None
         joints = chosen.move.joints.positions[-1]
         failures |= _violated(chosen.move, truth, here)
-        pose = truth.initial_T_camera(joints[None])[0]
-        back = pose.inv()
-        truth = replace(
-            truth, start=joints, points=back.apply(truth.points),
-            balls=[(back.apply(centre), radius) for centre, radius in truth.balls],
-        )  # fmt: skip
-        pixels, valid = truth.camera.project(truth.points)
-        valid &= truth.camera.in_image(np.where(valid[:, None], pixels, -1e3))
-        pixels = pixels + NOISE_PX * random.standard_normal(pixels.shape)
-        valid &= here.asked.camera.unproject(np.where(valid[:, None], pixels, 0.0))[1]
-        pixels[~valid] = np.nan
-        seen = replace(seen, taken=((joints, pixels), *seen.taken))
+        there, pixels = _seen_from(joints, truth, here, random)
+        more = replace(seen, taken=((joints, pixels), *seen.taken))
         known = np.where(here.estimate.inliers[:, None], here.estimate.points, np.nan)
         try:
-            here = here.after(joints, _views(here.asked, here.setting, seen), known)
+            here = here.after(joints, _views(here.asked, here.setting, more), known)
+        except NoSolutionError:  # it gave nothing: the arm goes back
+            failed.append(chosen.move)
+            continue
+        truth, seen, failed = there, more, []
+        try:
             answer = plan_from(here)
-        except (NoSolutionError, InputError):
+        except InputError:
             return None
         if answer.ok:
             return Looked(here, answer, truth, pixels, number, frozenset(failures))
     return None
+
+
+def _seen_from(
+    joints: FloatArray, truth: Truth, here: ViewingState, random: np.random.Generator
+) -> tuple[Truth, FloatArray]:
+    """Return the truth as the camera has it there, and its image's pixels (n, 2), NaN where not seen."""
+    back = truth.initial_T_camera(joints[None])[0].inv()
+    truth = replace(
+        truth, start=joints, points=back.apply(truth.points),
+        balls=[(back.apply(centre), radius) for centre, radius in truth.balls],
+    )  # fmt: skip
+    pixels, valid = truth.camera.project(truth.points)
+    valid &= truth.camera.in_image(np.where(valid[:, None], pixels, -1e3))
+    pixels = pixels + NOISE_PX * random.standard_normal(pixels.shape)
+    valid &= here.asked.camera.unproject(np.where(valid[:, None], pixels, 0.0))[1]
+    pixels[~valid] = np.nan
+    return truth, pixels
 
 
 def _views(asked: PlanningProblem, setting: ArmSetting, seen: Seen) -> ArmViews:

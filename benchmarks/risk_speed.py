@@ -33,11 +33,11 @@ from benchmarks.arm_loops import (
 
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
+from omniservo.looks.followed_points import followed_points
 from omniservo.risk import Executions, RiskPlan
 from omniservo.robots import load_arm, next_image, shipped_arms, shipped_tube
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
-from omniservo.runs.followed_points import followed_points
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal

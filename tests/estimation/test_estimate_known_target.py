@@ -28,6 +28,22 @@ def test_exact_pixels_give_the_exact_metric_motion_and_structure(camera, make_sc
         np.testing.assert_allclose(found.points, scene.points, atol=1e-8)
 
 
+def test_the_stated_noise_of_each_image_counts_for_its_own_pose(make_scene):
+    rng = np.random.default_rng(4)
+    scene = make_scene(rng, n=20)
+    target = to_target_frame(scene, rng)
+
+    def covariance(initial, goal):
+        noise = np.tile([initial, goal], (20, 1))
+        pixels = scene.pixels_initial, scene.pixels_goal
+        return estimate_known_target(scene.camera, target, *pixels, noise=noise).covariance
+
+    alike = covariance(0.1, 0.1)
+    blurred = covariance(0.1, 0.3), covariance(0.3, 0.1)
+    np.testing.assert_allclose(blurred[0] + blurred[1], 10.0 * alike, rtol=1e-6, atol=1e-15)
+    assert all(np.trace(one) > 1.5 * np.trace(alike) for one in blurred)
+
+
 @pytest.mark.parametrize("stated", [None, 0.3])
 def test_covariances_are_those_of_repeated_noise_jointly(make_scene, stated):
     rng = np.random.default_rng(2)

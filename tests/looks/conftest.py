@@ -38,19 +38,19 @@ def tube():
 
 @pytest.fixture
 def standing(arm):
-    """Make where the arm stands: its start, obstacles, pixel noise, tube."""
+    """Make where the arm stands: its start, obstacles, pixel noise, tube, number of points."""
 
-    def make(start=START, obstacles=(), noise=0.5, tube=None, clearance=0.01):
+    def make(start=START, obstacles=(), noise=0.5, tube=None, clearance=0.01, count=20):
         random, camera = np.random.default_rng(4), preset("fe185")
-        points = np.array([0.0, 0.0, 0.45]) + random.uniform(-0.12, 0.12, (20, 3)) * [1.0, 1.0, 0.6]
+        points = np.array([0.0, 0.0, 0.45]) + random.uniform(-0.12, 0.12, (count, 3)) * [1.0, 1.0, 0.6]
         pixels = [
-            camera.project(pose.inv().apply(points))[0] + noise * random.standard_normal((20, 2))
+            camera.project(pose.inv().apply(points))[0] + noise * random.standard_normal((count, 2))
             for pose in (RigidTransform.identity(), GOAL)
         ]
         length = float(np.linalg.norm(GOAL.translation))
         known = KnownErrors(MOUNT, None, LengthPrior(length, 0.02))
         views = ArmViews(
-            camera, np.array(pixels), np.ones((2, 20), dtype=bool), np.full((2, 20), noise),
+            camera, np.array(pixels), np.ones((2, count), dtype=bool), np.full((2, count), noise),
             (RigidTransform.identity(), None), known,
         )  # fmt: skip
         first = estimate_two_view(camera, *pixels, scale=length, scale_sigma=0.02, noise=noise)

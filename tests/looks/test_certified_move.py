@@ -14,7 +14,7 @@ END = START + np.radians([6.0, -4.0, 5.0, 3.0, -4.0, 8.0])
 
 
 def move_of(here, end=END, samples=None):
-    samples = structures(here.estimate, 0) if samples is None else samples
+    samples = structures(here.estimate, 0, here.planned_rows) if samples is None else samples
     return certified_move(here.asked, here.setting, samples, (here.start, end), here.mount)
 
 

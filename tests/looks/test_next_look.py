@@ -8,6 +8,7 @@ from tests.looks.conftest import SINGULAR
 
 from omniservo.errors import InputError
 from omniservo.looks import NextLook, next_look, uncertainty_size, what_is_missing
+from omniservo.looks.followed_points import MOST_POINTS
 from omniservo.risk import plan_arm_with_risk
 from omniservo.whole_arm import plan_with_arm
 
@@ -42,6 +43,31 @@ def test_the_look_that_is_expected_to_tell_most_of_those_with_a_plan_is_taken(st
     found = next_look(here, lambda there: True, 0)
     assert found.size == pytest.approx(uncertainty_size(here.expected_after(found.move).estimate))
     assert found.size < 0.6 * uncertainty_size(here.estimate)
+
+
+def test_a_look_that_failed_is_not_taken_again_and_smaller_changes_of_the_view_come_first(standing):
+    here = standing(noise=1.0)
+    first = next_look(here, lambda there: False, 0)
+    second = next_look(here, lambda there: False, 0, [first.move])
+    ways = [np.linalg.norm(found.move.begin_T_end.translation) for found in (first, second)]
+    turns = [found.move.begin_T_end.rotation.magnitude() for found in (first, second)]
+    assert ways[1] < 0.9 * ways[0] or turns[1] < 0.9 * turns[0]
+    assert second.size > first.size
+    asked = []
+    next_look(here, lambda there: asked.append(there.start), 0, [first.move])
+    assert asked
+    assert not any(np.array_equal(q, first.move.joints.positions[-1]) for q in asked)
+
+
+def test_of_many_points_those_that_are_followed_have_to_stay_in_view_in_fifty_structures(standing):
+    here = standing(count=120)
+    rows = here.planned_rows
+    assert len(rows) == MOST_POINTS
+    found = next_look(here, lambda there: True, 0)
+    samples = found.move.plan.problem.points.reshape(-1, MOST_POINTS, 3)
+    assert len(samples) == 50
+    assert samples[0] == pytest.approx(here.estimate.points[rows])
+    assert len(here.expected_after(found.move).problem.points) == MOST_POINTS
 
 
 def test_a_look_after_which_nothing_is_known_better_is_not_taken(standing):

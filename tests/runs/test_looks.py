@@ -1,13 +1,17 @@
 """Runs on rendered images that look again before they plan; and what a task may say about it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 from tests.runs.changed_task import PlainCell, shipped, written
 
+from omniservo.cli.run_summary import run_summary
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.looks import looks_section
 from omniservo.runs.begun_elsewhere import begun_elsewhere
+from omniservo.runs.joined_views import MOST_JOINED
 from omniservo.runs.run_task import run_task
 from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
@@ -52,6 +56,74 @@ def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
     assert page.count("<img") == 1
 
 
+class CoveredLens:
+    """A camera whose lens is covered at so many stops of the arm away from where it stood first."""
+
+    def __init__(self, robot, stops):
+        self.robot, self.stops, self.start = robot, stops, robot.read().joint_positions
+        self.covered = []
+        """joints (n,) of the stops at which it was [rad]"""
+
+    def image(self):
+        image, joints = self.robot.image(), self.robot.read().joint_positions
+        away = np.abs(joints - self.start).max() > 0.02
+        known = any(np.abs(joints - q).max() < 1e-2 for q in self.covered)
+        if image is None or not away or not (known or len(self.covered) < self.stops):
+            return image
+        if not known and not np.any(np.abs(self.robot.read().joint_velocities) > 1e-4):
+            self.covered.append(joints)
+        return replace(image, pixels=np.zeros_like(image.pixels))
+
+
+class CoveredCell(PlainCell):
+    """Its camera's lens is covered at the first stop of a look."""
+
+    opened = ()
+    stops = 1
+
+    def __init__(self, task, seed=0):
+        super().__init__(task, seed)
+        self.lens = CoveredLens(self.robot, self.stops)
+        CoveredCell.opened += (self,)
+
+    @property
+    def camera(self):
+        return self.lens
+
+    def bring_arm_to(self, joints):
+        super().bring_arm_to(joints)
+        self.lens.start = joints
+
+
+def test_a_look_whose_image_shows_nothing_is_gone_back_from_and_another_one_taken(tmp_path):
+    result = run_task(task_with(tmp_path), CoveredCell, filmed=False)
+    metrics = result.metrics
+    assert metrics["status"] == "converged"
+    assert metrics["contacts"] == []
+    failed, look = result.looks
+    assert "dots" in failed.nothing
+    assert (failed.gained, failed.after) == (1.0, failed.before)
+    assert not look.nothing
+    assert look.gained < 0.5
+    assert look.after.outcome == ""
+    assert (metrics["looks"], metrics["looks_for_nothing"]) == (2, 1)
+    assert failed.image.max() == 0
+    assert look.moved_m != failed.moved_m or look.turned_rad != failed.turned_rad
+    page = looks_section(result).html
+    assert "gave nothing" in page
+    assert "the arm went back" in page
+    assert any("1 × for nothing" in line for line in run_summary(metrics))
+
+
+def test_where_every_look_shows_nothing_the_arm_stands_where_it_stood_and_that_is_said(tmp_path):
+    CoveredCell.opened = ()
+    with pytest.raises(NoSolutionError, match=r"no path.*look 1: .*dots.*after 1 more image"):
+        run_task(task_with(tmp_path, looks=1), CoveredCell, filmed=False)
+    cell = CoveredCell.opened[-1]
+    assert len(cell.lens.covered) == 1
+    assert cell.robot.read().joint_positions == pytest.approx(cell.scene.start_joints, abs=3e-4)
+
+
 def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document = shipped("whole-arm-1")
     document["sensor"]["rate"] = 8
@@ -69,6 +141,24 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     assert result.metrics["final_translation_error_m"] < 5e-4
     assert result.motion.joints.singular_values.min() > 0.02
     assert result.log.column("joints")[0] == pytest.approx(result.motion.joints.positions[0], abs=1e-3)
+
+
+def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_its_goal(tmp_path):
+    document = shipped("textured-object")
+    document["sensor"]["rate"] = 5
+    document["scale"]["sigma"] = 0.05  # so that at a risk of 1% there is no path before
+    result = run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
+    metrics = result.metrics
+    assert (metrics["status"], metrics["contacts"]) == ("converged", [])
+    assert metrics["final_translation_error_m"] < 5e-4
+    (look,) = result.looks
+    assert "no path" in look.before.outcome
+    assert look.after.outcome == ""
+    assert look.after.goal_m < 0.3 * look.before.goal_m
+    assert look.gained == pytest.approx(look.expected, rel=0.5)
+    assert 0.7 * MOST_JOINED < result.estimate.inliers.sum() <= MOST_JOINED < len(result.seen.matched)
+    off = result.estimate.initial_T_goal.translation - result.truth.initial_T_goal[:3, 3]
+    assert off @ np.linalg.solve(result.estimate.covariance[:3, :3], off) < 25.0
 
 
 def test_where_no_look_helps_it_says_what_would_have_to_be_better(tmp_path):

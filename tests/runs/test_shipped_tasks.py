@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from omniservo.estimation import estimate_two_view
+from omniservo.looks.followed_points import followed_points
 from omniservo.planning import CameraPath
 from omniservo.robots import arm_clearance
 from omniservo.runs import estimate_in_cell
 from omniservo.runs.arm_setting_of import arm_setting_of
-from omniservo.runs.followed_points import followed_points
 from omniservo.runs.own_branch import own_branch
 from omniservo.runs.plan_task import plan_task
 from omniservo.scenes.scene_of_task import scene_of_task

@@ -26,8 +26,9 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
         f"{_of(metrics, 'visibility_executed_px')} executed"
     )
     if metrics.get("looks"):
+        nothing = f", {count} × for nothing" if (count := metrics["looks_for_nothing"]) else ""
         yield (
-            f"looked again          {metrics['looks']} ×; goal's position known to "
+            f"looked again          {metrics['looks']} ×{nothing}; goal's position known to "
             f"{_of(metrics, 'goal_sigma_before_looks_m')} (1σ) before, "
             f"{_of(metrics, 'goal_sigma_after_looks_m')} after"
         )

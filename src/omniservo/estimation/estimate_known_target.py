@@ -200,7 +200,7 @@ def _with_pose(
     cost, stated = sum(view.cost for view in views), views[0].known.noise_px
     spreads = []
     for view in views:
-        variance = variance_of(view.cost, view.freedom, stated)
+        variance = variance_of(view.cost, view.freedom, view.known.noise_px)
         if stated is None:  # Student's t of both views together; its factor comes with the law below
             variance = cost / freedom if freedom > 2 else variance_of(cost, freedom, None)
         spread = pose_spread(view.known, view.fit, variance, _odds(view, views), camera)

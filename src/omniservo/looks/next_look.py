@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -12,7 +12,7 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.looks.candidate_joints import candidate_joints
 from omniservo.looks.certified_move import CertifiedMove, certified_move
 from omniservo.looks.standing import ViewingState
@@ -45,19 +45,24 @@ class NextLook:
     """whether there is expected to be a plan from there"""
 
 
-def next_look(here: ViewingState, plans: Plans, seed: int) -> NextLook | str:
+def next_look(
+    here: ViewingState, plans: Plans, seed: int, failed: Sequence[CertifiedMove] = ()
+) -> NextLook | str:
     """Return the look that is worth most, or why there is none.
 
     Of certified moves to the candidates the one from whose end there is expected to be a plan, that first
     which is expected to make the uncertainty smallest; else that one, where it makes it smaller at all. Ends
-    at which the arm can stand with its tube come first.
+    at which the arm can stand with its tube come first. Moves that ``failed``, whose images gave nothing, are
+    not chosen again, and those that change the view as much come last.
     """
-    samples = structures(here.estimate, seed)
-    middle = here.estimate.points[here.estimate.inliers].mean(axis=0)
+    rows = here.planned_rows
+    samples, middle = structures(here.estimate, seed, rows), here.estimate.points[rows].mean(axis=0)
     before = uncertainty_size(here.estimate)
-    found: list[tuple[bool, float, int, CertifiedMove, ViewingState]] = []
+    found: list[tuple[bool, bool, float, int, CertifiedMove, ViewingState]] = []
     why = ""
     for q in candidate_joints(here.setting, here.start, here.singular_value, middle, seed):
+        if any(np.array_equal(q, other.joints.positions[-1]) for other in failed):
+            continue
         move = certified_move(here.asked, here.setting, samples, (here.start, q), here.mount)
         if isinstance(move, str):
             why = why or move
@@ -68,20 +73,31 @@ def next_look(here: ViewingState, plans: Plans, seed: int) -> NextLook | str:
             why = why or str(error)
             continue
         if there is not None:
-            found.append((not there.is_free, uncertainty_size(there.estimate), len(found), move, there))
+            bold = any(_as_bold(move, other) for other in failed)
+            size = uncertainty_size(there.estimate)
+            found.append((not there.is_free, bold, size, len(found), move, there))
     if not found:
         return f"no move to look again from elsewhere is certified; the first one tried: {why}"
-    found.sort(key=lambda one: one[:3])
-    for _, size, _, move, there in found[:TRIES]:
+    found.sort(key=lambda one: one[:4])
+    for *_, size, _, move, there in found[:TRIES]:
         if _has_plan(plans, there):
             return NextLook(move, size, leads_to_plan=True)
-    _, size, _, move, _ = found[0]
+    *_, size, _, move, _ = found[0]
     if size > (1.0 - LEAST_GAIN) * before:
         return (
             f"none of {len(found)} certified moves is expected to lead to a plan, nor to make what is "
             f"uncertain smaller than {100 * size / before:.0f}% of what it is"
         )
     return NextLook(move, size, leads_to_plan=False)
+
+
+def _as_bold(move: CertifiedMove, other: CertifiedMove) -> bool:
+    """Return whether a move leads the camera as far from its view as another, all but a tenth."""
+    own, others = move.begin_T_end, other.begin_T_end
+    return bool(
+        np.linalg.norm(own.translation) > 0.9 * np.linalg.norm(others.translation)
+        and own.rotation.magnitude() > 0.9 * others.rotation.magnitude()
+    )
 
 
 def _has_plan(plans: Plans, there: ViewingState) -> bool:
@@ -108,16 +124,15 @@ def uncertainty_parts(estimate: TwoViewEstimate) -> tuple[float, float, float]:
     return math.sqrt(place), math.sqrt(turn), math.sqrt(points)
 
 
-def structures(estimate: TwoViewEstimate, seed: int) -> FloatArray:
-    """Return points (k, 3) of structures that an estimate allows, its own first [m].
+def structures(estimate: TwoViewEstimate, seed: int, rows: IntArray) -> FloatArray:
+    """Return points (k, 3) of structures that an estimate allows, its own first [m]; of its ``rows`` (m,).
 
     Along its ray from the camera a point is nearer or farther by a factor, not by a difference: it stays
     before the camera.
     """
-    rows = np.flatnonzero(estimate.inliers)
     own = estimate.points[rows]
     count = max(1, min(STRUCTURES, MOST_POINTS // len(rows) - 1))
-    drawn = estimate.sample(np.random.default_rng([seed, 9]), count).points[:, rows] - own
+    drawn = estimate.sample(np.random.default_rng([seed, 9]), count, rows=rows).points - own
     away = np.linalg.norm(own, axis=1)[:, None]
     ray = own / away
     along = np.sum(drawn * ray, axis=2, keepdims=True)

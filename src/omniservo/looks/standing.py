@@ -12,8 +12,9 @@ from omniservo.estimation import JointUncertainty, TwoViewEstimate
 from omniservo.estimation.arm_views import GOAL, ArmViews, ArmViewsOptimum, with_view
 from omniservo.estimation.estimate_arm_views import estimate_arm_views, estimate_at
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.looks.certified_move import CertifiedMove, mount_room
+from omniservo.looks.followed_points import followed_points, shown_at_ends
 from omniservo.planning import PlanningProblem, widened_evenly
 from omniservo.replanning.frame_change import problem_from
 from omniservo.robots import Tube
@@ -49,9 +50,19 @@ class ViewingState:
         Raises:
             InputError: nothing is left of the image or of the workspace.
         """
-        camera = self.asked.camera if self.optimum is None else self.optimum.camera
-        asked = replace(self.asked, camera=camera, points=self.estimate.points[self.estimate.inliers])
-        return asked if self.tube is None else widened_evenly(asked, self.tube.position, self.tube.image)
+        return self._asked_of(self.estimate.points[self.planned_rows])
+
+    @property
+    def planned_rows(self) -> IntArray:
+        """(m,) the estimate's points that a plan from here follows.
+
+        Raises:
+            InputError: nothing is left of the image or of the workspace.
+        """
+        estimate = self.estimate
+        problem = self._asked_of(estimate.points[estimate.inliers])
+        pixels, _ = problem.camera.project(np.nan_to_num(estimate.points, nan=1.0))
+        return followed_points(estimate, pixels, shown_at_ends(problem, estimate))
 
     @property
     def planned_setting(self) -> ArmSetting:
@@ -150,6 +161,11 @@ class ViewingState:
         """
         inliers = self.estimate.points[self.estimate.inliers]
         return mount_room(pose, self.mount, float(np.linalg.norm(inliers, axis=1).max()))
+
+    def _asked_of(self, points: FloatArray) -> PlanningProblem:
+        camera = self.asked.camera if self.optimum is None else self.optimum.camera
+        asked = replace(self.asked, camera=camera, points=points)
+        return asked if self.tube is None else widened_evenly(asked, self.tube.position, self.tube.image)
 
     def _moved(self, pose: RigidTransform, joints: FloatArray) -> ViewingState:
         """Return the same elsewhere; clearances have room for what the mount makes of obstacles' places."""

@@ -60,7 +60,11 @@ def _share(known: Known) -> str:
 
 
 def _reason(number: int, look: TakenLook) -> str:
-    then = f"then no plan either: {look.after.outcome}" if look.after.outcome else "then there was a plan"
+    if look.nothing:
+        then = f"its image gave nothing: {look.nothing}; the arm went back"
+    else:
+        outcome = look.after.outcome
+        then = f"then no plan either: {outcome}" if outcome else "then there was a plan"
     foreseen = (
         "a plan was expected from there" if look.leads_to_plan else "only less uncertainty was expected"
     )

@@ -83,6 +83,7 @@ _MEANINGS = {
     "replanning_twist_jump": Meaning("Jump of the reference's twist there [m/s or rad/s]", ""),
     "replanning_joint_jump": Meaning("… of its joints' speeds [rad/s]", ""),
     "looks": Meaning("Looks before the plan", ""),
+    "looks_for_nothing": Meaning("… of them gave nothing", ""),
     "looking_again_seconds": Meaning("… time with the simulation of their moves", "s"),
     "looks_motion_seconds": Meaning("… time that their moves took", "s"),
     "looks_computing_seconds": Meaning("… time to choose them and join their images", "s"),

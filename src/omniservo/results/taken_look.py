@@ -51,5 +51,7 @@ class TakenLook:
     after: Known
     image: ByteArray
     """(height, width) that was taken there"""
+    nothing: str = ""
+    """why its image gave nothing, and the arm went back; "": it was joined"""
 
     __repr__ = short_repr

@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import TypeAlias
 
 import numpy as np
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras import UnifiedCamera
-from omniservo.cameras.conversion import unified_image
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate
-from omniservo.estimation.arm_views import (
-    GOAL,
-    ArmViews,
-    ArmViewsOptimum,
-    KnownErrors,
-    LengthPrior,
-    chain_of,
-)
-from omniservo.estimation.estimate_arm_views import estimate_arm_views
-from omniservo.geometry.adjoint import adjoint
-from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.looks import (
+    CertifiedMove,
     NextLook,
     ViewingState,
     next_look,
@@ -36,47 +24,23 @@ from omniservo.looks import (
 )
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
-from omniservo.results import Known, Seen, TakenLook
+from omniservo.results import Known, TakenLook
 from omniservo.risk import RiskPlan, plan_arm_with_risk
 from omniservo.robots import JointPath
+from omniservo.robots.path_following.joint_segment import joint_segment
 from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
 from omniservo.runs.begun_elsewhere import begun_elsewhere
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.feature_kind_of import feature_kind_of
-from omniservo.runs.followed_points import followed_points, shown_at_ends
+from omniservo.runs.followed_of import followed_of
 from omniservo.runs.job_progress import Progress
+from omniservo.runs.joined_views import Job, Joining, Shot
 from omniservo.runs.no_path import NoPath
 from omniservo.runs.plan_task import mount_covariance_of, plan_task, problem_without_tube, risk_of_plan
 from omniservo.runs.see import see
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.whole_arm import plan_with_arm
-
-JOIN_PX = 0.25
-"""Points of two matches are one where they lie as near to each other in the image that both have."""
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """A task that is about to be planned, from where the arm stands."""
-
-    task: Task
-    scene: Scene
-    seen: Seen
-    estimate: TwoViewEstimate
-    followed: IntArray
-
-
-@dataclass(frozen=True, eq=False)
-class Shot:
-    """An image and where it was taken."""
-
-    image: ByteArray
-    joints: FloatArray
-    """(n,) [rad]"""
-    matched: MatchedPoints
-    """with the goal's image"""
-
 
 TakeShot: TypeAlias = Callable[[Task, Scene, JointPath], tuple[float, ByteArray, FloatArray]]
 """Leads the arm along a joint path and takes an image at its end: returns how long the move took [s], the
@@ -101,9 +65,10 @@ class LookingPlanner:
     def __init__(self, job: Job, take: TakeShot, goal: TaughtGoal, seed: int, progress: Progress) -> None:
         self._take_shot, self._goal, self._seed, self._progress = take, goal, seed, progress
         self._kind = feature_kind_of(job.task)
-        self._first = job
+        self._first, self._joining = job, Joining(job, goal)
         self._standing: ViewingState
         self._shots = [Shot(job.seen.initial_image, job.scene.start_joints, job.seen.matched)]
+        self._failed: list[CertifiedMove] = []
         self.job = job
         """as it stands after the looks"""
         self.looks: list[TakenLook] = []
@@ -130,14 +95,15 @@ class LookingPlanner:
                     raise
                 self._tell(refused)
                 begin = perf_counter()
-                self._look_on(refused)
+                while not self._look_on(refused):
+                    pass
                 self.seconds += perf_counter() - begin
             else:
                 self._tell(risk)
                 return plan, risk
 
-    def _look_on(self, refused: NoSolutionError | InputError) -> None:
-        """Take the next look.
+    def _look_on(self, refused: NoSolutionError | InputError) -> bool:
+        """Take the next look, and return whether its image was joined.
 
         Raises:
             NoSolutionError: there is none to take.
@@ -146,22 +112,25 @@ class LookingPlanner:
         if not most or (self.job.task.planning.risk is None and not here.reserve_missing):
             raise refused
         if len(self.looks) >= most:
-            raise self._without(refused, f"after {len(self.looks)} more images") from None
+            raise self._without(
+                refused, f"after {len(self.looks)} more image{'s' if len(self.looks) > 1 else ''}"
+            ) from None
         if here.optimum is None and self._kind.name != "tags":
-            here = self._standing = replace(here, optimum=self._optimum_of_two())
+            here = self._standing = replace(here, optimum=self._joining.optimum_of_two(here, self._shots[0]))
         chosen: NextLook | str = "the two images do not determine what another would tell"
         if here.optimum is not None or self._kind.name == "tags":
-            chosen = next_look(here, self._leads_to_plan, self._seed)
+            chosen = next_look(here, self._leads_to_plan, self._seed, self._failed)
         if isinstance(chosen, str):
             raise self._without(refused, chosen) from None
         if here.optimum is None and not chosen.leads_to_plan:
             raise self._without(refused, "another image tells no more of tags that are known") from None
-        self._take(chosen, begin, _refusal(refused), refused)
+        return self._take(chosen, begin, refused)
 
     def _without(self, refused: NoSolutionError | InputError, why: str) -> NoSolutionError:
         """Return the refusal with what would have to be better."""
         missing = what_is_missing(self._standing, self._leads_to_plan) if self._is_at_risk else ""
-        words = f"{refused}; {why}{'; ' if missing else ''}{missing}"
+        failed = [f"look {i}: {look.nothing}" for i, look in enumerate(self.looks, start=1) if look.nothing]
+        words = "; ".join(filter(None, [str(refused), *failed, why, missing]))
         if isinstance(refused, NoPath):
             refused.args = (words,)
             return refused
@@ -176,40 +145,44 @@ class LookingPlanner:
         estimate, task = there.estimate, self.job.task
         if estimate.initial_T_goal is None:
             return False
-        pixels, _ = task.camera.project(np.nan_to_num(estimate.points, nan=1.0))
-        followed = followed_points(estimate, pixels, shown_at_ends(task, estimate))
-        problem, setting = there.problem, there.planned_setting
+        problem, setting, followed = there.problem, there.planned_setting, there.planned_rows
         if task.planning.risk is None:
-            problem = replace(
-                problem, points=estimate.points[followed], initial_T_goal=estimate.initial_T_goal
-            )
+            problem = replace(problem, initial_T_goal=estimate.initial_T_goal)
             return plan_with_arm(problem, setting, seed=self._seed).certified
         return plan_arm_with_risk(
             problem, setting, estimate, risk=risk_of_plan(task), points=followed, seed=self._seed,
             mount_covariance=_in_flange(there.mount, setting.flange_T_camera),
         ).ok  # fmt: skip
 
-    def _take(
-        self, chosen: NextLook, begin: float, outcome: str, refused: NoSolutionError | InputError
-    ) -> None:
-        """Move, look, and join what is seen."""
-        number, here = len(self.looks) + 1, self._standing
+    def _take(self, chosen: NextLook, begin: float, refused: NoSolutionError | InputError) -> bool:
+        """Move, look, and join what is seen; return whether that can be. If not, the arm goes back."""
+        here, move, nothing = self._standing, chosen.move, ""
         self._progress("looking again", 0.0)
-        before = _known(here.estimate, _risk_of(refused), outcome)
+        before = _known(here.estimate, _risk_of(refused), _refusal(refused))
+        size = uncertainty_size(here.estimate)
         computing = perf_counter() - begin
-        took, image, joints = self._take_shot(self.job.task, self.job.scene, chosen.move.joints)
+        scene = self.job.scene
+        took, image, joints = self._take_shot(self.job.task, scene, move.joints)
         begin = perf_counter()
         try:
             self._join(image, joints)
         except NoSolutionError as error:
-            raise NoSolutionError(f"{refused}; look {number}: {error}") from None
-        move, size = chosen.move, uncertainty_size(here.estimate)
+            nothing = str(error)
+        computing += perf_counter() - begin
+        if nothing:
+            # the same line from its end: it is proven as a whole, whichever way it is followed
+            line = move.joints.positions
+            back = joint_segment(scene.arm, line[-1], line[0], scene.flange_T_camera)
+            took += self._take_shot(self.job.task, scene, back)[0]
+            self._failed.append(move)
+        else:
+            self._failed.clear()
         self.looks.append(
             TakenLook(
                 moved_m=float(np.linalg.norm(move.begin_T_end.translation)),
                 turned_rad=float(move.begin_T_end.rotation.magnitude()),
                 motion_seconds=took,
-                computing_seconds=computing + perf_counter() - begin,
+                computing_seconds=computing,
                 clearance_m=move.clearance.proven,
                 expected=chosen.size / size,
                 gained=uncertainty_size(self._standing.estimate) / size,
@@ -217,8 +190,10 @@ class LookingPlanner:
                 before=before,
                 after=before,
                 image=image,
+                nothing=nothing,
             )
         )
+        return not nothing
 
     def _tell(self, came: NoSolutionError | InputError | RiskPlan | None) -> None:
         """Note what planning came to after the last look."""
@@ -247,14 +222,13 @@ class LookingPlanner:
             standing = _standing_of(Job(task, scene, seen, estimate, job.followed))
         else:
             joined = [self._matched(image, shot) for shot in self._shots]
-            views, points = self._views(seen.matched, joints, joined)
+            views, points = self._joining.views(here, self._shots, Shot(image, joints, seen.matched), joined)
             standing = here.after(joints, views, points)
             standing = replace(
                 _standing_of(Job(task, scene, seen, standing.estimate, job.followed)),
                 optimum=standing.optimum,
             )
-        shown = shown_at_ends(task, standing.estimate)
-        followed = followed_points(standing.estimate, seen.matched.initial, shown)
+        followed = followed_of(task, standing.estimate, seen.matched.initial)
         self.job = Job(task, scene, seen, standing.estimate, followed)
         self._standing = standing
         self._shots.insert(0, Shot(image, joints, seen.matched))
@@ -265,97 +239,6 @@ class LookingPlanner:
             return self._kind.match(self._first.task.camera, image, shot.image)
         except (InputError, NoSolutionError):
             return None
-
-    def _views(
-        self, matched: MatchedPoints, joints: FloatArray, joined: Sequence[MatchedPoints | None]
-    ) -> tuple[ArmViews, FloatArray]:
-        """Return all views of the points of the new match, and where those were that were known (n, 3)."""
-        n, shots = len(matched), self._shots
-        views, points = 2 + len(shots), np.full((n, 3), np.nan)
-        pixels, seen = np.zeros((views, n, 2)), np.zeros((views, n), dtype=np.bool_)
-        guess = self._standing.estimate.noise_px
-        noise = np.full((views, n), guess)
-        pixels[0], pixels[GOAL], seen[:2] = matched.initial, matched.goal, True
-        if matched.noise is not None:
-            noise[:2] = matched.noise.T
-        names = np.full((len(shots), n), -1)
-        for i, (shot, match) in enumerate(zip(shots, joined, strict=True)):
-            if match is None:
-                continue
-            rows, own = _same(matched.initial, match.initial)
-            pixels[2 + i, rows], seen[2 + i, rows] = match.goal[own], True
-            if match.noise is not None:
-                noise[2 + i, rows] = match.noise[own, 1]
-            known, there = _same(match.goal[own], shot.matched.initial)
-            names[i, rows[known]] = there
-        newest = np.flatnonzero(names[0] >= 0)
-        estimate = self._standing.estimate
-        of_newest = names[0, newest]
-        inliers = estimate.inliers[of_newest]
-        points[newest[inliers]] = estimate.points[of_newest[inliers]]
-        first = None if joined[-1] is None else names[-1]
-        known_errors = self._known_errors(joints, first)
-        here, base = self.job.scene, [joints, *(shot.joints for shot in shots)]
-        poses = [here.arm.base_T_flange(q) * here.flange_T_camera for q in base]
-        reached = chain_of(poses[0], [None, *poses[1:]])
-        return ArmViews(
-            *_unified(self._first.task, pixels, seen, noise), reached, known_errors,
-            is_guess=matched.noise is None, windows=matched.window,
-        ), points  # fmt: skip
-
-    def _known_errors(self, joints: FloatArray, first: IntArray | None) -> KnownErrors:
-        """Return what is known of mount and scale; ``first`` (n,): each point's row in the first match."""
-        scale, scene, mount = self._first.task.scale, self._first.scene, self._standing.mount
-        length = None
-        if scale.odometry and self._goal.joints is not None:
-            here, there = (
-                scene.arm.base_T_flange(q) * scene.flange_T_camera for q in (joints, self._goal.joints)
-            )
-            way = here.inv() * there
-            square = float(way.translation @ way.translation)
-            slopes = np.eye(6) - adjoint(way.inv())
-            by_mount = way.translation @ way.rotation.as_matrix() @ slopes[:3] / square
-            length = LengthPrior(float(np.sqrt(square)), scale.sigma, by_mount=by_mount)
-        elif scale.displacement is not None and first is not None:
-            length = LengthPrior(scale.displacement, scale.sigma, since=1 + len(self._shots))
-        elif scale.known_length is not None and first is not None:
-            rows = [np.flatnonzero(first == dot) for dot in scale.known_length.dots]
-            if all(len(row) for row in rows):
-                pair = int(rows[0][0]), int(rows[1][0])
-                length = LengthPrior(scale.known_length.length, scale.sigma, rows=pair)
-        return KnownErrors(mount, None, length)
-
-    def _optimum_of_two(self) -> ArmViewsOptimum | None:
-        """Return how the first two images say what they say, to foretell what another one would."""
-        job = self.job
-        matched, n = job.seen.matched, len(job.seen.matched)
-        noise = np.full((2, n), job.estimate.noise_px) if matched.noise is None else matched.noise.T.copy()
-        task, start = job.task, job.scene.start_joints
-        scale, length = task.scale, None
-        if scale.known_length is not None:
-            i, j = scale.known_length.dots
-            length = LengthPrior(scale.known_length.length, scale.sigma, rows=(i, j))
-        elif scale.displacement is not None:
-            length = LengthPrior(scale.displacement, scale.sigma)
-        else:
-            length = self._known_errors(start, None).length
-        pixels, seen = np.stack((matched.initial, matched.goal)), np.ones((2, n), dtype=np.bool_)
-        views = ArmViews(
-            *_unified(task, pixels, seen, noise), (RigidTransform.identity(), None),
-            KnownErrors(self._standing.mount, None, length),
-            is_guess=matched.noise is None, windows=matched.window,
-        )  # fmt: skip
-        return estimate_arm_views(views, job.estimate)[1]
-
-
-def _unified(
-    task: Task, pixels: FloatArray, seen: BoolArray, noise: FloatArray
-) -> tuple[UnifiedCamera, FloatArray, BoolArray, FloatArray]:
-    """Return camera, pixels (v, n, 2), which are seen, and noise (v, n), in the unified image."""
-    image = unified_image(task.camera)
-    carried = image.carried(pixels)
-    seen = seen & np.isfinite(carried).all(axis=2)
-    return image.camera, np.where(seen[..., None], carried, 0.0), seen, noise * image.scale(pixels)
 
 
 def _standing_of(job: Job) -> ViewingState:
@@ -379,15 +262,6 @@ def _in_flange(mount: FloatArray | None, flange_T_camera: RigidTransform) -> Flo
     to_flange = np.eye(6)
     to_flange[:3, :3] = flange_T_camera.rotation.as_matrix()
     return np.asarray(to_flange @ mount @ to_flange.T)
-
-
-def _same(pixels: FloatArray, others: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return rows (k,) of pixels (n, 2) and of others (m, 2) that are the same points of one image."""
-    if not len(pixels) or not len(others):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    distances, rows = cKDTree(others).query(pixels)
-    same = np.flatnonzero(distances <= JOIN_PX)
-    return same, np.asarray(rows)[same]
 
 
 def _risk_of(refused: object) -> RiskPlan | None:

@@ -12,8 +12,9 @@ from omniservo.perception import FeatureKind
 from omniservo.planning import Plan
 from omniservo.risk import RiskPlan
 from omniservo.runs.estimate_task import estimate_task
-from omniservo.runs.followed_points import followed_points, shown_at_ends
-from omniservo.runs.look_again import Job, LookingPlanner
+from omniservo.runs.followed_of import followed_of
+from omniservo.runs.joined_views import Job
+from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.pace import pace
 from omniservo.runs.plan_task import plan_task
 from omniservo.runs.see import see
@@ -44,7 +45,7 @@ def first_job(
     """
     seen = timed("perception", seconds, lambda: see(kind, task.camera, image, goal.image))
     estimate = timed("estimation", seconds, lambda: estimate_task(task, scene, seen, goal, joints))
-    followed = followed_points(estimate, seen.matched.initial, shown_at_ends(task, estimate))
+    followed = followed_of(task, estimate, seen.matched.initial)
     return Job(task, scene, seen, estimate, followed)
 
 

@@ -26,7 +26,8 @@ from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.job_progress import Progress
 from omniservo.runs.job_recording import REFUSED, pose_numbers
-from omniservo.runs.look_again import Job, LookingPlanner
+from omniservo.runs.joined_views import Job
+from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.moves import Moves
 from omniservo.runs.planned_job import first_job, planned_job
 from omniservo.runs.recorded_job import RecordedJob, steps_left

@@ -289,6 +289,7 @@ def _look_metrics(result: RunResult) -> dict[str, object]:
     first, last = result.looks[0].before, result.looks[-1].after
     return {
         "looks": len(result.looks),
+        "looks_for_nothing": sum(bool(look.nothing) for look in result.looks),
         "looks_motion_seconds": sum(look.motion_seconds for look in result.looks),
         "looks_computing_seconds": sum(look.computing_seconds for look in result.looks),
         "goal_sigma_before_looks_m": first.goal_m,

@@ -6,8 +6,7 @@ import numpy as np
 
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.runs.plan_task import problem_of
-from omniservo.tasks import Task
+from omniservo.planning import PlanningProblem
 
 MOST_POINTS = 40
 """More add little to the control and all must stay in view."""
@@ -37,26 +36,37 @@ def followed_points(
     members = np.flatnonzero(estimate.inliers)
     if shown is not None and np.count_nonzero(shown[members]) >= ENOUGH:
         members = members[shown[members]]
-    if len(members) <= MOST_POINTS:
+    return spread_rows(estimate, pixels, members, MOST_POINTS)
+
+
+def spread_rows(estimate: TwoViewEstimate, pixels: FloatArray, members: IntArray, most: int) -> IntArray:
+    """Return at most so many of the rows ``members``, ascending: well known, and spread over the image.
+
+    Args:
+        estimate: of the points.
+        pixels: (n, 2) where the image shows them [px].
+        members: (k,) rows to choose from.
+        most: so many are chosen; where there are no more, they are all.
+    """
+    if len(members) <= most:
         return members
     spread = np.trace(estimate.points_covariance[members], axis1=1, axis2=2)
     distance = np.linalg.norm(estimate.points[members], axis=1)
     order = np.argsort(spread / distance**2)
-    members = members[order[: max(MOST_POINTS, int(WELL_KNOWN * len(members)))]]
+    members = members[order[: max(most, int(WELL_KNOWN * len(members)))]]
     chosen = [int(members[0])]
     gaps = np.linalg.norm(pixels[members] - pixels[chosen[0]], axis=1)
-    while len(chosen) < MOST_POINTS:
+    while len(chosen) < most:
         chosen.append(int(members[np.argmax(gaps)]))
         gaps = np.minimum(gaps, np.linalg.norm(pixels[members] - pixels[chosen[-1]], axis=1))
     return np.sort(np.array(chosen))
 
 
-def shown_at_ends(task: Task, estimate: TwoViewEstimate) -> BoolArray:
-    """Return which points (n,) lie inside the image's cones, with the task's whole margin, at both ends."""
+def shown_at_ends(problem: PlanningProblem, estimate: TwoViewEstimate) -> BoolArray:
+    """Return which points (n,) lie inside the image's cones, with a problem's whole margin, at both ends."""
     pose, points = estimate.initial_T_goal, estimate.points
     if pose is None:
         return np.zeros(len(points), dtype=np.bool_)
-    problem = problem_of(task, pose, points[estimate.inliers])
     limits = problem.camera.image_limits(problem.image_margin)
     shown = np.ones(len(points), dtype=np.bool_)
     for seen in (points, pose.inv().apply(points)):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import preset
 from omniservo.cameras.conversion import to_unified
 from omniservo.estimation import estimate_two_view
-from omniservo.runs.followed_points import ENOUGH, MOST_POINTS, followed_points, shown_at_ends
+from omniservo.looks.followed_points import ENOUGH, MOST_POINTS, followed_points, shown_at_ends
 from omniservo.runs.plan_task import problem_of
 from omniservo.tasks import load_task
 
@@ -70,8 +70,8 @@ def test_the_points_shown_at_both_ends_keep_the_margin_and_what_a_conversion_lea
     points = np.column_stack([np.linspace(-0.4, 0.4, 400), np.zeros(400), np.full(400, 0.55)])
     pose = RigidTransform.from_translation([0.02, 0.0, 0.0])
     estimate = replace(many[1], initial_T_goal=pose, points=points, inliers=np.ones(400, dtype=bool))
-    shown = shown_at_ends(task, estimate)
-    margin = problem_of(task, pose, points).image_margin
+    problem = problem_of(task, pose, points)
+    shown, margin = shown_at_ends(problem, estimate), problem.image_margin
     assert margin > task.planning.visibility_margin + 1.0
     u = np.stack([unified.project(p)[0][:, 0] for p in (points, pose.inv().apply(points))])
     left = np.minimum(u + 0.5, unified.width - 0.5 - u).min(axis=0) - margin
