@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from omniservo.runs.recorded_job import RecordedJob, steps_left
 from omniservo.runs.recorded_robot import RecordedRobot, RecordingEnds
 from omniservo.runs.replanner_of import replanner_of
 from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.safety import Controller, Step, Supervisor, VisibilityFilter, servo
+from omniservo.safety import Controller, Step, VisibilityFilter, servo
 from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
@@ -188,7 +188,7 @@ class _Replayed:
                 replanner.look(step.time)
 
         stop = servo(
-            cast(Supervisor, robot),
+            robot,
             controller,
             tracker,
             VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),
