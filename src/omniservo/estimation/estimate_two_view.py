@@ -316,8 +316,7 @@ def _with_pose(
         response = linear_response(*arrays, seen, *solution, length.between)
         own = None if shares is None else linear_response(*arrays, seen * shares, *solution, length.between)
         alone = response if own is None else own
-        together = known if matches.noise_px > 0.0 else known.in_common(members.size)
-        sigmas = known, together.shared_by(alone.motion, members, request.windows_of(fit.members))
+        sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
         both = Responses(response, alone)
         return two_view_uncertainty(members, rivals, both, solution, *sigmas, length, lens)
 
