@@ -25,6 +25,7 @@ from omniservo.estimation.outside_domain import among_all, in_domain
 from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
 from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
+from omniservo.estimation.robust.rival_motions import with_rivals
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
 from omniservo.estimation.robust.vouched_fit import vouched_fit
 from omniservo.estimation.status.evidence import is_only_noisier, judge
@@ -226,6 +227,11 @@ def _estimate_general(
         return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
+    if status == "ok" and not by_squares:
+        wider = with_rivals(matches, fit, request.kind, robust)
+        if wider is not fit:
+            fit = wider
+            status, words = judge(fit, matches, robust, error_px)
     vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust and not by_squares else fit
     if vouched is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree and vouch for each other"

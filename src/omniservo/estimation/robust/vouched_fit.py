@@ -18,7 +18,7 @@ import numpy as np
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_row, tangent_plane
-from omniservo.estimation.refinement.motion_search import FEW_POINTS, LEAST_NOISE_PX
+from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, THING, TwoViewFit, fit_members
 from omniservo.geometry.arrays import BoolArray, FloatArray
@@ -38,14 +38,17 @@ BESIDE = THING - 1
 def vouched_fit(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit | None:
     """Return the fit to the members that agree with the others; None: fewer than eight are left.
 
-    Only where wrong matches were found among few: of many, hardly one is decisive.
+    Only where wrong matches were found. One of many may be decisive, too: where its rays meet close to a
+    camera the motion of all others is nearly free to bend to it.
     """
-    while matches.size <= FEW_POINTS and fit.minima and not fit.members.all():
+    while fit.minima and not fit.members.all():
         inside, best = int(fit.members.sum()), fit.minima[0]
         if inside < EIGHT_POINTS:
             return None
         distances, shares = np.empty(inside), np.empty(inside)
         if not leverages(matches.where(fit.members), best.rotation, best.translation, distances, shares):
+            return fit
+        if shares.max() <= DECISIVE:
             return fit
         sigma = max(math.sqrt(fit.cost / (inside - MOTION_PARAMETERS)), matches.noise_px, LEAST_NOISE_PX)
         spread = sigma / np.sqrt(1.0 - shares)
@@ -54,7 +57,7 @@ def vouched_fit(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit | No
         extent = max(float(np.hypot(*np.ptp(matches.pixels[:, 2:], axis=0))), 1.0)
         odds = odds_beside(matches, fit.members)[fit.members] / (extent * np.maximum(density, 1e-300))
         worst = int(np.argmax(np.where(shares > DECISIVE, odds, 0.0)))
-        if shares[worst] <= DECISIVE or odds[worst] <= DOUBTFUL:
+        if odds[worst] <= DOUBTFUL:
             return fit
         members, essential = fit.members.copy(), np.empty((3, 3))
         members[np.flatnonzero(members)[worst]] = False

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.minimal_solvers.essential_matrix import mark_in_front
+from omniservo.estimation.minimal_solvers.essential_matrix import ray_distances
 from omniservo.estimation.refinement.epipolar_refinement import (
     accumulate_distances,
     essential_matrix,
@@ -25,6 +25,7 @@ from omniservo.estimation.refinement.epipolar_refinement import (
     tangent_plane,
 )
 from omniservo.estimation.refinement.motion_search import Minimum
+from omniservo.estimation.robust.members import GATE
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -156,7 +157,7 @@ def walk_to_tips(
         return np.empty((0, 3, 3)), np.empty((0, 3))
     for k in range(ways.shape[0]):
         rotations[k], translations[k] = rotation, translation
-        _walk(bearings, jacobians, ways[k], cost, room, rotations[k], translations[k])
+        _walk(bearings, jacobians, ways[k], cost, room, quantile, rotations[k], translations[k])
     return rotations, translations
 
 
@@ -187,6 +188,28 @@ def _along(way: FloatArray, tangents: FloatArray, step: FloatArray) -> None:
         step[3 + i] = tangents[i, 0] * way[0] + tangents[i, 1] * way[1] + tangents[i, 2] * way[2]
 
 
+@leaf
+def _is_behind(
+    bearings: FloatArray,
+    jacobians: FloatArray,
+    j: int,
+    rotation: FloatArray,
+    translation: FloatArray,
+    reach: float,
+) -> bool:
+    """Tell whether match ``j``'s rays meet behind a camera and are no parallels within ``reach`` px."""
+    first, second = ray_distances(bearings, j, rotation, translation)
+    if 0.0 < first < math.inf and 0.0 < second < math.inf:
+        return False
+    b, along, square = bearings[j], 0.0, 0.0
+    for i in range(3):
+        along += b[i] * (rotation[i, 0] * b[3] + rotation[i, 1] * b[4] + rotation[i, 2] * b[5])
+    for i in range(jacobians.shape[1]):
+        square += jacobians[j, i] * jacobians[j, i]
+    # Σ jacobian² is the variance of both coordinates of the angle for pixels' of one.
+    return along < 0.0 or 1.0 - along * along > 0.5 * reach * reach * square
+
+
 @kernel
 def _walk(
     bearings: FloatArray,
@@ -194,18 +217,20 @@ def _walk(
     way: FloatArray,
     cost: float,
     room: float,
+    quantile: float,
     rotation: FloatArray,
     translation: FloatArray,
 ) -> None:
     """Move the motion to where ``way`` is largest on the border of the region.
 
     Every step maximises way·s under the model S + 2g·s + sᵀHs ≤ border, and the border grows from step to
-    step: the walk follows a valley that bends. It ends early where a point would go behind a camera.
+    step: the walk follows a valley that bends. It ends early where a point would go behind a camera, by more
+    than a point at infinity with noise.
     """
     normal, gradient, tangents = np.empty((5, 5)), np.empty(5), np.empty((2, 3))
     essential, trial_r, trial_t = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     ahead, back, along = np.empty(5), np.empty(5), np.empty(5)
-    in_front = np.empty(bearings.shape[0], dtype=np.bool_)
+    reach = GATE * math.sqrt(room / quantile)
     for k in range(STEPS):
         part = min(1.0, (k + 1.0) / (STEPS - 2.0))
         tangent_plane(translation, tangents)
@@ -234,7 +259,7 @@ def _walk(
         for i in range(5):
             ahead[i] *= shorter
         move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
-        mark_in_front(bearings, trial_r, trial_t, in_front)
-        if not in_front.all():
-            return
+        for j in range(bearings.shape[0]):
+            if _is_behind(bearings, jacobians, j, trial_r, trial_t, reach):
+                return
         rotation[:, :], translation[:] = trial_r, trial_t

@@ -14,6 +14,7 @@ from omniservo.cameras.conversion import UnifiedImage
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
 from omniservo.estimation.refinement.motion_search import Minimum
+from omniservo.estimation.robust.members import PRIOR_NOISE_PX
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
 from omniservo.estimation.uncertainty.first_order import LinearResponse
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
@@ -41,11 +42,25 @@ class Noise(NamedTuple):
             return cls(weighted / freedom, float(freedom))
         return cls(stated**2, math.inf)
 
+    def in_common(self, members: Matches) -> Noise:
+        """Return the noise of the motion; more than this one where nothing is stated of the matches'.
+
+        Pixels are found to `PRIOR_NOISE_PX`. What residuals leave beyond that, and chance does not explain,
+        need not be noise of each match by itself: matches that a motion bends to, of something that moved,
+        err together. So it is taken not to fall with the number of matches.
+        """
+        if members.noise_px > 0.0 or math.isinf(self.freedom):
+            return self
+        usual = PRIOR_NOISE_PX**2 * float(chdtri(self.freedom, PROBABLE)) / self.freedom
+        return self._replace(variance=self.variance + members.size * max(self.variance - usual, 0.0))
+
     def shared_by(self, response: FloatArray, members: Matches, windows: FloatArray | None) -> Noise:
         """Return the noise of the motion, whose matches share errors; see `shared_error_factor`."""
+        noise = self.in_common(members)
         if windows is None:
-            return self
-        return self._replace(variance=self.variance * shared_error_factor(response, members.pixels, windows))
+            return noise
+        factor = shared_error_factor(response, members.pixels, windows)
+        return noise._replace(variance=noise.variance * factor)
 
 
 class ScaleLength(NamedTuple):
