@@ -260,7 +260,7 @@ def test_images_that_are_broken_are_passed_over():
         ),
         (b"SSH-2.0-OpenSSH\r\n", [], "answers, but not by HTTP"),
         (HEAD, [], "no frame in 2 s: the camera closed the connection"),
-        (HEAD, [b"--cut\r\nContent-Length: 5\r\n\r\nabcde\r\n"], "30 images in a row that are no JPEG"),
+        (HEAD, [30 * b"--cut\r\nContent-Length: 5\r\n\r\nabcde\r\n"], "30 images in a row that are no JPEG"),
         (HEAD, [b"--cut\r\nContent-Length: 99999999999\r\n\r\n"], "an image of 99999999999 bytes"),
         (HEAD, [bytes(20000)], "no boundary in 16384 bytes"),
     ],
