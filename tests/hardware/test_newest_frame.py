@@ -1,4 +1,4 @@
-"""The newest frame of any reader: never an older one, and what becomes of stamps that are none and of failures."""
+"""The newest frame of any reader: never an older one; what becomes of wrong stamps and of failures."""
 
 import time
 from threading import Event
@@ -13,7 +13,7 @@ from omniservo.hardware.camera_sources.frame_reader import Frame, FrameLoss, Sta
 
 
 class BeatingReader:
-    """Frames at 50 Hz; the stamp is their instant plus `shift`, which may be set, their value their number."""
+    """Frames at 50 Hz, stamped with their instant plus `shift`, which may be set."""
 
     def __init__(self, clock=StampClock.SENDER, is_live=True):
         self.clock, self.is_live, self.shift, self.count, self.failure = clock, is_live, 0.0, 0, None
@@ -26,9 +26,7 @@ class BeatingReader:
             raise FrameLoss("closed")
         if self.failure is not None:
             raise self.failure
-        return Frame(
-            np.full((2, 2), self.count % 256, np.uint8), due + self.shift, max(due, time.monotonic())
-        )
+        return Frame(np.zeros((2, 2), np.uint8), due + self.shift, max(due, time.monotonic()))
 
     def hang_up(self):
         self.ended.set()

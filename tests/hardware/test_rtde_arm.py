@@ -183,7 +183,7 @@ def test_closing_stops_the_arm_and_ends_the_program(stand_in, speeds):
     arm.close()
     wait_for(lambda: not stand_in.program_runs)
     assert np.array_equal(stand_in.arm.speeds, np.zeros(6))
-    with pytest.raises(ConnectionLost, match="closed"):
+    with pytest.raises(ConnectionLost, match=": closed$"):
         arm.read()
 
 
