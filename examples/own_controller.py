@@ -20,7 +20,7 @@ WATCHDOG = 0.2  # [s]
 def start() -> tuple[str, int]:
     """Wait for one client in a thread, and return host and port."""
     server = socket.create_server(("127.0.0.1", 0))
-    threading.Thread(target=control, args=(server,), daemon=True).start()
+    threading.Thread(target=control, args=(server,)).start()
     return server.getsockname()
 
 

@@ -4,6 +4,7 @@ import base64
 import socket
 import time
 from itertools import pairwise
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from tests.hardware.wall_clock_camera import WallClockCamera, exposed, written
 from omniservo.errors import InputError, InvalidData
 from omniservo.hardware import LinkFaults
 from omniservo.hardware.camera_sources import open_camera
-from omniservo.hardware.camera_sources.mjpeg_reader import decoded
+from omniservo.hardware.camera_sources.mjpeg_reader import MjpegReader, decoded
 from omniservo.hardware.camera_sources.mjpeg_server import MjpegServer
 from omniservo.hardware.listener import Listener
 from omniservo.robots import CameraSource
@@ -48,6 +49,17 @@ def test_every_image_says_when_it_was_exposed():
     assert all(a.time < b.time for a, b in pairwise(found))
     assert found[-1].time <= now
     assert all(0.0 < image.time_sigma < 0.1 for image in found)
+
+
+def test_the_servers_clock_is_off_and_drifts_as_its_faults_say():
+    with MjpegServer(WallClockCamera(), faults=LinkFaults(clock_offset=-100.0, drift_ppm=1e4)) as server:
+        begin = time.monotonic()
+        reader = MjpegReader(urlsplit(server.url), PATIENCE)
+        for _ in range(30):
+            frame = reader.read()
+            off = frame.stamp - exposed(frame.pixels) + 100.0
+            assert off == pytest.approx(0.01 * (exposed(frame.pixels) - begin), abs=0.002)
+        reader.close()
 
 
 def test_without_stamps_the_arrival_counts_and_that_is_said():
@@ -260,7 +272,7 @@ def test_images_that_are_broken_are_passed_over():
         ),
         (b"SSH-2.0-OpenSSH\r\n", [], "answers, but not by HTTP"),
         (HEAD, [], "no frame in 2 s: the camera closed the connection"),
-        (HEAD, [b"--cut\r\nContent-Length: 5\r\n\r\nabcde\r\n"], "30 images in a row that are no JPEG"),
+        (HEAD, [30 * b"--cut\r\nContent-Length: 5\r\n\r\nabcde\r\n"], "30 images in a row that are no JPEG"),
         (HEAD, [b"--cut\r\nContent-Length: 99999999999\r\n\r\n"], "an image of 99999999999 bytes"),
         (HEAD, [bytes(20000)], "no boundary in 16384 bytes"),
     ],
@@ -285,7 +297,7 @@ def test_jpegs_that_claim_too_many_pixels_are_not_decoded():
     content = bytearray(jpeg(written(5)))
     assert decoded(bytes(content)).shape == (48, 640)
     place = content.index(b"\xff\xc0") + 5
-    content[place : place + 4] = b"\xff\xff\xff\xff"
+    content[place : place + 4] = b"\x1f\x40\x1f\x40"  # 8000 × 8000
     assert decoded(bytes(content)) is None
     assert decoded(b"") is None
     assert decoded(jpeg(written(5))[:40]) is None

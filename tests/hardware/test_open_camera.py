@@ -17,9 +17,12 @@ from omniservo.hardware.camera_sources.opencv_reader import OpencvReader, grey
 
 @pytest.fixture
 def folder(tmp_path):
+    cv2.imwrite(str(tmp_path / "0.png"), written(9))
+    images = tmp_path / "images"
+    images.mkdir()
     for k in range(5):
-        cv2.imwrite(str(tmp_path / f"{k}.png"), written(k))
-    return tmp_path
+        cv2.imwrite(str(images / f"{k}.png"), written(k))
+    return images
 
 
 def numbers_and_times(camera, last):

@@ -183,7 +183,7 @@ def test_closing_stops_the_arm_and_ends_the_program(stand_in, speeds):
     arm.close()
     wait_for(lambda: not stand_in.program_runs)
     assert np.array_equal(stand_in.arm.speeds, np.zeros(6))
-    with pytest.raises(ConnectionLost, match="closed"):
+    with pytest.raises(ConnectionLost, match=": closed$"):
         arm.read()
 
 
@@ -271,8 +271,9 @@ def test_the_controllers_clock_is_mapped_to_ours():
         arm = opened(stand_in)
         try:
             arm.command(SPEEDS)
-            wait_for(lambda: stand_in._arm.speeds.any())
-            begin = stand_in._arm.time - stand_in._arm.joints[0] / SPEEDS[0]
+            wait_for(lambda: arm.read().joint_velocities.any(), lambda: arm.command(SPEEDS))
+            true = stand_in._arm.read()
+            begin = true.time - true.joint_positions[0] / SPEEDS[0]
             states = [arm.read()]
             while states[-1].time < states[0].time + 0.5:
                 arm.command(SPEEDS)

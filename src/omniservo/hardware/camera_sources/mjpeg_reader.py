@@ -17,13 +17,15 @@ import numpy as np
 from PIL import Image
 
 from omniservo.errors import spelled
-from omniservo.files.image_files import MOST_PIXELS
 from omniservo.geometry.arrays import ByteArray
 from omniservo.hardware.camera_sources.frame_reader import Frame, FrameLoss, StampClock
 from omniservo.hardware.camera_sources.multipart import MultipartError, MultipartParser, boundary_of
 
 SILENCE = 5.0
 """A camera that sends nothing for so long is lost [s]."""
+
+MOST_PIXELS = 50_000_000
+"""Larger images are not decoded; Pillow, which reads their size, warns of larger ones yet."""
 
 MOST_BROKEN = 30
 """So many images in a row that cannot be decoded are a loss."""

@@ -137,7 +137,6 @@ class NewestFrame:
             self._fault = type(error)(f"{self.name}: {error}")
         except Exception as error:  # whatever it was: without this thread there are no frames
             self._fault = InvalidData(f"{self.name}: {error!r}")
-            raise
 
     def _open_again(self) -> None:
         self._reader.close()

@@ -235,7 +235,6 @@ class RtdeArm:
             self._fault = ConnectionLost(f"{self._stream.where}: {error}")
         except Exception as error:  # whatever it was: without this thread nothing is known of the arm
             self._fault = ConnectionLost(f"{self._stream.where}: {error!r}")
-            raise
 
     def _take_in(self, body: bytes, arrival: float) -> None:
         values = dict(zip(OUTPUTS, self._outputs.unpack(body), strict=True))
