@@ -83,6 +83,11 @@ class RecordedRobot:
         self._last = time
         return CameraImage(time, pixels_of(f"{self._job.run.path}: {topics.IMAGE}", shown))
 
+    @property
+    def time(self) -> float:
+        """Of the last reading [s]."""
+        return self._state.time
+
     def read(self) -> RobotState:
         """Return the joints at the step."""
         states = [e for e in self._later if e.topic == topics.JOINT_STATES]
