@@ -201,7 +201,7 @@ def test_targets_beyond_ninety_degrees_are_certified():
 
 
 def test_a_constraint_that_is_just_met_is_undecided_and_not_certified():
-    """ViewingState exactly at the clearance: neither proven nor refuted."""
+    """Standing exactly at the clearance: neither proven nor refuted."""
     goal = RigidTransform.from_components([0.0, 0.25, 0.0], Rotation.identity())
     problem = PlanningProblem(
         preset("fe185"), [[0.0, 0.1, 1.0]], goal, (Sphere([0.5, 0.125, 0.0]),), clearance=0.5

@@ -17,8 +17,10 @@ MOST_LINES = 60
 def run(name, folder):
     """Return what the script prints; it starts in an empty folder, and pytest lets no warning pass."""
     out, err = io.StringIO(), io.StringIO()
-    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+    with pytest.MonkeyPatch.context() as patch, contextlib.chdir(folder):
+        patch.syspath_prepend(str(FOLDER))  # where Python itself would have it
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
     assert err.getvalue() == ""
     return out.getvalue()
 

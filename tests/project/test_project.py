@@ -81,7 +81,7 @@ MOVED = [
         for n in ("Ball", "Dots", "Panel", "Scene", "SceneBox", "Sensor", "scene_of_task")
     ),
     ("omniservo.perception", "Tags", "omniservo.perception", "FoundTags"),
-    ("omniservo.looks", "ViewingState", "omniservo.looks", "ViewingState"),
+    ("omniservo.looks", "Standing", "omniservo.looks", "ViewingState"),
 ]
 
 

@@ -21,7 +21,7 @@ class ArmOpener:
     """A class or function of a module, and its arguments by name.
 
     Raises:
-        InputError: another process could not be told of it.
+        InputError: it cannot be sent to another process.
     """
 
     call: Callable[..., ArmDriver]
@@ -68,7 +68,7 @@ class ArmOpener:
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class DriveSetup:
-    """What the drive process is told when it begins."""
+    """What the drive process is given when it begins."""
 
     opener: ArmOpener
     """opens the arm's driver"""

@@ -152,7 +152,7 @@ class DriveClient:
         return ConnectionLost("the drive process is gone") if gone else None
 
     def enable(self) -> None:
-        """Prove that commands reach the arm, and be ready for motion; images are looked at meanwhile.
+        """Prove that commands reach the arm, and be ready for motion; images are read meanwhile.
 
         Raises:
             ServoStop: the arm does not stand by what it is sent, or the robot was stopped before.
@@ -178,7 +178,7 @@ class DriveClient:
         return _state(status)
 
     def image(self) -> CameraImage | None:
-        """Return the newest delivered frame, of which the drive is told; None before the first one arrives.
+        """Return the newest delivered frame, and inform the drive; None before the first one arrives.
 
         Raises:
             ServoStop: the camera does not answer, or not with a frame; the arm has been braked.

@@ -39,7 +39,7 @@ STANDS = 0.02
 """A joint that is measured slower than this stands [rad/s]."""
 
 INPUT = "input_error"
-"""reason of a drive that cannot begin: what it was told is wrong"""
+"""reason of a drive that cannot begin: what it was given is wrong"""
 
 
 class _Reported:

@@ -169,7 +169,7 @@ def watchdog_proof(
     Args:
         arm: its kinematics and limits.
         connection: to it, standing still.
-        approve: told what the arm is about to do; raises where it may not.
+        approve: called with what the arm is about to do; raises where it may not.
         promised: after the last command the arm begins to stop [s].
 
     Returns:

@@ -210,11 +210,16 @@ def _drive(
         w = math.nan if controller.report is None else controller.report.w
         progress("following the path", 0.0 if math.isnan(w) else w)
 
+    visibility = VisibilityFilter(task.camera, delay=task.sensor.latency, options=options)
+    if cell.clock is not None:  # time does not wait for code to be loaded: the arm stands until it is
+        predicted, expected = controller.predict(0.0)
+        there = np.where(expected[:, None], predicted, np.nan)
+        tracker.update(next_image(cell.camera, cell.wait).pixels, there)
     stop = servo(
         supervisor_of(cell, options),
         controller,
         tracker,
-        VisibilityFilter(task.camera, delay=task.sensor.latency, options=options),
+        visibility,
         on_step=after,
         time_limit=task.servo.time_limit,
         posture=None if replanner is None else replanner.posture,

@@ -34,7 +34,7 @@ class CameraLink:
     """Asks a camera and checks what it answers.
 
     Args:
-        camera: it is asked for images.
+        camera: its images are read.
     """
 
     def __init__(self, camera: CameraSource) -> None:
