@@ -44,11 +44,12 @@ def how_it_ended(metrics: Mapping[str, Any]) -> str:
         return f"touched: {spell_contacts(metrics['contacts'])}"
     if status != "converged":
         return f"{status}: {metrics['reason']}"
-    off = ", ".join(
-        _of(metrics, name)
-        for name in ("final_translation_error_m", "final_rotation_error_rad", "final_error_px")
-    )
-    return f"converged: {off} off the taught view; nothing was touched"
+    names = ("final_translation_error_m", "final_rotation_error_rad", "final_error_px")
+    known = [name for name in names if metrics[name] is not None]
+    off = ", ".join(_of(metrics, name) for name in known)
+    real = metrics["final_translation_error_m"] is None  # no ground truth
+    touched = "whether anything was touched is not measured" if real else "nothing was touched"
+    return f"converged: {off} off the taught view; {touched}"
 
 
 def _links(metrics: Mapping[str, Any]) -> Iterator[str]:
