@@ -64,17 +64,16 @@ def test_the_servers_clock_is_off_and_drifts_as_its_faults_say():
 
 def test_without_stamps_the_arrival_counts_and_that_is_said():
     with MjpegServer(WallClockCamera(), stamps=False) as server:
-        camera = open_camera(server.url, patience=PATIENCE, latency=0.01)
+        camera = open_camera(server.url, patience=PATIENCE)
         try:
             assert camera.notice.startswith(
                 "frames carry no usable time stamp: exposure is taken to be their"
             )
-            assert "arrival, less the stated 10 ms" in camera.notice
             found = images(camera, 20)
         finally:
             camera.close()
     late = [image.time - exposed(image.pixels) for image in found]
-    assert min(late) > -0.012
+    assert min(late) > -0.002
     assert all(image.time_sigma >= 0.002 for image in found)
 
 
@@ -124,14 +123,6 @@ def test_a_client_that_leaves_is_forgotten():
         assert server.clients == 1
         camera.close()
         wait_for(lambda: server.clients == 0)
-
-
-def test_another_size_is_refused_at_opening():
-    with MjpegServer(WallClockCamera()) as server:
-        with pytest.raises(InputError, match=r"frames of 640×48 pixels; 640×480 were expected"):
-            open_camera(server.url, size=(640, 480), patience=PATIENCE)
-        camera = open_camera(server.url, size=(640, 48), patience=PATIENCE)
-        camera.close()
 
 
 def test_a_size_that_changes_is_a_fault_from_then_on():

@@ -578,3 +578,19 @@ def test_arguments_that_are_not_legal_are_named(names, accelerations, words):
 def test_topics_that_are_not_legal_are_named(topic):
     with pytest.raises(InputError, match="topic: .*legal: a full name such as"):
         Ros2Arm(NAMES, A, network=HERE, joint_states=topic)
+
+
+def test_a_controller_that_does_not_acknowledge_commands_is_refused_at_the_opening(monkeypatch):
+    prove = Ros2Arm._prove
+    with Served(DOMAIN) as served:
+
+        def halted_first(arm, sent):
+            os.kill(served.process.pid, signal.SIGSTOP)  # it was seen, and is not there any more
+            prove(arm, sent)
+
+        monkeypatch.setattr(Ros2Arm, "_prove", halted_first)
+        try:
+            with pytest.raises(ConnectionLost, match="commands are not acknowledged by their subscriber"):
+                Ros2Arm(NAMES, A, network=HERE, patience=3.0)
+        finally:
+            os.kill(served.process.pid, signal.SIGCONT)

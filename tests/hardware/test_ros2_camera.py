@@ -232,7 +232,7 @@ def test_images_of_another_process_come_in_order_and_in_time(topic, faults):
         camera = Ros2Camera(topic, network=HERE, patience=PATIENCE, clock_topic="/joint_states")
         try:
             assert isinstance(camera, CameraSource)
-            assert camera.assumed == ""
+            assert camera.notice is None
             seen = {}
             while len(seen) < 12:
                 image = wait_until(lambda: (i := camera.image()) and i.time not in seen and i, "an image")
@@ -335,7 +335,7 @@ def test_without_stamps_the_arrival_counts_and_that_is_said(node):
     with sending:
         camera = Ros2Camera("/camera/image_raw", network=HERE, patience=PATIENCE)
         image = camera.image()
-        assert "no time stamp" in camera.assumed
+        assert "no time stamp" in camera.notice
         assert image.time_sigma == SIGMA_OF_ARRIVAL
         assert image.time <= time.monotonic()
         camera.close()

@@ -11,15 +11,21 @@ PATIENCE = 30.0
 
 
 class WallClockArm:
-    """Joints that take on commanded speeds at once; `mode` may be set."""
+    """Joints that take on commanded speeds at once, for ``kept`` seconds; `mode` may be set."""
 
-    def __init__(self, joints=(0.0, -1.5, 1.5, -1.5, -1.5, 0.0)):
-        self.joints, self.speeds = np.array(joints), np.zeros(len(joints))
+    watchdog = 0.1
+
+    def __init__(self, joints=(0.0, -1.5, 1.5, -1.5, -1.5, 0.0), kept=np.inf):
+        self.joints, self.speeds, self.kept = np.array(joints), np.zeros(len(joints)), kept
         self.time, self.mode, self.commands, self.lock = time.monotonic(), ArmMode.READY, 0, threading.Lock()
+        self.until = self.time
 
     def _advance(self):
         now = time.monotonic()
-        self.joints, self.time = self.joints + (now - self.time) * self.speeds, now
+        self.joints = self.joints + max(min(now, self.until) - self.time, 0.0) * self.speeds
+        if now >= self.until:
+            self.speeds = np.zeros_like(self.speeds)
+        self.time = now
 
     def read(self):
         with self.lock:
@@ -30,6 +36,7 @@ class WallClockArm:
         with self.lock:
             self._advance()
             self.speeds = np.array(joint_velocities, dtype=float)
+            self.until = self.time + self.kept
             self.commands += 1
 
     def stop(self):

@@ -152,6 +152,20 @@ def test_a_motion_that_is_not_agreed_to_is_not_begun():
     assert np.array_equal(cells[1].driver.joints, cells[1].scene.start_joints)
 
 
+def test_an_arm_that_was_moved_while_the_plan_was_approved_is_not_commanded():
+    cells = []
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        driver = cells[-1].driver
+        cells[-1].approve = lambda motion: driver.joints.__setitem__(2, driver.joints[2] + np.deg2rad(0.5))
+        return cells[-1]
+
+    with pytest.raises(NoSolutionError, match=r"j3 was moved by 0\.50 deg since the initial image"):
+        run_task(load_task("paper-example-1"), open_cell, filmed=False)
+    assert not cells[1].driver.wanted.any()
+
+
 def test_without_truth_what_was_executed_is_what_joints_and_images_say(tmp_path):
     cells = []
 

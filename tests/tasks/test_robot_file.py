@@ -1,5 +1,9 @@
 """Robot files: what they say, and what is wrong with them in one message."""
 
+import pickle
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -106,3 +110,20 @@ def test_a_robot_file_reads_nothing_outside_its_folder(tmp_path):
 def test_the_camera_source_and_the_speed_can_be_replaced(tmp_path):
     robot = load_robot(written(tmp_path), camera_source="rtsp://camera/1", speed=0.5)
     assert (robot.camera.source, robot.speed) == ("rtsp://camera/1", 0.5)
+
+
+def test_the_robot_file_of_the_docs_is_legal(tmp_path):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "real-robot.md").read_text()
+    (block,) = re.findall(r"```yaml\n(format: omniservo.robot.*?)```", page, re.DOTALL)
+    fields = yaml.safe_load(block)
+    fields["arm"] |= {"model": "ur5e", "flange_T_camera": FIELDS["arm"]["flange_T_camera"]}
+    fields["camera"]["calibration"] = "fe185"
+    fields["joints"] = {name.removesuffix("_joint"): called for name, called in fields["joints"].items()}
+    robot = load_robot(written(tmp_path, **fields))
+    assert robot.driver_names(robot.loaded_arm())[0] == "arm_shoulder_pan_joint"
+
+
+def test_another_process_gets_the_slow_arm_slow(tmp_path):
+    arm = load_robot(written(tmp_path)).loaded_arm()
+    assert pickle.loads(pickle.dumps(arm)).joint_speed == pytest.approx(arm.joint_speed)  # noqa: S301
+    assert arm.slowed(0.5).joint_speed == pytest.approx(0.5 * arm.joint_speed)

@@ -101,7 +101,7 @@ def _disc(camera: UnifiedCamera, margin_px: float) -> float:
     """Return R: the usable disc and, where the lens ends inside it, the lens's circle with the margin.
 
     Where ‖m‖ ≤ r, the pixel is at least σ_min ∫ λ dr inside the circle's image, the integral from r to the
-    circle, λ(r) ≤ J's eigenvalues at radius r. The margin is required with 0.2% to spare, more than
+    circle, λ(r) ≤ J's eigenvalues at radius r. A margin with 0.2% to spare is required, more than
     the integral's steps.
     """
     usable = math.sqrt(float(camera.parameters[SQUARE])) * (1.0 - 1e-9)

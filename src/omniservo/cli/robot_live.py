@@ -53,14 +53,17 @@ def check(
         with closing(connection), closing(open_robot_camera(loaded)) as camera:
             progress("listening")
             found = check_robot(arm, connection, camera, approval, loaded.watchdog)
+            notice = camera.notice
     output.line(f"{'joints':<16} {_spelled(found.joints)}")
     output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
     output.line(f"{'self-clearance':<16} {1e3 * found.self_clearance:.1f} mm")
     if found.stop_seconds is not None:
         output.line(f"{'watchdog':<16} stands {found.stop_seconds:.3f} s after the last command")
+    if notice is not None:
+        output.line(f"{'notice':<16} {notice}")
     for finding in found.findings:
         output.line(f"{'to be mended':<16} {finding}")
-    output.result({**asdict(found), "fit": not found.findings})
+    output.result({**asdict(found), "fit": not found.findings, "notice": notice})
     if found.findings:
         raise answer_is_no("; ".join(found.findings))
     output.written(save_check(robot))

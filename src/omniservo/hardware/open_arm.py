@@ -36,6 +36,8 @@ class ArmAddress:
     """the driver's names of the joints, in the order of all arrays"""
     arm: Arm
     """its kinematics and limits"""
+    watchdog: float | None = None
+    """something of the user's own stops the arm so long after the last command [s]; None: nothing does"""
     options: Mapping[str, bool | float | int | str] = field(default_factory=dict)
     """further arguments of the driver"""
 
@@ -49,7 +51,7 @@ class ArmAddress:
         driver = _driver_named(self.driver)
         arguments: tuple[object, ...] = self.address, self.joint_names
         if self.driver == "ros2":
-            arguments = (*arguments, self.arm)
+            arguments = (*arguments, self.arm, self.watchdog)
         try:
             inspect.signature(driver).bind(*arguments, **self.options)
         except TypeError as error:

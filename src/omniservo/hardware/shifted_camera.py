@@ -23,6 +23,12 @@ class ShiftedCamera:
         image = self._camera.image()
         return None if image is None else replace(image, time=image.time + self._offset)
 
+    @property
+    def notice(self) -> str | None:
+        """What the other assumes of its images' times, in words; None where nothing is."""
+        found: str | None = getattr(self._camera, "notice", None)
+        return found
+
     def close(self) -> None:
         """End the connection to the camera; a second call does nothing."""
         self._camera.close()

@@ -16,7 +16,6 @@ from omniservo.reporting.space import Space, space_of
 from omniservo.reporting.style import EXECUTED, OBSTACLE, PLANNED, QUIET, Drawing, legend_below, new_figure
 from omniservo.reporting.upright_axes import UprightAxes
 from omniservo.results.run_result import RunResult
-from omniservo.tasks import Task
 from omniservo.tasks.obstacles import CloudSection, SphereSection
 
 _FLAT = 4.3
@@ -49,21 +48,22 @@ def path_3d(result: RunResult) -> Drawing:
         "path-3d",
         "Path of the camera in space",
         "In the initial camera frame, drawn upright with equal axis scaling. "
-        f"{_obstacles_in_words(result.task)}Small pyramids: the camera, looking through its base. What is "
+        f"{_obstacles_in_words(result)}Small pyramids: the camera, looking through its base. What is "
         "far from path and target is cut off.",
         figure,
         is_picture=True,
     )
 
 
-def _obstacles_in_words(task: Task) -> str:
+def _obstacles_in_words(result: RunResult) -> str:
     """Say what is shaded, and whether the planner was given bodies or only balls that stand for them."""
-    given = task.planning.obstacles
+    task, given = result.task, result.task.planning.obstacles
     if not given:
         return ""
     alone = all(isinstance(section, SphereSection | CloudSection) for section in given)
     by_what = "for which these points or balls stand" if alone else "which is stated as a body"
-    body = f"The brick-red box is the obstacle's real body, {by_what}. "
+    drawn = result.truth is not None
+    body = f"The brick-red box is the obstacle's real body, {by_what}. " if drawn else ""
     shaded = (
         "Shaded: the safe distance that the task requires around what the planner is given of the obstacle "
         "(crosses); the path must stay outside. "

@@ -52,18 +52,12 @@ def verdict(result: RunResult, *, named: bool) -> Markup:
 
 def key_numbers(result: RunResult) -> Markup:
     """Return the few numbers that matter most, each beside the word that says whose it is."""
-    metrics = result.metrics
     return joined(
         [
             constraint_cards([*_distances(result), _in_view(result)]),
             tiles(
                 [
-                    (
-                        "Off the goal (measured)",
-                        spell_metric("final_translation_error_m", metrics.get("final_translation_error_m")),
-                        f"{spell_metric('final_rotation_error_rad', metrics.get('final_rotation_error_rad'))}"
-                        f", {spell_metric('final_error_px', metrics.get('final_error_px'))} rms in the image",
-                    ),
+                    _off_goal(result),
                     (
                         "Planned in",
                         spell(result.seconds.get("planning"), "s"),
@@ -73,6 +67,17 @@ def key_numbers(result: RunResult) -> Markup:
             ),
         ]
     )
+
+
+def _off_goal(result: RunResult) -> tuple[str, str, str]:
+    """Return the tile of how far from the goal the camera came to rest: in space, where that is known."""
+    place, turn, image = (
+        spell_metric(name, result.metrics.get(name))
+        for name in ("final_translation_error_m", "final_rotation_error_rad", "final_error_px")
+    )
+    if result.truth is None:
+        return "Off the goal image (measured)", image, "rms; its place in space is not measured"
+    return "Off the goal (measured)", place, f"{turn}, {image} rms in the image"
 
 
 STAGES = ("perception", "estimation", "planning")
@@ -272,10 +277,11 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
     task, where = (name, "") if name in shipped_tasks() else ("TASK.yaml", f"TASK.yaml: the file of {name}. ")
     method = "compare" if len(results) > 1 else first.method
     seed = f" --seed {first.metrics['seed']}" if "seed" in first.metrics else ""
+    robot = "" if first.truth is not None else " --on ROBOT.yaml --goal goal.json"
     versions = [f"{package} {version(package)}" for package in _PACKAGES]
     return joined(
         [
-            tag("pre", tag("code", f"omniservo run {task} --method {method}{seed}")),
+            tag("pre", tag("code", f"omniservo run {task} --method {method}{seed}{robot}")),
             tag("p", f"{where}Python {platform.python_version()}, {', '.join(versions)}.", class_="quiet"),
         ]
     )

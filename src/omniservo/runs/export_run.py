@@ -14,10 +14,10 @@ from omniservo.field_docs import with_field_docs
 from omniservo.files import read_text, writable
 from omniservo.recording import RecordedRun, RunRecording
 from omniservo.results import RunLog
-from omniservo.runs.asked import Asked
 from omniservo.runs.comparison import Comparison
 from omniservo.runs.job_progress import JobProgress, Progress
 from omniservo.runs.robot_cell import OpenCell
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.run_task import run_task
 from omniservo.tasks import TaughtGoal
 
@@ -73,22 +73,22 @@ def export_run(
         except OSError as error:
             raise NotWritten(out, error.strerror or str(error)) from None
         return Exported(False, out.stat().st_size)
-    asked = Asked.read(run)
+    inputs = RunInputs.read(run)
     goal = TaughtGoal.load(run / "goal.json")
     with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
-        asked.task.write(Path(folder))
-        task = asked.task.load(Path(folder), goal.camera, allow_outside=True)
-        job = JobProgress(progress, (asked.method,), filmed=False)
+        inputs.task.write(Path(folder))
+        task = inputs.task.load(Path(folder), goal.camera, allow_outside=True)
+        job = JobProgress(progress, (inputs.method,), filmed=False)
         job.begin_run(0)
         recording = RunRecording(out, force=force)
         try:
             result = run_task(
-                task, open_cell, method=asked.method, goal=goal, seed=asked.seed, filmed=False,
+                task, open_cell, method=inputs.method, goal=goal, seed=inputs.seed, filmed=False,
                 progress=job, recording=recording,
             )  # fmt: skip
             if off := _other_than(result.log, run / "log.csv"):
                 raise NoSolutionError(
-                    f"{run}: done again it is another run: {off}; recorded by {asked.version}"
+                    f"{run}: done again it is another run: {off}; recorded by {inputs.version}"
                 )
         except BaseException:
             recording.discard()

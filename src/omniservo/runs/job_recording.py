@@ -39,8 +39,8 @@ from omniservo.ros_messages.messages import (
     TwistStampedMessage,
     Vector3Message,
 )
-from omniservo.runs.asked import Asked
 from omniservo.runs.planned_job import Method
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.safety import Step
 from omniservo.safety.closed_loop import ControllerReport
 from omniservo.scenes import Scene
@@ -92,13 +92,13 @@ class JobRecording:
             raise InputError(f"{task.name}: it was not loaded from a file, so that no recording can keep it")
         kept = task.sources.kept(task)
         self._names = list(scene.arm.joint_names)
-        asked = Asked.now(method, seed, kept, scene.start_joints)
+        inputs = RunInputs.now(method, seed, kept, scene.start_joints)
         self._recording.parameters(
-            {"version": asked.version, "task": task.name, "method": method, "seed": str(seed)}
+            {"version": inputs.version, "task": task.name, "method": method, "seed": str(seed)}
         )
         for name, data in kept.files.items():
             self._recording.attach(FILES + name, "application/octet-stream", data)
-        self._recording.attach(ASKED, _JSON, asked.to_json().encode())
+        self._recording.attach(ASKED, _JSON, inputs.to_json().encode())
         self._document(GOAL, goal.to_dict())
         info = camera_info(task.camera, _header(0.0, topics.CAMERA))
         if info is not None:

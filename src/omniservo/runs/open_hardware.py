@@ -58,10 +58,10 @@ def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:
             f"driver: {spelled(robot.driver)} given; a robot file runs no code: --driver FILE.py:CLASS does"
         )
     names = robot.driver_names(arm)
-    return ArmAddress(driver or robot.driver, robot.address, names, arm, dict(robot.options))
+    return ArmAddress(driver or robot.driver, robot.address, names, arm, robot.watchdog, dict(robot.options))
 
 
-def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> CameraSource:
+def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> ShiftedCamera:
     """Connect to the camera of a robot file; its images have the size that its calibration states.
 
     Args:

@@ -1,4 +1,4 @@
-"""A recording as a job meets it: what was required, then image by image what the job was given."""
+"""A recording as a job meets it: its inputs, then image by image what the job was given."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, t
 from omniservo.recording.recorded_messages import EndMessage, LookMessage, MatchMessage, StepMessage
 from omniservo.robots import JointPath, RobotState
 from omniservo.ros_messages.messages import ImageMessage, JointStateMessage
-from omniservo.runs.asked import Asked
 from omniservo.runs.job_recording import ASKED, ESTIMATE, FILES, GOAL, PLAN
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 
@@ -76,8 +76,8 @@ class RecordedJob:
         """The newest reading of the joints."""
         return self._state
 
-    def asked(self) -> tuple[Asked, TaughtGoal]:
-        """Read up to the first message; return what was required, and the taught goal.
+    def inputs(self) -> tuple[RunInputs, TaughtGoal]:
+        """Read up to the first message; return the inputs, and the taught goal.
 
         Raises:
             InputError: it is not there, or not legal.
@@ -89,8 +89,8 @@ class RecordedJob:
                 raise self._missing(missing)
             self._take_in(entry)
         files = {n.removeprefix(FILES): d for n, d in self._known.files.items() if n.startswith(FILES)}
-        asked = Asked.from_fields(self._fields(ASKED), files, f"{self.run.path}: {ASKED}")
-        return asked, TaughtGoal.from_dict(self._fields(GOAL), f"{self.run.path}: {GOAL}")
+        inputs = RunInputs.from_fields(self._fields(ASKED), files, f"{self.run.path}: {ASKED}")
+        return inputs, TaughtGoal.from_dict(self._fields(GOAL), f"{self.run.path}: {GOAL}")
 
     def look(self) -> tuple[float, ByteArray, FloatArray] | None:
         """Go on to the next look; return how long the move to it took [s], its image and joints.

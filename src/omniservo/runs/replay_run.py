@@ -20,7 +20,6 @@ from omniservo.planning import Plan
 from omniservo.recording import RecordedRun
 from omniservo.recording.recorded_messages import StepMessage
 from omniservo.risk import RiskPlan
-from omniservo.runs.asked import Asked
 from omniservo.runs.comparison import Comparison
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
@@ -33,6 +32,7 @@ from omniservo.runs.planned_job import first_job, planned_job
 from omniservo.runs.recorded_job import RecordedJob, steps_left
 from omniservo.runs.recorded_robot import RecordedRobot, RecordingEnds
 from omniservo.runs.replanner_of import replanner_of
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import Controller, Step, VisibilityFilter, servo
 from omniservo.scenes.scene_of_task import scene_of_task
@@ -83,14 +83,14 @@ def replay_run(
     """
     run = RecordedRun(path)
     job = RecordedJob(run)
-    asked, goal = job.asked()
+    inputs, goal = job.inputs()
     with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
-        asked.task.write(Path(folder))
+        inputs.task.write(Path(folder))
         try:
-            task = asked.task.load(Path(folder), goal.camera, allow_outside=allow_outside)
+            task = inputs.task.load(Path(folder), goal.camera, allow_outside=allow_outside)
         except InputError as error:
             raise InputError(f"{path}: {str(error).replace(folder, 'files')}") from None
-        found, replayed = Comparison(), _Replayed(job, asked, (task, goal), progress)
+        found, replayed = Comparison(), _Replayed(job, inputs, (task, goal), progress)
         try:
             replayed.go(found)
         finally:
@@ -98,7 +98,7 @@ def replay_run(
                 raise job.fault
     reached = "cut" if job.end is None else job.end.reason
     return Replay(
-        task.name, asked.version, replayed.steps, found.differences, found.largest, job.end is None, reached
+        task.name, inputs.version, replayed.steps, found.differences, found.largest, job.end is None, reached
     )
 
 
@@ -106,9 +106,9 @@ class _Replayed:
     """One replay."""
 
     def __init__(
-        self, job: RecordedJob, asked: Asked, task: tuple[Task, TaughtGoal], progress: Progress
+        self, job: RecordedJob, inputs: RunInputs, task: tuple[Task, TaughtGoal], progress: Progress
     ) -> None:
-        self._job, self._asked, self._progress = job, asked, progress
+        self._job, self._asked, self._progress = job, inputs, progress
         self._task, self._goal = task
         self._kind: FeatureKind = feature_kind_of(self._task)
         self.steps = 0
@@ -116,9 +116,9 @@ class _Replayed:
 
     def go(self, found: Comparison) -> None:
         """Do all of it."""
-        job, asked, task = self._job, self._asked, self._task
+        job, inputs, task = self._job, self._asked, self._task
         scene = scene_of_task(task)
-        start = scene.start_joints if asked.start_joints is None else asked.start_joints
+        start = scene.start_joints if inputs.start_joints is None else inputs.start_joints
         if start.shape != scene.start_joints.shape:
             raise InputError(
                 f"{job.run.path}: start_joints: {len(start)} numbers given; {scene.arm.name} "
@@ -134,8 +134,8 @@ class _Replayed:
         try:
             begun = first_job(task, scene, self._kind, first[1], self._goal, first[2], {})
             self._progress("planning", 0.0)
-            planner = LookingPlanner(begun, job.take_shot, self._goal, asked.seed, self._progress)
-            plan, risk, motion = planned_job(planner, asked.method, asked.seed, {})
+            planner = LookingPlanner(begun, job.take_shot, self._goal, inputs.seed, self._progress)
+            plan, risk, motion = planned_job(planner, inputs.method, inputs.seed, {})
         except (NoSolutionError, InputError) as refused:
             while job.look() is not None:
                 pass

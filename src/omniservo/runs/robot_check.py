@@ -115,12 +115,20 @@ def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
     if joints.rate < LEAST_JOINT_RATE:
         found.append(f"joint states come {joints.rate:.0f} times a second; at least {LEAST_JOINT_RATE:g}")
     if joints.age_p99 > options.joint_age:
-        found.append(f"1% of the joint states are older than {joints.age_p99:.3f} s; {options.joint_age:g} s")
+        found.append(
+            f"1% of the joint states are {joints.age_p99:.3f} s old or more; at most {options.joint_age:g} s"
+        )
     if images is None:
         found.append("no images come")
     elif images.age_p99 > options.image_age:
-        found.append(f"1% of the images are older than {images.age_p99:.3f} s; {options.image_age:g} s")
+        found.append(
+            f"1% of the images are {images.age_p99:.3f} s old or more; at most {options.image_age:g} s"
+        )
     return found
+
+
+def _old(what: str, age: float, most: float) -> str:
+    return f"1% of the {what} are {age:.3f} s old or more; at most {most:g} s is acted on"
 
 
 def _listened(connection: ArmConnection, camera: CameraSource) -> tuple[StreamTimes, StreamTimes | None]:

@@ -13,10 +13,10 @@ from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings
 from omniservo.reporting.write_report import RunPictures, write_report
 from omniservo.results.run_result import RunResult
-from omniservo.runs.asked import Asked
 from omniservo.runs.job_progress import JobProgress, Progress
 from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_cell import OpenCell
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.run_task import run_task
 from omniservo.tasks import Task, TaughtGoal
 
@@ -78,7 +78,7 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
     for number, plan in enumerate((e.plan for e in result.replannings if e.plan is not None), start=2):
         plan.save(folder / f"plan-{number}.json")
     result.goal.save(folder / "goal.json")
-    _keep_asked(result, folder)
+    _keep_inputs(result, folder)
     for name, image in {
         "initial": result.seen.initial_image,
         "goal": result.goal.image,
@@ -98,10 +98,10 @@ def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:
     return RunPictures(drawn, animation)
 
 
-def _keep_asked(result: RunResult, folder: Path) -> None:
-    """Keep what the run can be done again from, where its task came from a file."""
+def _keep_inputs(result: RunResult, folder: Path) -> None:
+    """Keep what the run can be done again from, where its task came from a file and no real robot did it."""
     task, seed = result.task, result.metrics["seed"]
-    if task.sources is None or not isinstance(seed, int):
+    if result.truth is None or task.sources is None or not isinstance(seed, int):
         return
     kept = task.sources.kept(task)
-    Asked.now(cast(Method, result.method), seed, kept).write(folder)
+    RunInputs.now(cast(Method, result.method), seed, kept).write(folder)

@@ -45,6 +45,9 @@ from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
 from omniservo.tracking.planned_motion import PlannedMotion
 
+MOVED = 5e-3
+"""A joint that is farther from where the plan begins was moved [rad]."""
+
 
 def run_task(
     task: Task,
@@ -127,6 +130,7 @@ def _run_in(
         points = true_points(task, cell.truth, scene.start_joints, matched.initial)
         truth = _truth(task, scene, goal, points)
     cell.approve(_in_words(plan, motion))
+    _refuse_moved(cell, scene)
     controller = controller_of(task, plan, motion, estimate.points[followed], matched)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
@@ -162,6 +166,18 @@ def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
         f"{np.rad2deg(end.rotation.magnitude()):.1f} deg to the goal, in {motion.seconds:.1f} s, along a "
         f"path that is {plan.status}"
     )
+
+
+def _refuse_moved(cell: RobotCell, scene: Scene) -> None:
+    """Refuse where the arm is not where the plan begins: somebody moved it while the plan was approved."""
+    joints, arm = cell.driver.read().joint_positions, scene.arm
+    off = np.abs(joints - scene.start_joints)
+    worst = int(off.argmax())
+    if off[worst] > MOVED:
+        raise NoSolutionError(
+            f"{arm.joint_names[worst]} was moved by {np.rad2deg(off[worst]):.2f} deg since the initial "
+            "image; nothing was commanded: start again from where the arm now stands"
+        )
 
 
 def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:

@@ -32,14 +32,11 @@ class FrameTimes:
 
     Args:
         clock: which clock their stamps are of; None: they have no usable ones, and arrivals count.
-        latency: from exposure to arrival, where arrivals count; else from exposure to the stamp [s].
         before: stamps and arrivals of the frames before, which also tell of the clock [s].
     """
 
-    def __init__(
-        self, clock: StampClock | None, latency: float, before: Iterable[tuple[float | None, float]] = ()
-    ) -> None:
-        self._clock, self._latency = clock, latency
+    def __init__(self, clock: StampClock | None, before: Iterable[tuple[float | None, float]] = ()) -> None:
+        self._clock = clock
         self._map = ClockMap()
         self._mapped = 0
         self._arrivals: deque[float] = deque(maxlen=_ARRIVALS)
@@ -49,13 +46,10 @@ class FrameTimes:
     @property
     def notice(self) -> str | None:
         """What is assumed of the frames' times, in a sentence; None where nothing is."""
-        less = f", less the stated {1e3 * self._latency:g} ms" if self._latency else ""
         if self._clock is None:
-            return (
-                f"frames carry no usable time stamp: exposure is taken to be their arrival{less}; {MEASURE}"
-            )
+            return f"frames carry no usable time stamp: exposure is taken to be their arrival; {MEASURE}"
         if self._clock == StampClock.SENDER:
-            return f"exposure is the sender's time stamp{less}, as if the least delay were none; {MEASURE}"
+            return f"exposure is the sender's time stamp, as if the least delay were none; {MEASURE}"
         return None
 
     def exposure(self, stamp: float | None, arrival: float) -> tuple[float, float] | None:
@@ -74,15 +68,15 @@ class FrameTimes:
         """
         if self._clock is None:
             self._arrivals.append(arrival)
-            return arrival - self._latency, self._jitter()
+            return arrival, self._jitter()
         if stamp is None:
             return None
         if self._clock == StampClock.OWN:
-            return stamp - self._latency, 0.0
+            return stamp, 0.0
         mapped = self._map.monotonic(stamp, arrival)
         self._mapped += 1
         sigma = max(self._map.spread, UNKNOWN_SPREAD) / np.sqrt(self._mapped)
-        return mapped - self._latency, max(float(sigma), LEAST_SIGMA)
+        return mapped, max(float(sigma), LEAST_SIGMA)
 
     def _jitter(self) -> float:
         """Return the standard deviation of arrivals about an even beat, frames left out or not [s]."""

@@ -18,7 +18,7 @@ BOUNDARY = b"frame"
 
 _MOST_REQUEST = 2**14
 _LOOK = 1e-3
-"""How often the camera is required a new image [s]."""
+"""How often the camera is polled for a new image [s]."""
 
 
 class MjpegServer:

@@ -37,12 +37,10 @@ class NewestFrame:
     Args:
         name: what messages call it.
         open_reader: opens the source; raises FrameLoss where that fails.
-        size: (width, height) that the frames must have [px]; None: those of the first.
-        latency: see FrameTimes [s].
         patience: in which the first usable frame must come [s].
 
     Raises:
-        InputError: it cannot be opened, gives no frame in time, or frames of another size.
+        InputError: it cannot be opened, or gives no frame in time.
     """
 
     def __init__(
@@ -50,14 +48,12 @@ class NewestFrame:
         name: str,
         open_reader: Callable[[], FrameReader],
         *,
-        size: tuple[int, int] | None = None,
-        latency: float = 0.0,
         patience: float = 10.0,
     ) -> None:
         self.name = name
         """what messages call it"""
-        self._open, self._size = open_reader, size
-        self._latency = finite_number("latency", latency, minimum=0.0, maximum=5.0)
+        self._open = open_reader
+        self._size: tuple[int, int] | None = None
         patience = finite_number("patience", patience, above=0.0)
         self._image: CameraImage | None = None
         self._fault: ServoStop | None = None
@@ -167,7 +163,7 @@ class NewestFrame:
             except ClockFault:
                 if arrival - began > TRIAL:
                     raise
-                times = FrameTimes(None, self._latency)
+                times = FrameTimes(None)
                 self.notices = [f"time stamps that do not keep time are left aside; {times.notice}"]
                 exposed = times.exposure(stamp, arrival)
             if exposed is None or (self._image is not None and exposed[0] <= self._image.time):
@@ -184,9 +180,9 @@ class NewestFrame:
         if unusable or (clock == StampClock.OWN and not is_own_clock(frame.stamp, frame.arrival)):
             clock = None
         try:
-            times = FrameTimes(clock, self._latency, before)
+            times = FrameTimes(clock, before)
         except (ClockFault, NotFinite):
-            times = FrameTimes(None, self._latency, before)
+            times = FrameTimes(None, before)
         notices = [times.notice] if times.notice else []
         if settling.gave_up:
             notices.append("frames' age did not settle after opening; they may be older than they seem")

@@ -18,13 +18,7 @@ from omniservo.hardware.camera_sources.opencv_reader import OpencvReader, VideoR
 LEGAL = "v4l2:0, 0, /dev/video0, rtsp://…, http://… (MJPEG), a video file, folder:PATH, folder:PATH?rate=30"
 
 
-def open_camera(
-    uri: str | int,
-    *,
-    size: tuple[int, int] | None = None,
-    latency: float = 0.0,
-    patience: float = 10.0,
-) -> NewestFrame:
+def open_camera(uri: str | int, *, patience: float = 10.0) -> NewestFrame:
     """Open a camera, and wait for its first frame.
 
     ==========================  =============================================================================
@@ -40,16 +34,14 @@ def open_camera(
 
     Args:
         uri: see above.
-        size: (width, height) that frames must have [px]; None: those of the first.
-        latency: from exposure to the stamp, or to the arrival where there is none [s].
         patience: for opening, and for the first frame [s].
 
     Raises:
-        InputError: no such camera, no one there, another protocol, no frame, another size.
+        InputError: no such camera, no one there, another protocol, no frame.
     """
     finite_number("patience", patience, above=0.0)
     name, reader = _reader_of(str(uri), patience)
-    return NewestFrame(name, reader, size=size, latency=latency, patience=patience)
+    return NewestFrame(name, reader, patience=patience)
 
 
 def _reader_of(uri: str, patience: float) -> tuple[str, Callable[[], FrameReader]]:

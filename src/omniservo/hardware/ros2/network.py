@@ -38,7 +38,7 @@ class DdsNetwork:
     interface: str = ""
     """network interface by name or address; "" leaves it to Cyclone DDS"""
     peers: tuple[str, ...] = ()
-    """hosts that are required directly; with any, nothing is sent by multicast"""
+    """hosts that are contacted directly; with any, nothing is sent by multicast"""
 
     def __post_init__(self) -> None:
         _ = self.domain_id

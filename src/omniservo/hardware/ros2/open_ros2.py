@@ -11,7 +11,7 @@ from omniservo.hardware.ros2.ros2_arm import Ros2Arm
 from omniservo.hardware.ros2.ros2_camera import Ros2Camera
 from omniservo.robots import Arm
 
-KINDS = ("trajectory", "velocity", "twist")
+LEGAL = "trajectory, velocity:JOINT,JOINT,… (the controller's, in its order), twist:FRAME"
 """what an arm can be commanded by"""
 
 
@@ -32,12 +32,11 @@ def open_ros2_arm(
     address: str,
     joint_names: tuple[str, ...],
     arm: Arm,
+    watchdog: float | None,
     *,
     commands: str = "trajectory",
     topic: str = "",
     joint_states: str = "/joint_states",
-    watchdog: float | None = None,
-    frame: str = "base_link",
 ) -> Ros2Arm:
     """Connect to an arm.
 
@@ -45,12 +44,12 @@ def open_ros2_arm(
         address: see `network_of`.
         joint_names: as the joint states have them, in the order of all arrays.
         arm: its kinematics and limits.
-        commands: trajectory (joint_trajectory_controller), velocity (forward_velocity_controller, whose
-            ``joints`` are taken to be these in this order) or twist (MoveIt Servo).
+        watchdog: the user's own, which velocity and twist need [s].
+        commands: ``trajectory`` (joint_trajectory_controller), ``velocity:JOINT,JOINT,…``
+            (forward_velocity_controller, its parameter ``joints``) or ``twist:FRAME`` (MoveIt Servo, its
+            planning frame).
         topic: of the commands; "": the controller's default.
         joint_states: their topic.
-        watchdog: of velocity and twist, which need one of the user's own [s].
-        frame: of twist: the arm's base frame.
 
     Raises:
         InputError: see `Ros2Arm`; other commands.
@@ -59,7 +58,7 @@ def open_ros2_arm(
     return Ros2Arm(
         joint_names,
         arm.joint_acceleration,
-        _commands(commands, topic, joint_names, arm, watchdog, frame),
+        _commands(commands, topic, arm, watchdog),
         joint_states=joint_states,
         network=network_of(address),
     )
@@ -74,14 +73,13 @@ def open_ros2_camera(topic: str, address: str, joint_states: str) -> Ros2Camera:
     return Ros2Camera(topic, clock_topic=joint_states, network=network_of(address))
 
 
-def _commands(
-    kind: str, topic: str, names: tuple[str, ...], arm: Arm, watchdog: float | None, frame: str
-) -> ArmCommands:
-    if kind not in KINDS:
-        raise InputError(f"options: commands: {spelled(kind)} given; legal: {', '.join(KINDS)}")
+def _commands(stated: str, topic: str, arm: Arm, watchdog: float | None) -> ArmCommands:
+    kind, _, what = stated.partition(":")
+    if (kind, bool(what)) not in (("trajectory", False), ("velocity", True), ("twist", True)):
+        raise InputError(f"options: commands: {spelled(stated)} given; legal: {LEGAL}")
     found: TrajectoryCommands | VelocityCommands | TwistCommands = TrajectoryCommands()
     if kind == "velocity":
-        found = VelocityCommands(names, watchdog)
+        found = VelocityCommands(tuple(name.strip() for name in what.split(",")), watchdog)
     if kind == "twist":
-        found = TwistCommands(arm, frame, watchdog)
+        found = TwistCommands(arm, what, watchdog)
     return replace(found, topic=topic) if topic else found

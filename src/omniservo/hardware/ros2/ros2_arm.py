@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from omniservo.hardware.ros2.commands import HOLD, ArmCommands, TrajectoryComman
 from omniservo.hardware.ros2.endpoints import why_apart
 from omniservo.hardware.ros2.joint_states import JointStates, refuse_names
 from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.node import RosNode
+from omniservo.hardware.ros2.node import Publisher, RosNode
 from omniservo.hardware.ros2.reference_motion import ReferenceMotion
 from omniservo.robots import ArmMode, RobotState
 from omniservo.ros_messages.messages import JointStateMessage
@@ -243,7 +244,7 @@ class Ros2Arm:
         if now < self._looked + _LOOK:
             return
         self._looked = now
-        reason = self._why_not_in_control() if self._sent is not None else ""
+        reason = self._why_not_in_control()
         gone = self._state is not None and self._heard.matched == 0
         with self._lock:
             self._not_in_control = reason
@@ -251,13 +252,15 @@ class Ros2Arm:
                 self._fault = ConnectionLost(f"{self._heard.topic}: its publisher is gone")
 
     def _why_not_in_control(self) -> str:
-        assert self._sent is not None  # noqa: S101
-        topic = self._sent.topic
+        sent = self._sent
+        if sent is None:
+            return ""
+        topic = sent.topic
         with self._lock:
-            others = [each for each in self._node.endpoints.publishers(topic) if each.key != self._sent.key]
+            others = [each for each in self._node.endpoints.publishers(topic) if each.key != sent.key]
         if others:
             return f"{topic}: {len(others)} other publisher(s) of commands; end that program first"
-        return "" if self._sent.matched else f"{topic}: nobody subscribes to it: is the controller active?"
+        return "" if sent.matched else f"{topic}: nobody subscribes to it: is the controller active?"
 
     def _open(self) -> None:
         """Wait for a first state, then for proof that commands arrive."""
@@ -269,17 +272,17 @@ class Ros2Arm:
             named = named or (now if self._states.heard else None)
             if now - begin > self._patience or (named and now - named > min(1.0, self._patience)):
                 raise self._no_state()
-        if self._sent is None:
+        sent = self._sent
+        if sent is None:
             return
-        if not self._wait_for(lambda: self._sent is not None and self._sent.matched > 0, self._patience):
+        if not self._wait_for(lambda: sent.matched > 0, self._patience):
             raise self._no_subscriber()
         with self._lock:
             self._not_in_control = self._why_not_in_control()
-        self._prove()
+        self._prove(sent)
 
-    def _prove(self) -> None:
+    def _prove(self, sent: Publisher[Any]) -> None:
         """Send zeros, which the subscriber must acknowledge."""
-        assert self._sent is not None  # noqa: S101
         speed = float(np.abs(self.read().joint_velocities).max())
         if speed > STANDING:
             raise NotInControl(f"{self._heard.topic}: the arm moves by {speed:.3f} rad/s before any command")
@@ -287,8 +290,8 @@ class Ros2Arm:
         while time.monotonic() < begin + FIRST_ZEROS:
             self.command(np.zeros(len(self._names)))
             self._closing.wait(0.01)
-        if not self._sent.acknowledged(self._patience):
-            raise ConnectionLost(f"{self._sent.topic}: commands are not acknowledged by their subscriber")
+        if not sent.acknowledged(self._patience):
+            raise ConnectionLost(f"{sent.topic}: commands are not acknowledged by their subscriber")
 
     def _no_state(self) -> InputError | ConnectionLost:
         where = f"{self._heard.topic} in {self._node.network}"

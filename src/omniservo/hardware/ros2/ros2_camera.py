@@ -65,8 +65,8 @@ class Ros2Camera:
     ) -> None:
         self._sigma = finite_number("time_sigma", time_sigma, minimum=0.0)
         self._patience = finite_number("patience", patience, above=0.0)
-        self.assumed = ""
-        """what is assumed of the images' times, in words; empty where they have stamps"""
+        self.notice: str | None = None
+        """what is assumed of the images' times, in words; None where they have stamps"""
         self._clock = ClockMap()
         self._image: CameraImage | None = None
         self._fault: ServoStop | None = None
@@ -141,7 +141,7 @@ class Ros2Camera:
     def _time_of(self, stamp: float, arrival: float) -> tuple[float, float] | None:
         """Return an image's time on this machine's clock and its sigma [s]; None: not known yet."""
         if stamp <= 0.0:
-            self.assumed = (
+            self.notice = (
                 f"{self._heard.topic}: images have no time stamp; their arrival is taken as exposure"
             )
             return arrival, max(self._sigma, SIGMA_OF_ARRIVAL)

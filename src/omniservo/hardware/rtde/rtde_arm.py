@@ -85,7 +85,7 @@ class RtdeArm:
         send_program: whether the program is sent; else the pendant must run it, and is waited for nowhere.
         patience: for connection, first state and the program's beginning, each [s].
         script_port: where programs are sent to.
-        dashboard_port: where it is required why a program does not begin.
+        dashboard_port: that says why a program does not begin.
 
     Raises:
         InputError: unknown joints, no one there, another protocol, or a program that does not begin.

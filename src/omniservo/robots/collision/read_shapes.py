@@ -153,7 +153,7 @@ def _radii(model: Any, kinds: IntArray, corners: list[FloatArray]) -> FloatArray
 def _pairs(model: Any, carried: IntArray, around: BoolArray) -> IntArray:
     """Return the pairs of shapes that may meet: MuJoCo's own rules, without what cannot move.
 
-    Pairs that the model states are required whatever else it says of them, as MuJoCo does.
+    Pairs that the model states are checked whatever else it says of them, as MuJoCo does.
     """
     i, j = np.nonzero(np.tril((carried > 0)[:, None] | (carried > 0), -1))
     first = np.where(carried[j] <= carried[i], j, i)

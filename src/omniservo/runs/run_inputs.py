@@ -1,4 +1,4 @@
-"""What a run was required, as a document beside its results and in its recording."""
+"""What a run is computed from, as a document beside its results and in its recording."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DOCUMENT = "run.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class RunInputs:
     """A job with its parameters."""
 
     version: str
@@ -40,8 +40,10 @@ class Asked:
     """(n,) where the scene has the arm at first [rad]; None: where the task says"""
 
     @classmethod
-    def now(cls, method: Method, seed: int, task: KeptTask, start_joints: FloatArray | None = None) -> Asked:
-        """Return what this version of the program is required."""
+    def now(
+        cls, method: Method, seed: int, task: KeptTask, start_joints: FloatArray | None = None
+    ) -> RunInputs:
+        """Return the inputs of a run of this version."""
         return cls(omniservo.__version__, method, seed, task, start_joints)
 
     def to_json(self) -> str:
@@ -59,7 +61,7 @@ class Asked:
         )
 
     @classmethod
-    def from_fields(cls, fields: Any, files: Mapping[str, bytes], place: str) -> Asked:
+    def from_fields(cls, fields: Any, files: Mapping[str, bytes], place: str) -> RunInputs:
         """Return it from the fields of a document, which need not be trusted; ``place`` names it.
 
         Raises:
@@ -91,7 +93,7 @@ class Asked:
         self.task.write(folder / FILES)
 
     @classmethod
-    def read(cls, run: Path) -> Asked:
+    def read(cls, run: Path) -> RunInputs:
         """Return what `write` put there.
 
         Raises:
@@ -99,7 +101,10 @@ class Asked:
         """
         folder = run / _FOLDER
         if not (folder / _DOCUMENT).is_file():
-            raise InputError(f"{run}: no {_FOLDER}/{_DOCUMENT}: not a folder that omniservo run has left")
+            raise InputError(
+                f"{run}: no {_FOLDER}/{_DOCUMENT}: not a folder of omniservo run, or one of a real robot, "
+                "which no simulator repeats"
+            )
         kept = folder / FILES
         files = {
             file.relative_to(kept).as_posix(): read_bytes(file, max_bytes=2**28)
