@@ -12,6 +12,7 @@ import pytest
 from tests.drive.faulty_arm import MOUNT, Clockwork, FaultyArm, Nowhere, Renamed, Unwatched, log_of
 
 from omniservo.drive import ArmOpener, DeadlinePassed, DriveClient, Phase
+from omniservo.drive.messages import DriveCommand
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotFinite, ServoStop
 from omniservo.robots import Arm
 from omniservo.safety import SafetyOptions
@@ -163,6 +164,40 @@ def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(opened,
         client.carry(SIDEWAYS)
     client.enable()
     lead(client, 0.2)
+
+
+def forced(client):
+    """Send a command past the client's own refusal; the drive has dealt with it on return."""
+    client.image()
+    now = time.monotonic()
+    number = client.status.number + 1
+    client._send(DriveCommand(number, now, now, now + 30.0, SIDEWAYS, None).packed())
+    until(lambda: client.status.number >= number)
+    until(lambda before=client.status.time: client.status.time > before + 0.1)
+
+
+def test_the_drive_itself_moves_nothing_before_it_is_armed_and_after_it_was_released(opened, tmp_path):
+    client = opened()
+    forced(client)
+    assert client.status.phase is Phase.LISTENING
+    client.enable()
+    lead(client, 0.2)
+    client.stop(ServoStop("enough"))
+    count = len(log_of(tmp_path))
+    forced(client)
+    client.release("stopped")
+    forced(client)
+    assert client.status.phase is Phase.LISTENING
+    later = [numbers for _, what, numbers in log_of(tmp_path)[count:] if what == "command"]
+    assert not np.any(later)
+
+
+def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
+    (tmp_path / "fault").write_text("second_commander")
+    client = opened(patience=3.0)
+    with pytest.raises(ServoStop):
+        client.enable()
+    assert client.status.phase not in (Phase.ARMED, Phase.MOVING)
 
 
 def test_a_command_that_none_follows_expires(opened, tmp_path):

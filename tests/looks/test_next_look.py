@@ -54,9 +54,17 @@ def test_a_look_that_failed_is_not_taken_again_and_smaller_changes_of_the_view_c
     assert ways[1] < 0.9 * ways[0] or turns[1] < 0.9 * turns[0]
     assert second.size > first.size
     asked = []
-    next_look(here, lambda there: asked.append(there.start), 0, [first.move])
-    assert asked
-    assert not any(np.array_equal(q, first.move.joints.positions[-1]) for q in asked)
+    next_look(here, lambda there: asked.append((there.start, there.is_free)), 0, [first.move])
+    assert not any(np.array_equal(q, first.move.joints.positions[-1]) for q, _ in asked)
+    mount, arm = here.setting.flange_T_camera, here.setting.arm
+    base_T_here = arm.base_T_flange(here.start) * mount
+    moves = [base_T_here.inv() * arm.base_T_flange(q) * mount for q, free in asked if free]
+    bold = [
+        np.linalg.norm(move.translation) > 0.9 * ways[0] and move.rotation.magnitude() > 0.9 * turns[0]
+        for move in moves
+    ]
+    assert bold == sorted(bold)
+    assert not bold[0]
 
 
 def test_of_many_points_those_that_are_followed_have_to_stay_in_view_in_fifty_structures(standing):

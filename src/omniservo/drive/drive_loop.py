@@ -35,9 +35,6 @@ LATE = 5e-3
 PROVEN = 0.25
 """So long zeros are sent to an arm that must stand by them before it is armed [s]."""
 
-STANDS = 0.02
-"""A joint that is measured slower than this stands [rad/s]."""
-
 INPUT = "input_error"
 """reason of a drive that cannot begin: what it was given is wrong"""
 
@@ -282,7 +279,6 @@ class DriveLoop:
         if supervisor is None:
             return
         if self._stopped is not None:
-            self._armed, self._arming_since = False, math.nan
             with suppress(Exception):  # what is to be told is why it was stopped
                 if self._driver is not None:
                     self._driver.read()
@@ -290,20 +286,11 @@ class DriveLoop:
             self._refuse_expired(self._valid_until)
             supervisor.watch()
         elif self._armed or not math.isnan(self._arming_since):
-            supervisor.hold()
-            self._prove(supervisor)
+            supervisor.hold()  # stops for an arm that does not stand by what it is sent
+            if time.monotonic() - self._arming_since >= PROVEN:
+                self._armed, self._arming_since = True, math.nan
         else:
             supervisor.read()
-
-    def _prove(self, supervisor: Supervisor) -> None:
-        """Be armed once the arm has stood by zeros for long enough."""
-        if self._armed:
-            return
-        now = time.monotonic()
-        if np.abs(supervisor.read().joint_velocities).max() > STANDS:
-            self._arming_since = now
-        elif now - self._arming_since >= PROVEN:
-            self._armed, self._arming_since = True, math.nan
 
     def _end(self, reason: ServoStop | None) -> None:
         self._ended = True
