@@ -13,8 +13,9 @@ demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
 	@echo "open runs/paper-example-1/report.html"
 
+# Three workers on two cores: tests of processes and lines mostly wait.
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 check: $(STAMP)
 	$(BIN)/ruff check src tests benchmarks examples

@@ -375,7 +375,7 @@ def test_the_command_says_equal_or_what_differs(recording, tmp_path, capsys):
 def test_the_export_command_refuses_what_it_cannot_export(run, recording, tmp_path, capsys):
     code, out = told(["export", tmp_path, "--to", "mcap", "--out", tmp_path / "x.mcap"], capsys)
     assert code == 2
-    assert "not a folder that omniservo run has left" in out.err
+    assert "not a folder of omniservo run" in out.err
     code, out = told(["export", run, "--to", "mcap", "--out", recording], capsys)
     assert code == 2
     assert "exists; --force replaces it" in out.err
