@@ -152,6 +152,32 @@ def test_a_motion_that_is_not_agreed_to_is_not_begun():
     assert np.array_equal(cells[1].driver.joints, cells[1].scene.start_joints)
 
 
+def test_a_robot_that_is_lost_in_motion_leaves_a_report_that_says_why(tmp_path):
+    cells = []
+
+    def open_cell(task, seed):
+        cells.append(OwnCell(task, seed))
+        if len(cells) == 2:
+            cell = cells[-1]
+            cell.truth, read, image = None, cell.driver.read, cell.camera.image
+
+            def lost(answer):
+                if cell.driver.time > 2.0:
+                    raise OSError("the cable is out")
+                return answer()
+
+            cell.driver.read, cell.camera.image = lambda: lost(read), lambda: lost(image)
+        return cells[-1]
+
+    task = load_task("paper-example-1")
+    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 1.0 / PERIOD})})
+    metrics = run_into(tmp_path, task, open_cell)["certified"]
+    assert metrics["status"] == "stopped"
+    assert "the cable is out" in metrics["reason"]
+    assert "Stopped: robot lost" in (tmp_path / "report.html").read_text()
+    assert (tmp_path / "final.png").exists()
+
+
 def test_an_arm_that_was_moved_while_the_plan_was_approved_is_not_commanded():
     cells = []
 

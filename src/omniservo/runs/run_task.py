@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from time import perf_counter
@@ -44,6 +45,9 @@ from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
 from omniservo.tracking.planned_motion import PlannedMotion
+
+LAST_IMAGE = 5.0
+"""After the end an image is waited for so long [s]."""
 
 MOVED = 5e-3
 """A joint that is farther from where the plan begins was moved [rad]."""
@@ -116,7 +120,7 @@ def _run_in(
     progress("estimating motion and structure", 0.0)
     first = first_job(task, scene, kind, image.pixels, goal, joints, seconds)
     progress("planning", 0.0)
-    outside_initial = _outside(cell, scene.start_joints)
+    outside_initial = _outside(cell)
     planner = LookingPlanner(first, looking(cell, recording), goal, seed, progress)
     plan, risk, motion = planned_job(planner, method, seed, seconds)
     job, looks = planner.job, tuple(planner.looks)
@@ -139,8 +143,8 @@ def _run_in(
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
     progress("measuring the run", 0.0)
-    final = next_image(cell.camera, cell.wait).pixels
-    outside_final = _outside(cell, cell.driver.read().joint_positions)
+    final = _final_image(cell, [image, *recorder.images])
+    outside_final = _outside(cell)
     outside = None if outside_initial is None or outside_final is None else (outside_initial, outside_final)
     way = None if replanner is None else followed_way(replanner)
     whole_arm = whole_arm_of(task, scene, plan, risk, motion, way, log)
@@ -180,9 +184,17 @@ def _refuse_moved(cell: RobotCell, scene: Scene) -> None:
         )
 
 
-def _outside(cell: RobotCell, joints: FloatArray) -> ByteArray | None:
-    """Return a bystander's image of the arm in ``joints`` (n,) [rad]; None where no one can take one."""
-    return None if cell.truth is None else cell.truth.outside_picture(joints)
+def _outside(cell: RobotCell) -> ByteArray | None:
+    """Return a bystander's image of the arm as it stands; None where no one can take one."""
+    return None if cell.truth is None else cell.truth.outside_picture(cell.driver.read().joint_positions)
+
+
+def _final_image(cell: RobotCell, seen: Sequence[CameraImage]) -> ByteArray:
+    """Return an image from where the arm came to rest; the last one seen where the camera is lost."""
+    try:
+        return next_image(cell.camera, cell.wait, patience=LAST_IMAGE).pixels
+    except Exception:  # whatever a camera raises that is gone; why the run was stopped is known already
+        return seen[-1].pixels
 
 
 def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage, FloatArray]:
