@@ -194,7 +194,7 @@ def test_the_drive_itself_moves_nothing_before_it_is_armed_and_after_it_was_rele
 
 def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     (tmp_path / "fault").write_text("second_commander")
-    client = opened(patience=3.0)
+    client = opened(patience=20.0)
     with pytest.raises(ServoStop):
         client.enable()
     assert client.status.phase not in (Phase.ARMED, Phase.MOVING)

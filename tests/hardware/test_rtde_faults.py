@@ -259,7 +259,9 @@ def test_and_serves_the_next_one(any_stand_in):
 def test_opening_and_closing_write_standstill_and_nothing_else(running):
     controller, arm = running
     arm.close()
-    assert controller.inputs == [b"\1" + bytes(4 + 6 * 8)] * 2
+    standstill = b"\1" + bytes(4 + 6 * 8)
+    wait_for(lambda: len(controller.inputs) >= 2)
+    assert controller.inputs == [standstill] * 2
 
 
 def test_steps_that_were_counted_before_are_none_of_a_program_that_runs_now():

@@ -17,8 +17,9 @@ from omniservo.robots import ArmMode, CameraImage, RobotState
 from omniservo.scenes import Scene
 from omniservo.simulation.simulated_robot import Exposure, SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
+from omniservo.simulation.world import TICK
 
-_TICK = 2e-3
+_LOOK = 2e-3
 """The arm is moved on so often where no one asks for it [s]."""
 
 _ENOUGH = 0.95
@@ -141,10 +142,10 @@ class RealTimeRobot:
             self._robot.close()
 
     def _catch_up(self) -> None:
-        """Move the arm on to now."""
+        """Move the arm on to the last whole millisecond before now: its stamps never lie ahead."""
         behind = time.monotonic() - self._begin - self._robot.time
-        if behind > 0.0:
-            self._robot.advance(behind)
+        if behind >= TICK:
+            self._robot.advance(behind // TICK * TICK)
         self._motion.add(self._state())
 
     def _state(self) -> RobotState:
@@ -152,13 +153,13 @@ class RealTimeRobot:
         return replace(state, time=self._begin + state.time, mode=self._mode)
 
     def _move(self) -> None:
-        while not self._ended.wait(_TICK):
+        while not self._ended.wait(_LOOK):
             with self._lock:
                 self._catch_up()
 
     def _take_pictures(self) -> None:
         last, renderer = -np.inf, None
-        while not self._ended.wait(_TICK):
+        while not self._ended.wait(_LOOK):
             with self._lock:
                 exposure = self._robot.newest_exposure()
             if exposure is None or exposure.time == last:
