@@ -13,6 +13,9 @@ assume several pixels of noise before it assumed parallax.
 Where the noise is stated, σ² is that (or what the residuals say, where that is more), F becomes χ² and the
 second bound falls away.
 
+For a plane σ² grows by (0.05 px)²: the errors of features of one plane seen at a slant are alike side by
+side, as parallax is, and do not average out.
+
 Wrong matches can pretend parallax: a motion that a plane (a rotation, nothing) leaves half free bends to a
 few of them. So where nearly all matches obey a simpler model and k of the m others agree with the motion, the
 motion stands only if chance and wrong matches do not explain that as well: C(m, 2) P(X ≥ k − 2) (f/(1 − f))ᵏ
@@ -54,6 +57,9 @@ CONFIDENCE: Mapping[Status, float] = {
 }
 """Higher where no direction exists: the general model then takes the best of many, and F is too large."""
 
+
+SHARED_PX = 0.05
+"""σ [px] by which features of one plane seen at a slant may err alike; parallax must be beyond this too"""
 
 SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
     (IDENTITY, 0, "no_motion", "both images are the same"),
@@ -139,6 +145,8 @@ def simpler_model(
     n = members.size
     limits = np.empty(3)
     for kind, parameters, status, _ in SIMPLER:
+        if kind == HOMOGRAPHY:
+            variance += SHARED_PX**2
         extra, chance = n + MOTION_PARAMETERS - parameters, 1.0 - confidence[status]
         if members.noise_px > 0.0:
             limits[kind] = cost + _chi_square(extra, chance) * variance
@@ -169,6 +177,7 @@ def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status
     """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
     n, inside = matches.size, int(np.count_nonzero(fit.members))
     share = 1.0 - _most_pretended(n, inside) / inside
+    sigma = math.hypot(sigma, SHARED_PX)
     counts = count_others(matches, fit.members, GATE * sigma, share)
     for kind, _, status, words in SIMPLER:
         m, k = int(counts[kind, 0]), int(counts[kind, 1])
