@@ -2,18 +2,22 @@
 
 import json
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.calibration.camera_delay import CameraDelay
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.open_hardware import open_hardware, open_robot
-from omniservo.runs.robot_records import require_check, save_check
+from omniservo.runs.robot_delay import RobotDelay
+from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
+from omniservo.safety import SafetyOptions
 from omniservo.scenes import scene_of_task
 from omniservo.tasks import load_robot, load_task
 
@@ -197,3 +201,60 @@ def test_a_run_needs_a_fresh_check_of_the_same_file(robot_file):
     kept.write_text(json.dumps({**document, "time": document["time"] - 30.0 * 3600.0}))
     with pytest.raises(InputError, match="checked 30 h ago; at most 24 h"):
         require_check(path)
+
+
+FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120)
+
+
+def test_what_was_measured_is_read_again_where_it_was_measured(robot_file):
+    path = robot_file()
+    robot = load_robot(path)
+    assert stored_delay(path, robot) is None
+    save_delay(path, robot, FOUND)
+    found = stored_delay(path, robot)
+    assert (found.camera_offset, found.camera_sigma, found.actuation_lag) == (0.043, 0.0015, 0.021)
+    options = found.within(SafetyOptions(image_age=0.7))
+    assert (options.command_lag, options.offset_sigma, options.image_age) == (0.021, 0.0015, 0.7)
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"address": "10.0.0.7"}, "address"),
+        ({"driver": "ros2"}, "driver"),
+        ({"camera": {"source": "v4l2:3", "calibration": TASK.camera.to_dict()}}, "camera_source"),
+    ],
+)
+def test_what_was_measured_of_something_else_is_refused(robot_file, changes, field):
+    path = robot_file()
+    save_delay(path, load_robot(path), FOUND)
+    path = robot_file(**changes)
+    with pytest.raises(InputError, match=f"measured with {field} .*; measure it again: omniservo r"):
+        stored_delay(path, load_robot(path))
+
+
+@pytest.mark.parametrize("field", ["camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s"])
+@pytest.mark.parametrize("value", [None, "0.1", -9.0, 9e9])
+def test_a_record_that_is_none_is_refused_by_its_field(robot_file, field, value):
+    path = robot_file()
+    kept = save_delay(path, load_robot(path), FOUND)
+    kept.write_text(json.dumps({**json.loads(kept.read_text()), field: value}))
+    with pytest.raises(InputError, match=field):
+        stored_delay(path, load_robot(path))
+
+
+def test_a_run_uses_what_was_measured(robot_file, tmp_path):
+    from omniservo.files.image_files import write_png
+
+    (tmp_path / "images").mkdir()
+    for number in range(9):
+        picture = np.full((TASK.camera.height, TASK.camera.width), 20 * number, np.uint8)
+        write_png(picture, tmp_path / "images" / f"{number}.png")
+    with serving() as server:
+        path = robot_file(address=server.address, options=_ports(server))
+        delay = StoredDelay(0.043, 0.0015, 0.021)
+        _, cell = open_hardware(TASK, load_robot(path), lambda motion: pytest.fail(motion), delay=delay)
+        with closing(cell):
+            options = cell._client.options
+            assert (options.command_lag, options.offset_sigma) == (0.021, 0.0015)
+            assert cell.camera._offset == 0.043

@@ -7,13 +7,26 @@ import numpy as np
 import pytest
 from tests.hardware.wall_clock_arm import WallClockArm
 
+from omniservo.hardware import ClockMap
 from omniservo.hardware.rtde import RtdeArm
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, CameraImage, load_arm
-from omniservo.runs import robot_check
+from omniservo.runs import joint_trial, robot_check
+from omniservo.runs.joint_trial import JointTrial
 from omniservo.runs.robot_check import check_robot, watchdog_proof
+from omniservo.tasks import RobotFile, load_task
+from omniservo.tasks.task import WorkspaceSection
 
 ARM = load_arm("ur5e")
+TASK = load_task("ur5e-table")
+MOUNT = TASK.arm.flange_T_camera.transform
+ROBOT = RobotFile.model_validate(
+    {
+        "driver": "rtde",
+        "arm": {"model": "ur5e", "flange_T_camera": TASK.arm.flange_T_camera},
+        "camera": {"source": "v4l2:0", "calibration": TASK.camera},
+    }
+)
 START = np.deg2rad([0.0, -90.0, 90.0, -90.0, -90.0, 0.0])
 
 
@@ -107,16 +120,162 @@ def test_the_stand_in_of_universal_robots_stops_when_commands_cease():
 )
 def test_what_is_wrong_is_found_and_nothing_moves(monkeypatch, arm, frames, finding):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
-    found = check_robot(ARM, arm, frames, refused, None)
+    found = check_robot(ROBOT, ARM, arm, frames, refused)
     assert any(finding in each for each in found.findings), found.findings
     assert found.stop_seconds is None
+    assert found.answers == ()
     assert not arm.speeds.any()
     assert arm.commands == 0
 
 
 def test_rates_and_ages_are_those_of_the_streams(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.5)
-    found = check_robot(ARM, WallClockArm(START), Frames(age=0.3), refused, None)
+    found = check_robot(ROBOT, ARM, in_protective_stop(), Frames(age=0.3), refused)
     assert found.images.rate == pytest.approx(10.0, rel=0.05)
     assert 0.3 <= found.images.age_median < 10.0
     assert found.self_clearance > 0.0
+
+
+class WiredArm(WallClockArm):
+    """An arm whose joints turn by a matrix times what they are sent."""
+
+    def __init__(self, joints=START, wires=None, kept=np.inf):
+        super().__init__(joints, kept)
+        self.wires, self.farthest = np.eye(6) if wires is None else np.array(wires), np.zeros(6)
+
+    def command(self, joint_velocities):
+        super().command(self.wires @ np.array(joint_velocities, dtype=float))
+
+    def read(self):
+        state = super().read()
+        self.farthest = np.maximum(self.farthest, np.abs(state.joint_positions - START))
+        return state
+
+
+def wired(**changed):
+    """The identity but for some rows."""
+    wires = np.eye(6)
+    for row, values in changed.items():
+        wires[int(row[1])] = values
+    return wires
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(joint_trial, "SECONDS", 0.2)
+
+
+def unit(joint, size=1.0):
+    return size * np.eye(6)[joint]
+
+
+def test_every_joint_of_a_sound_arm_answers_and_is_brought_back(quick):
+    asked, arm = [], WiredArm()
+    answers, findings = JointTrial(ARM, arm, MOUNT).run(asked.append)
+    assert findings == []
+    assert [answer.joint for answer in answers] == list(reversed(ARM.joint_names))
+    for answer in answers:
+        assert np.rad2deg(answer.sent) == pytest.approx(0.5, abs=0.2)
+        assert answer.turned == pytest.approx(answer.sent, rel=0.3)
+    assert (np.rad2deg(arm.farthest) > 0.3).all()
+    assert np.abs(np.rad2deg(arm.joints - START)).max() < 0.3
+    assert not arm.speeds.any()
+    assert asked == ["turn each of 6 joints in turn by 0.5 deg and back, wrist_3 first"]
+
+
+@pytest.mark.parametrize(
+    ("wires", "finding"),
+    [
+        (wired(r2=unit(2, -1.0)), "elbow was sent by .* and turned by -.*: it turns the other way"),
+        (wired(r4=unit(4, np.pi / 180)), "wrist_2 .*: it takes no commands, or in another unit"),
+        (wired(r4=unit(4, 0.0)), "wrist_2 .*: it takes no commands, or in another unit"),
+        (wired(r4=unit(4, -np.pi / 180)), "wrist_2 .*: it takes no commands, or in another unit"),
+        (wired(r0=unit(0, 180 / np.pi)), r"shoulder_pan .*: another unit \(radians for degrees"),
+        (wired(r3=unit(3, 0.4)), "wrist_1 .*: another scale"),
+        (wired(r3=unit(3, 3.0)), "wrist_1 .*: another scale"),
+        (
+            wired(r1=unit(2), r2=unit(1)),
+            r"elbow .* turned by .0\.0. deg, and shoulder_lift by \+.*: names swapped",
+        ),
+        (wired(r5=unit(5) + unit(3)), "wrist_1 .*, and wrist_3 by .*: names swapped"),
+    ],
+)
+def test_a_joint_that_answers_otherwise_is_named(quick, wires, finding):
+    arm = WiredArm(wires=wires)
+    answers, findings = JointTrial(ARM, arm, MOUNT).run(lambda motion: None)
+    assert findings
+    assert re.search(finding, findings[0]), findings
+    assert not arm.speeds.any()
+    sound = [name for name in ARM.joint_names if not any(name in each for each in findings)]
+    for answer in answers:
+        if answer.joint in sound:
+            assert answer.turned == pytest.approx(answer.sent, rel=0.3)
+
+
+def test_a_joint_that_runs_away_ends_the_trial(quick):
+    arm = WiredArm(wires=wired(r3=unit(3, 180 / np.pi)))
+    answers, findings = JointTrial(ARM, arm, MOUNT).run(lambda motion: None)
+    assert [answer.joint for answer in answers] == ["wrist_3", "wrist_2", "wrist_1"]
+    assert len(findings) == 1
+    assert (arm.farthest[:3] == 0.0).all()
+
+
+def box_round(joints, room):
+    centre = (ARM.base_T_flange(joints) * MOUNT).translation
+    return np.array([centre - room, centre + room])
+
+
+@pytest.mark.parametrize(
+    ("joints", "room", "finding"),
+    [
+        (START + np.deg2rad([359.0, 0, 0, 0, 0, 0]), None, "shoulder_pan has no 2 deg.*file's range"),
+        (START + np.deg2rad([0, 0, 70.5, 0, 0, 0]), None, "elbow has no 2 deg .* apart|overlap"),
+        (START, 0.004, "shoulder_pan has no 2 deg of room.*the camera's centre would leave the work"),
+    ],
+    ids=["range", "own parts", "workspace"],
+)
+def test_without_room_nothing_moves(quick, joints, room, finding):
+    arm = WiredArm(joints)
+    box = None if room is None else box_round(joints, room)
+    answers, findings = JointTrial(ARM, arm, MOUNT, box).run(refused)
+    assert answers == ()
+    assert re.search(finding, findings[0]), findings
+    assert arm.commands == 0
+
+
+def test_a_workspace_with_room_is_none_to_stay_for(quick):
+    answers, findings = JointTrial(ARM, WiredArm(), MOUNT, box_round(START, 0.1)).run(lambda motion: None)
+    assert (len(answers), findings) == (6, [])
+
+
+def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tried(quick, monkeypatch):
+    monkeypatch.setattr(robot_check, "SECONDS", 1.2)
+    asked, arm = [], WiredArm(wires=wired(r0=unit(0, -1.0)))
+    found = check_robot(ROBOT, ARM, arm, Frames(), asked.append)
+    assert len(found.answers) == 6
+    assert re.search("shoulder_pan .*: it turns the other way", found.findings[0])
+    assert found.stop_seconds is None
+    assert len(asked) == 1
+
+
+def test_the_workspace_of_the_robot_file_is_kept(quick, monkeypatch):
+    monkeypatch.setattr(robot_check, "SECONDS", 1.2)
+    low, high = box_round(START, 0.004)
+    robot = ROBOT.model_copy(
+        update={"workspace": WorkspaceSection(min=tuple(low.tolist()), max=tuple(high.tolist()))}
+    )
+    found = check_robot(robot, ARM, WiredArm(), Frames(), refused)
+    assert "the camera's centre would leave the workspace" in found.findings[0]
+
+
+def test_clocks_of_both_lines_are_told(quick, monkeypatch):
+    monkeypatch.setattr(robot_check, "SECONDS", 1.2)
+    arm, frames = in_protective_stop(), Frames()
+    arm.clock = ClockMap()
+    for k in range(1000):
+        arm.clock.monotonic(0.01 * k, 7.0 + 0.01 * (1.0 + 1e-4) * k + 1e-3 * (k % 3))
+    found = check_robot(ROBOT, ARM, arm, frames, refused)
+    assert found.camera_clock is None
+    assert found.arm_clock.offset == pytest.approx(7.001, abs=1e-3)
+    assert found.arm_clock.drift == pytest.approx(1e-4, abs=3e-5)
+    assert found.arm_clock.spread == pytest.approx(2e-3, abs=1e-3)

@@ -1,5 +1,6 @@
 """The loop on the simulated arm, with controllers and images that fail: it stops, says why, stands still."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -146,3 +147,21 @@ def test_a_command_that_would_lose_the_points_is_followed_only_as_far_as_they_st
     assert np.abs(steps[-1].filtered.change).max() > 0.3
     for step in steps:
         assert scene.camera.in_image(step.pixels).all()
+
+
+@pytest.mark.parametrize(
+    ("off", "sigma", "reason"),
+    [(0.05, 1e-3, "clock_fault"), (0.05, None, "time_limit"), (0.0, 1e-3, "time_limit")],
+)
+def test_images_whose_measured_offset_is_wrong_stop_by_the_name_of_the_clock(
+    run, written, off, sigma, reason
+):
+    robot = written.robot
+    written.robot.advance(0.1)  # a first frame is there
+    written.image = lambda: replace(robot.image(), time=robot.image().time + off)
+
+    def twist(k):
+        return 0.06 * np.sin(2.0 * np.pi * k / 40.0) * np.array([1.0, -0.6, 0.2, 0.0, 0.0, 0.5])
+
+    stop, _ = run(twist, time_limit=3.0, offset_sigma=sigma)
+    assert stop.reason == reason, stop

@@ -116,11 +116,12 @@ class OnRobot:
             yield task, SimulatedCell
             return
         from omniservo.runs.open_hardware import open_hardware
-        from omniservo.runs.robot_records import camera_offset, require_check
+        from omniservo.runs.robot_records import require_check, stored_delay
 
         require_check(self.file)
         robot = robot_of(self.file, self.camera_source, self.speed, allow_outside=self.allow_outside)
+        delay = stored_delay(self.file, robot)
         progress("connecting to arm and camera")
-        begun, cell = open_hardware(task, robot, approve, self.driver, camera_offset(self.file))
+        begun, cell = open_hardware(task, robot, approve, self.driver, delay)
         with closing(cell):
             yield begun, lambda task, seed: cell

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +22,7 @@ from omniservo.cli.robot_file import (
 from omniservo.cli.robot_options import AllowOutsideOption
 
 if TYPE_CHECKING:
-    from omniservo.runs.robot_check import StreamTimes
+    from omniservo.runs.robot_check import LineClock, StreamTimes
 
 RobotArgument = Annotated[Path, typer.Argument(help="A robot file (YAML).")]
 
@@ -35,9 +36,10 @@ def check(
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Check a real robot: rates, ages, clocks, where it stands, and that it stops when commands cease.
+    """Check a real robot: rates, ages, clocks, where it stands, its joints, and that it stops in silence.
 
-    One joint moves by half a degree. What was found is kept beside the robot file; run --on needs it.
+    Every joint moves by half a degree and back. What was found is kept beside the robot file; run --on needs
+    it.
     """
     output = Output(as_json, quiet)
     with output.working("loading") as progress:
@@ -52,11 +54,16 @@ def check(
         connection = open_robot(loaded, arm, driver)
         with closing(connection), closing(open_robot_camera(loaded)) as camera:
             progress("listening")
-            found = check_robot(arm, connection, camera, approval, loaded.watchdog)
+            found = check_robot(loaded, arm, connection, camera, approval)
             notice = camera.notice
     output.line(f"{'joints':<16} {_spelled(found.joints)}")
     output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
+    output.line(f"{'arm clock':<16} {_spelled_clock(found.arm_clock)}")
+    output.line(f"{'camera clock':<16} {_spelled_clock(found.camera_clock)}")
     output.line(f"{'self-clearance':<16} {1e3 * found.self_clearance:.1f} mm")
+    for answer in found.answers:
+        sent, turned = math.degrees(answer.sent), math.degrees(answer.turned)
+        output.line(f"{'joint':<16} {answer.joint}: sent by {sent:+.2f} deg, turned by {turned:+.2f} deg")
     if found.stop_seconds is not None:
         output.line(f"{'watchdog':<16} stands {found.stop_seconds:.3f} s after the last command")
     if notice is not None:
@@ -103,7 +110,7 @@ def delay(
     output.line(f"{'camera':<16} {_spelled_time(camera.offset, camera.sigma)} from its stamps to the joints'")
     output.line(f"{'actuation':<16} {lag} behind commands")
     output.line(f"{'residual':<16} {camera.rms_px:.2f} px rms, {found.images} images, {camera.flow:.0f} px/s")
-    output.written(save_delay(robot, found))
+    output.written(save_delay(robot, loaded, found))
     output.result(
         {
             "camera_offset_s": camera.offset,
@@ -119,6 +126,15 @@ def delay(
 def _spelled(times: StreamTimes) -> str:
     age = f"{1e3 * times.age_median:.1f} ms old (99%: {1e3 * times.age_p99:.1f} ms)"
     return f"{times.rate:.1f} a second, {age}, jitter {1e3 * times.jitter:.1f} ms"
+
+
+def _spelled_clock(clock: LineClock | None) -> str:
+    if clock is None:
+        return "this machine's, or no stamps"
+    return (
+        f"{clock.offset:+.3f} s from the stamps to this machine's time, least delay included, drift "
+        f"{1e6 * clock.drift:+.0f} ppm, spread {1e3 * clock.spread:.1f} ms"
+    )
 
 
 def _spelled_time(value: float, sigma: float) -> str:

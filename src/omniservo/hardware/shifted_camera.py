@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from omniservo.hardware.clock_map import ClockMap
 from omniservo.robots import CameraImage, CameraSource
 
 
@@ -27,6 +28,12 @@ class ShiftedCamera:
     def notice(self) -> str | None:
         """What the other assumes of its images' times, in words; None where nothing is."""
         found: str | None = getattr(self._camera, "notice", None)
+        return found
+
+    @property
+    def clock(self) -> ClockMap | None:
+        """The other's, from stamps to this machine's time, without the offset; None: it has none."""
+        found: ClockMap | None = getattr(self._camera, "clock", None)
         return found
 
     def close(self) -> None:

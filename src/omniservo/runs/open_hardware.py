@@ -18,6 +18,7 @@ from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import Arm, ArmMode, CameraSource, next_image
 from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.on_robot import on_robot
+from omniservo.runs.robot_records import StoredDelay
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import SafetyOptions
 from omniservo.scenes import Scene
@@ -102,7 +103,7 @@ def open_hardware(
     robot: RobotFile,
     approve: Callable[[str], None],
     driver: str | None = None,
-    offset: float = 0.0,
+    delay: StoredDelay | None = None,
 ) -> tuple[Task, HardwareCell]:
     """Return the task as it is done on the robot from where its arm now stands, and the cell to do it in.
 
@@ -111,7 +112,7 @@ def open_hardware(
         robot: what it is done with.
         approve: called with what the arm is about to do; raises where it may not.
         driver: replaces the file's.
-        offset: of the camera's stamps [s].
+        delay: how late its images and motions are, as measured; None: it was not.
 
     Raises:
         InputError: see `on_robot`, `open_robot`, `open_robot_camera`.
@@ -119,7 +120,10 @@ def open_hardware(
     """
     arm = robot.loaded_arm()
     begun, scene = on_robot(task, robot, arm, _joints(robot, arm, driver))
-    return begun, _cell(scene, robot, _Seats(approve, driver, offset), safety_of_task(begun))
+    options, offset = safety_of_task(begun), 0.0
+    if delay is not None:
+        options, offset = delay.within(options), delay.camera_offset
+    return begun, _cell(scene, robot, _Seats(approve, driver, offset), options)
 
 
 def open_bare(

@@ -12,18 +12,17 @@ import numpy as np
 from omniservo.errors import ServoStop
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
-from omniservo.hardware import ArmConnection
+from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
+from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
 from omniservo.safety import SafetyOptions
+from omniservo.tasks import RobotFile
 
 SECONDS = 3.0
 """that states and images are listened to"""
 
 SLOW = math.radians(1.0)
 """at which one joint moves for the proof of the watchdog [rad/s]"""
-
-STILL = math.radians(0.1)
-"""A joint slower than this stands [rad/s]."""
 
 PATIENCE = 1.0
 """So long a joint may go on after the last command before this program stops it [s]."""
@@ -57,12 +56,31 @@ class StreamTimes:
 
 @with_field_docs
 @dataclass(frozen=True)
+class LineClock:
+    """How the clock of a sender lies to this machine's, with the least delay of its line in it."""
+
+    offset: float
+    """this machine's clock less the sender's [s]"""
+    drift: float
+    """how much faster this machine's clock runs [s/s]"""
+    spread: float
+    """nine tenths of the messages are no later than the least delay by more [s]"""
+
+
+@with_field_docs
+@dataclass(frozen=True)
 class RobotCheck:
     """What was found."""
 
     joints: StreamTimes
     images: StreamTimes | None
     """None: none came"""
+    arm_clock: LineClock | None
+    """None: joint states have no stamps of another clock"""
+    camera_clock: LineClock | None
+    """None: images have none"""
+    answers: tuple[JointAnswer, ...]
+    """of the joints that were tried, the last one first"""
     self_clearance: float
     """smallest gap between parts of the arm, where it stands [m]"""
     stop_seconds: float | None
@@ -72,26 +90,27 @@ class RobotCheck:
 
 
 def check_robot(
+    robot: RobotFile,
     arm: Arm,
     connection: ArmConnection,
     camera: CameraSource,
     approve: Callable[[str], None],
-    watchdog: float | None,
 ) -> RobotCheck:
-    """Listen to a robot, then move one joint at 1°/s, fall silent, and see it stop.
+    """Listen to a robot, try every joint, then move one at 1°/s, fall silent, and see it stop.
 
     Args:
-        arm: as its file has it.
+        robot: its file.
+        arm: as loaded of that.
         connection: to it; use it no more afterwards: the watchdog may have ended it.
         camera: on its flange.
         approve: called with what the arm is about to do; raises where it may not.
-        watchdog: after which something of the user's own stops the arm [s]; None: the connection's.
 
     Raises:
         NoSolutionError: it may not move.
         ServoStop: the connection was lost, or data that are none.
     """
     joints, images = _listened(connection, camera)
+    clocks = line_clock(connection), line_clock(camera)
     state = connection.read()
     findings = [
         *_findings(joints, images),
@@ -102,12 +121,24 @@ def check_robot(
     gap = _self_clearance(arm, state.joint_positions)
     if gap < SELF_CLEARANCE:
         findings.append(f"parts of the arm are {1e3 * gap:.1f} mm apart: another arm file, or another zero?")
-    stopped = None
+    stopped: float | None = None
+    answers: tuple[JointAnswer, ...] = ()
     if not findings:
-        promised = watchdog if connection.watchdog is None else connection.watchdog
-        stopped, more = watchdog_proof(arm, connection, approve, promised or 0.0)
-        findings += more
-    return RobotCheck(joints, images, gap, stopped, tuple(findings))
+        box = None if robot.workspace is None else robot.workspace.bounds
+        trial = JointTrial(arm, connection, robot.arm.flange_T_camera.transform, box)
+        answers, findings = trial.run(approve)
+    if not findings:
+        promised = robot.watchdog if connection.watchdog is None else connection.watchdog
+        stopped, findings = watchdog_proof(arm, connection, approve, promised or 0.0)
+    return RobotCheck(joints, images, *clocks, answers, gap, stopped, tuple(findings))
+
+
+def line_clock(source: object) -> LineClock | None:
+    """Return what an arm's connection, or a camera, knows of its sender's clock; None where there is none."""
+    clock = getattr(source, "clock", None)
+    if not isinstance(clock, ClockMap) or math.isnan(clock.offset):
+        return None
+    return LineClock(clock.offset, clock.drift, clock.spread)
 
 
 def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
@@ -125,10 +156,6 @@ def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
             f"1% of the images are {images.age_p99:.3f} s old or more; at most {options.image_age:g} s"
         )
     return found
-
-
-def _old(what: str, age: float, most: float) -> str:
-    return f"1% of the {what} are {age:.3f} s old or more; at most {most:g} s is acted on"
 
 
 def _listened(connection: ArmConnection, camera: CameraSource) -> tuple[StreamTimes, StreamTimes | None]:

@@ -118,7 +118,7 @@ def _recorded(
             wanted, speeds = swing(begin.joint_positions, chosen, size, passed)
             speeds += 2.0 * (wanted - found.states[-1].joint_positions)
             supervisor.command(speeds)
-            found.sent.append((found.states[-1].time, speeds))
+            found.sent.append((supervisor.time, speeds))
             supervisor.wait(_PERIOD)
     finally:
         supervisor.stop()

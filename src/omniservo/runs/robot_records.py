@@ -5,12 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from omniservo.errors import InputError
+from omniservo.calibration.camera_delay import SEARCHED
+from omniservo.errors import InputError, spelled
+from omniservo.field_docs import with_field_docs
 from omniservo.files import is_file, read_document, write_whole
 from omniservo.geometry.arrays import finite_number
-from omniservo.runs.robot_delay import RobotDelay
+from omniservo.runs.robot_delay import MOST_LAG, RobotDelay
+from omniservo.safety import SafetyOptions
+from omniservo.tasks import RobotFile
 
 FRESH = 24.0 * 3600.0
 """A check counts for so long [s]."""
@@ -44,30 +49,68 @@ def require_check(robot: Path) -> None:
         raise InputError(f"{robot}: checked {age / 3600.0:.0f} h ago; at most {FRESH / 3600.0:g} h; {again}")
 
 
-def save_delay(robot: Path, found: RobotDelay) -> Path:
+@with_field_docs
+@dataclass(frozen=True)
+class StoredDelay:
+    """How late a robot's images and motions are, as it was measured."""
+
+    camera_offset: float
+    """is added to the stamps of images [s]"""
+    camera_sigma: float
+    """standard deviation of that [s]"""
+    actuation_lag: float
+    """joints turn as they were commanded so long before [s]"""
+
+    def __post_init__(self) -> None:
+        finite_number("camera_offset_s", self.camera_offset, minimum=-SEARCHED, maximum=SEARCHED)
+        finite_number("camera_offset_sigma_s", self.camera_sigma, minimum=0.0, maximum=SEARCHED)
+        finite_number("actuation_lag_s", self.actuation_lag, minimum=0.0, maximum=MOST_LAG)
+
+    def within(self, options: SafetyOptions) -> SafetyOptions:
+        """Return the options of a robot that is so late, whose images are corrected by the offset."""
+        return replace(options, command_lag=self.actuation_lag, offset_sigma=self.camera_sigma)
+
+
+def save_delay(path: Path, robot: RobotFile, found: RobotDelay) -> Path:
     """Keep how late the robot of this file is; return where."""
-    path = robot.with_suffix(".delay.json")
+    beside = path.with_suffix(".delay.json")
     document = {
         "format": _DELAY,
+        **_measured_with(robot),
         "camera_offset_s": found.camera.offset,
         "camera_offset_sigma_s": found.camera.sigma,
         "actuation_lag_s": found.actuation_lag,
         "actuation_lag_sigma_s": found.actuation_sigma,
     }
-    write_whole(path, json.dumps(document, indent=2) + "\n", force=True)
-    return path
+    write_whole(beside, json.dumps(document, indent=2) + "\n", force=True)
+    return beside
 
 
-def camera_offset(robot: Path) -> float:
-    """Return what is added to the camera's stamps of this robot [s]; 0 where it was not measured.
+def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
+    """Return how late the robot of this file is; None where that was not measured.
 
     Raises:
-        InputError: the file beside the robot's is no such record.
+        InputError: the file beside the robot's is no such record, or of another driver, address or camera.
     """
-    path = robot.with_suffix(".delay.json")
-    if not is_file(path):
-        return 0.0
-    return finite_number(f"{path}: camera_offset_s", _document(path, _DELAY).get("camera_offset_s"))
+    beside = path.with_suffix(".delay.json")
+    if not is_file(beside):
+        return None
+    document = _document(beside, _DELAY)
+    for name, now in _measured_with(robot).items():
+        if document.get(name) != now:
+            raise InputError(
+                f"{beside}: measured with {name} {spelled(document.get(name))}; it is {spelled(now)} now; "
+                f"measure it again: omniservo robot delay {path}"
+            )
+    names = ("camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s")
+    try:
+        return StoredDelay(*(document.get(name) for name in names))  # type: ignore[arg-type]
+    except InputError as error:
+        raise InputError(f"{beside}: {error}") from None
+
+
+def _measured_with(robot: RobotFile) -> dict[str, str]:
+    return {"driver": robot.driver, "address": robot.address, "camera_source": robot.camera.source}
 
 
 def _document(path: Path, wanted: str) -> dict[str, object]:

@@ -18,6 +18,7 @@ from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, Stal
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.robots import CameraImage, RobotState
+from omniservo.safety.delay_watch import DelayWatch
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.image_watch import ImageWatch
 from omniservo.safety.measured_delays import MeasuredDelays
@@ -217,6 +218,7 @@ class _Loop:
         self._watch = FeatureWatch(options)
         self._moving = MovingImage(options, visibility.camera.height)
         self._image_watch = ImageWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
+        self._delay_watch = DelayWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._last = -np.inf
         self._delays = MeasuredDelays(options.command_lag)
         self.start = np.nan
@@ -264,7 +266,9 @@ class _Loop:
         pose = report.initial_T_camera
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
-        self._image_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
+        seen = image.time, pixels, valid, controller.points, pose, supervisor.history
+        self._image_watch.check(*seen)
+        self._delay_watch.check(*seen)
         return self._visibility.step(points, pixels, valid, twist, self._delays.first)
 
     def next_image(self) -> CameraImage:

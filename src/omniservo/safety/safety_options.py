@@ -63,6 +63,9 @@ class SafetyOptions:
     time stamps explain [px]; see `ImageWatch`"""
     time_offset: float = 0.25
     """Time stamps of images may be off those of the joints by this much, either way [s]"""
+    offset_sigma: float | None = None
+    """Standard deviation of the offset between the two [s] where it was measured, and added to the images'
+    stamps; images that ask for another one then stop the robot: see `DelayWatch`. None: not measured"""
     exposure: float = 0.0
     """So long each row of an image sees [s]; names what motion blur stops."""
     readout: float = 0.0
@@ -102,6 +105,8 @@ class SafetyOptions:
             "readout",
         ):
             finite_number(name, getattr(self, name), minimum=0.0)
+        if self.offset_sigma is not None:
+            finite_number("offset_sigma", self.offset_sigma, minimum=0.0)
         finite_number("most_gain", self.most_gain, minimum=self.least_gain)
         finite_number("least_features", self.least_features, minimum=3)
         if not isinstance(self.least_features, int):

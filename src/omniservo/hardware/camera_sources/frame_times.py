@@ -52,6 +52,11 @@ class FrameTimes:
             return f"exposure is the sender's time stamp, as if the least delay were none; {MEASURE}"
         return None
 
+    @property
+    def clock(self) -> ClockMap | None:
+        """From the sender's stamps to this machine's time; None: stamps of this machine, or none usable."""
+        return self._map if self._clock == StampClock.SENDER else None
+
     def exposure(self, stamp: float | None, arrival: float) -> tuple[float, float] | None:
         """Return the instant of exposure on this machine's clock and its standard deviation [s].
 

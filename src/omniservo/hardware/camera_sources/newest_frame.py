@@ -18,6 +18,7 @@ from omniservo.hardware.camera_sources.frame_reader import (
 )
 from omniservo.hardware.camera_sources.frame_times import FrameTimes, is_own_clock
 from omniservo.hardware.camera_sources.settling import Settling
+from omniservo.hardware.clock_map import ClockMap
 from omniservo.robots import CameraImage
 
 AGAIN = 0.5
@@ -83,6 +84,11 @@ class NewestFrame:
     def notice(self) -> str | None:
         """What is assumed, in one line; None where nothing is."""
         return "; ".join(self.notices) or None
+
+    @property
+    def clock(self) -> ClockMap | None:
+        """From the frames' stamps to this machine's time; None: stamps of this machine, or none usable."""
+        return None if self._times is None else self._times.clock
 
     def image(self) -> CameraImage | None:
         """Return the newest frame, whatever its age, without waiting.
@@ -170,6 +176,7 @@ class NewestFrame:
                 self.dropped += 1
                 continue
             self._image, self.trouble = CameraImage(exposed[0], frame.pixels, exposed[1]), None
+            self._times = times
 
     def _begin(
         self, frame: Frame, settling: Settling, before: list[tuple[float | None, float]]

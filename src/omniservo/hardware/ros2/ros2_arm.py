@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from omniservo.errors import ConnectionLost, InputError, InvalidData, NotInControl, ServoStop
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.hardware.clock_map import ClockMap
 from omniservo.hardware.ros2.commands import HOLD, ArmCommands, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import why_apart
 from omniservo.hardware.ros2.joint_states import JointStates, refuse_names
@@ -112,6 +113,11 @@ class Ros2Arm:
     def watchdog(self) -> float | None:
         """The arm itself begins to brake so long after the last command [s]; None where only listening."""
         return self._watchdog
+
+    @property
+    def clock(self) -> ClockMap | None:
+        """From the stamps of joint states to this machine's time; None: they have none."""
+        return self._states.clock if self._states.stamped else None
 
     def read(self) -> RobotState:
         """Return the newest state, whatever its age.

@@ -89,6 +89,11 @@ class Ros2Camera:
             self.close()
             raise
 
+    @property
+    def clock(self) -> ClockMap | None:
+        """From stamps to this machine's time; None: images have none."""
+        return None if self.notice else self._clock
+
     def image(self) -> CameraImage | None:
         """Return the newest image, without waiting.
 
