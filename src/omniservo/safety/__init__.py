@@ -1,5 +1,6 @@
 """What stands around every control step: the closed loop, its supervisor, and the visibility filter."""
 
+from omniservo.safety.blind_motion import Waiting
 from omniservo.safety.closed_loop import Controller, Step, TimeLimit, servo
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.joint_motion import OffPath, follow_joints
@@ -20,6 +21,7 @@ __all__ = [
     "Supervisor",
     "TimeLimit",
     "VisibilityFilter",
+    "Waiting",
     "follow_joints",
     "servo",
 ]

@@ -14,24 +14,24 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, StaleImage
+from omniservo.errors import FeatureLoss, InputError, InvalidData, NotFinite, ServoStop, StaleImage
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.robots import CameraImage, RobotState
+from omniservo.safety.blind_motion import BlindMotion, Waiting
+from omniservo.safety.camera_motion import CameraMotion
 from omniservo.safety.delay_watch import DelayWatch
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.image_watch import ImageWatch
 from omniservo.safety.measured_delays import MeasuredDelays
 from omniservo.safety.moving_image import MovingImage
+from omniservo.safety.path_controller import CarriedController, PathController
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Wish, as_stop
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
 
 if TYPE_CHECKING:  # what drives an arm loads nothing that reads images
     from omniservo.perception import FeatureTracker
-
-_TICK = 1e-3
-"""How often the loop looks for a new image [s]."""
 
 _SETTLING = 0.5
 """The robot is given so long to come to rest at the end [s]."""
@@ -80,7 +80,10 @@ POSTURE_GAIN = 2.0
 
 
 class Controller(Protocol):
-    """What turns pixels into a camera twist: a path tracker or an image servo."""
+    """What turns pixels into a camera twist: a path tracker or an image servo.
+
+    It may be a `CarriedController` and a `PathController` besides.
+    """
 
     @property
     def report(self) -> ControllerReport | None:
@@ -149,9 +152,13 @@ def servo(
     *,
     time_limit: float,
     on_step: Callable[[Step], None] = lambda step: None,
+    on_wait: Callable[[Waiting], None] = lambda waiting: None,
     posture: Posture | None = None,
 ) -> ServoStop | None:
     """Drive the robot until the controller is done; the robot stands still on return.
+
+    Without images, or with ones that show too few points, it slows down on its path, stands, and waits, as
+    `BlindMotion` says; it goes on when an image shows the points where the joints have them.
 
     Args:
         supervisor: arm and camera, with what they may do.
@@ -160,6 +167,7 @@ def servo(
         visibility: keeps the points in view.
         time_limit: of the whole servo [s].
         on_step: called after every command; what it raises stops the robot.
+        on_wait: called when the robot slows down for want of images, and when that is over.
         posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
 
     What stops it latches in the supervisor: nothing moves the robot again until `Supervisor.release`.
@@ -172,15 +180,18 @@ def servo(
         InputError: before the first command: the parts do not fit together.
         Exception: what else controller, features or ``on_step`` raise; the robot stands still by then.
     """
-    loop = _Loop(supervisor, controller, features, visibility, posture)
+    loop = _Loop(supervisor, controller, features, visibility, posture, on_wait)
     stop: ServoStop | None = None
     try:
         while not controller.done:
             image = loop.next_image()
             if image.time - loop.start > time_limit:
                 raise TimeLimit(_not_there(time_limit, controller.report))
-            on_step(loop.step(image))
+            step = loop.step(image)
+            if step is not None:
+                on_step(step)
     except BaseException as error:
+        loop.blind.end()
         stop = as_stop(error)
         refused = isinstance(error, InputError) and loop.commanded
         if not (isinstance(error, ServoStop) or refused):
@@ -211,6 +222,7 @@ class _Loop:
         features: FeatureTracker,
         visibility: VisibilityFilter,
         posture: Posture | None,
+        on_wait: Callable[[Waiting], None],
     ) -> None:
         self._supervisor, self._controller, self._features = supervisor, controller, features
         self._visibility, self._posture = visibility, posture
@@ -221,31 +233,43 @@ class _Loop:
         self._delay_watch = DelayWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._last = -np.inf
         self._delays = MeasuredDelays(options.command_lag)
+        path = controller if isinstance(controller, PathController) else None
+        self.blind = BlindMotion(supervisor, path, self._delays, on_wait)
+        """what is done without images"""
+        self._wrong: ServoStop | None = None
+        """why the newest image cannot be acted on"""
         self.start = np.nan
         """the time of the first image [s]"""
         self.commanded = False
         """whether the robot may move"""
 
-    def step(self, image: CameraImage) -> Step:
-        """Command what one image asks for."""
+    def step(self, image: CameraImage) -> Step | None:
+        """Command what one image asks for; nothing, if it shows too few points."""
         supervisor, time = self._supervisor, image.time - self.start
         pixels, valid = self._found(image, time)
         state = supervisor.read()
-        self._delays.seen(image.time, supervisor.time)
+        self._delays.seen(image.time, supervisor.time, regular=not self.blind.waiting)
         before = perf_counter()
         try:
             filtered = self._twist(image, time, pixels, valid)
         except ServoStop as stop:
-            raise self._moving.named(stop) from None
-        # Six joints leave nothing free.
-        free = supervisor.arm.dof > 6
-        wish = _towards(self._posture, self.start) if self._posture is not None and free else None
-        self.commanded = True
-        passed = supervisor.carry(filtered.twist, wish)
+            self._wrong = self._moving.named(stop)
+            if isinstance(self._wrong, FeatureLoss):
+                return None
+            raise self._wrong from None
+        self.commanded, self._wrong = True, None
+        passed = supervisor.carry(filtered.twist, self._wish)
         self._delays.commanded(supervisor.time)
+        self.blind.acted(image, passed)
         seconds = perf_counter() - before
         exposed = supervisor.history.at(np.array([image.time]))[0][0]
         return Step(time, image, exposed, state, pixels, valid, filtered, passed, seconds)
+
+    @property
+    def _wish(self) -> Wish | None:
+        """Where the arm is to go besides; six joints leave nothing free."""
+        free = self._supervisor.arm.dof > 6
+        return _towards(self._posture, self.start) if self._posture is not None and free else None
 
     def _found(self, image: CameraImage, time: float) -> tuple[FloatArray, BoolArray]:
         """Return the points found (n, 2) [px], as they were at the time stamp, and which (n,)."""
@@ -266,27 +290,34 @@ class _Loop:
         pose = report.initial_T_camera
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
-        seen = image.time, pixels, valid, controller.points, pose, supervisor.history
-        self._image_watch.check(*seen)
-        self._delay_watch.check(*seen)
+        self._image_watch.check(
+            image.time, pixels, valid, controller.points, pose, supervisor.history, alone=self.blind.waiting
+        )
+        self._delay_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
         return self._visibility.step(points, pixels, valid, twist, self._delays.first)
 
     def next_image(self) -> CameraImage:
-        """Wait for an image newer than the last; refuse one that is too old, or that does not come."""
-        supervisor, waited = self._supervisor, 0.0
-        limit = supervisor.options.image_age
+        """Wait for an image newer than the last, and not too old to be acted on."""
+        supervisor, limit = self._supervisor, self._supervisor.options.image_age
         while True:
             image = supervisor.image()
             if image is not None and image.time > self._last:
-                age = supervisor.read().time - image.earliest
-                if not age <= limit:
-                    raise StaleImage(f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on")
                 self._last = image.time
-                self.start = image.time if np.isnan(self.start) else self.start
-                return image
-            if waited > limit:
-                raise StaleImage(f"no new image for {waited:.3f} s; at most {limit:g} s is waited")
-            waited += supervisor.wait(_TICK)
+                age = supervisor.read().time - image.earliest
+                if age <= limit:
+                    self._begin(image.time)
+                    return image
+                self._wrong = StaleImage(
+                    f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on"
+                )
+            self.blind.pass_time(self._wrong, self._wish)
+
+    def _begin(self, time: float) -> None:
+        """Let time be counted from the first image on [s]."""
+        if np.isnan(self.start):
+            self.start = self.blind.start = time
+            if isinstance(self._controller, CarriedController):
+                self._controller.carried_by(CameraMotion(self._supervisor, time))
 
 
 def _not_there(time_limit: float, report: ControllerReport | None) -> str:

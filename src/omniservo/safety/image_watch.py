@@ -109,6 +109,8 @@ class ImageWatch:
         points: FloatArray,
         initial_T_camera: RigidTransform,
         history: MotionHistory,
+        *,
+        alone: bool = False,
     ) -> None:
         """Take an image in.
 
@@ -119,6 +121,7 @@ class ImageWatch:
             points: (n, 3) in the initial camera frame, as estimated now [m].
             initial_T_camera: the pose of this image; of the first, joints carry it on.
             history: the joints up to now.
+            alone: this image decides by itself, as after a gap.
 
         Raises:
             InconsistentImage: points did not move with the camera, whatever the offset is.
@@ -140,7 +143,7 @@ class ImageWatch:
         if not odd[time - self._refuted > MEMORY].all():  # a single odd image is no reference for the next
             self._seen.append(now)
         self._wrong = np.where(odd, self._wrong + 1, 0)
-        refuted = self._wrong >= IN_A_ROW
+        refuted = self._wrong >= (1 if alone else IN_A_ROW)
         self._refuted[refuted] = time
         if (time - self._refuted <= MEMORY).all():
             raise InconsistentImage(next(words for wrong, words in told if (wrong & refuted).any()))

@@ -32,11 +32,19 @@ class MeasuredDelays:
     @property
     def mean(self) -> float:
         """Until the middle of the time in which it acts: till the next image's does [s]."""
-        return self.first + (0.5 * float(np.median(self._periods)) if self._periods else 0.0)
+        return self.first + (0.5 * self.period if self._periods else 0.0)
 
-    def seen(self, exposed: float, now: float) -> None:
-        """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s]."""
-        if np.isfinite(self._exposed):
+    @property
+    def period(self) -> float:
+        """Between two images, in the median [s]; NaN before there were two."""
+        return float(np.median(self._periods)) if self._periods else np.nan
+
+    def seen(self, exposed: float, now: float, *, regular: bool = True) -> None:
+        """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s].
+
+        What lies between it and the one before is not ``regular`` where images were missing.
+        """
+        if regular and np.isfinite(self._exposed):
             self._periods.append(exposed - self._exposed)
         self._exposed, self._now = exposed, now
 

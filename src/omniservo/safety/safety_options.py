@@ -12,6 +12,7 @@ from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, f
 
 _POSITIVE = (
     "image_age",
+    "patience",
     "joint_age",
     "reaction",
     "max_linear_speed",
@@ -37,7 +38,13 @@ class SafetyOptions:
     """
 
     image_age: float = 0.25
-    """An image older than this is not acted on, and stops the robot [s]."""
+    """An image older than this is not acted on, and stops a robot that is not led to rest by then [s]."""
+    patience: float = 3.0
+    """The robot is stopped so long after the newest image that could be acted on [s]; until then `servo`
+    slows down, stands, and waits. Less than ``image_age`` counts as that."""
+    blind_room: float = 0.0
+    """How far off its path the camera may be when it stands there without images [m]: what a plan keeps for
+    tracking; 0: it is slowed down as fast as the joints may"""
     command_lag: float = 0.0
     """From a command until the arm acts on it [s]; what drives and their controller are known to take"""
     joint_age: float = 0.05
@@ -97,6 +104,7 @@ class SafetyOptions:
             finite_number(name, getattr(self, name), above=0.0)
         for name in (
             "joint_reserve",
+            "blind_room",
             "growing_px",
             "visibility_margin",
             "structure_error",

@@ -387,7 +387,8 @@ class Supervisor:
                 f"at most {self.options.reaction:g} s is allowed"
             )
         self._link.refuse_old(state, self.options.joint_age)
-        self._refuse_stale(state)
+        if self._target.any():  # to rest it may be led without images
+            self._refuse_stale(state)
         self._stoppable.check(state, velocities)
         self._following.check(self.history)
         if not np.isfinite(velocities).all():  # whatever went wrong on the way here

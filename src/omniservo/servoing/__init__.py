@@ -11,6 +11,7 @@ from omniservo.servoing.features import (
 from omniservo.servoing.image_servo import ImageServo, ImageServoOptions, ImageServoReport
 from omniservo.servoing.image_speed import image_speed
 from omniservo.servoing.path_limits import PathLimits
+from omniservo.servoing.paused_law import Pause, PausedLaw
 from omniservo.servoing.rest_of_law import RestOfLaw
 from omniservo.servoing.time_law import ExponentialLaw, RestToRestLaw, TimeLaw
 from omniservo.servoing.time_optimal_law import TimeOptimalLaw
@@ -24,6 +25,8 @@ __all__ = [
     "ImageServoOptions",
     "ImageServoReport",
     "PathLimits",
+    "Pause",
+    "PausedLaw",
     "RestOfLaw",
     "RestToRestLaw",
     "TimeLaw",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,7 @@ class GoalServo:
         self._settled = 0
         self._time = 0.0
         self._twist = np.zeros(6)
+        self._where: Callable[[float], FloatArray] | None = None
         self._initial_T_camera = RigidTransform.identity()
         self.report: GoalServoReport | None = None
         """of the last step"""
@@ -85,12 +87,34 @@ class GoalServo:
         """True once the goal image was met in `SETTLED_FRAMES` frames in a row."""
         return self._settled >= SETTLED_FRAMES
 
+    def carried_by(self, where: Callable[[float], FloatArray]) -> None:
+        """Carry the pose along the camera's measured motion from now on, in place of the last twist.
+
+        Args:
+            where: from a time as in `step` to the camera's pose by the joints, quaternion (x, y, z, w) and
+                translation [m], (7,), in any fixed frame.
+        """
+        self._where = where
+
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
-        """Return where the points are expected: the last pose carried on by the last twist."""
+        """Return where the points are expected: the last pose carried on by the motion since.
+
+        As the joints were measured where `carried_by` says it, else by the last twist.
+        """
+        moved = self._initial_T_camera * self._moved(time)
+        return self._camera.project(moved.inv().apply(self._points))
+
+    def _moved(self, time: float) -> RigidTransform:
+        """Return the camera's pose at ``time`` [s] in its frame at the last step."""
+        if self._where is not None:
+            before, after = (
+                RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
+                for pose in (self._where(self._time), self._where(time))
+            )
+            return before.inv() * after
         elapsed = time - self._time
         turn = Rotation.from_rotvec(self._twist[3:] * elapsed)
-        moved = self._initial_T_camera * RigidTransform.from_components(self._twist[:3] * elapsed, turn)
-        return self._camera.project(moved.inv().apply(self._points))
+        return RigidTransform.from_components(self._twist[:3] * elapsed, turn)
 
     def step(
         self, time: float, pixels: FloatArray, valid: BoolArray, acts_at: float | None = None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from omniservo.field_docs import with_field_docs
 from omniservo.planning import CameraPath
-from omniservo.servoing import TimeLaw
+from omniservo.servoing import Pause, PausedLaw, TimeLaw
 
 
 @with_field_docs
@@ -27,3 +27,7 @@ class Leg:
         """Return w and ẇ [1/s] at ``time`` [s]."""
         s, speed = self.law(time)
         return self.begin + (1.0 - self.begin) * s, (1.0 - self.begin) * speed
+
+    def paused(self, pause: Pause) -> Leg:
+        """Return the same way with a pause; it is entered later where the pause begins before it is."""
+        return replace(self, law=PausedLaw.of(self.law, pause), time=pause.when(self.time))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,8 @@ from omniservo.tracking.gate import GATE
 from omniservo.tracking.goal_blend import GoalBlend
 from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.leg import Leg
-from omniservo.tracking.path_state import path_state
 from omniservo.tracking.pose_filter import predict_state, reset
+from omniservo.tracking.reference import Reference
 from omniservo.tracking.stop_criterion import StopCriterion
 from omniservo.tracking.structure_refinement import StructureRefinement
 from omniservo.tracking.tracker_options import TrackerOptions
@@ -30,9 +30,6 @@ from omniservo.tracking.tracker_report import Phase, TrackerReport
 
 DEFAULT_DURATION = 4.0
 """of the rest-to-rest law that is taken where none is given [s]"""
-
-JOINS = 1e-6
-"""A leg begins where the one before is left, in m and in the quaternion, and as fast, in m/s and rad/s."""
 
 PLACES_CHECKED = 201
 """At so many places of the path virtual-plane features are checked for Z > 0."""
@@ -64,7 +61,7 @@ class PathTracker:
 
     def __repr__(self) -> str:
         size = f"{self._camera.width} × {self._camera.height} px"
-        return f"PathTracker({len(self._points)} points, {len(self._legs)} path(s), images of {size})"
+        return f"PathTracker({len(self._points)} points, {len(self._way.legs)} path(s), images of {size})"
 
     def __init__(
         self,
@@ -92,13 +89,14 @@ class PathTracker:
             raise InputError(
                 f"plan: {len(self._points)} points; at least {self.options.least_features} are needed"
             )
-        self._legs = [Leg(plan.path, time_law or RestToRestLaw(DEFAULT_DURATION))]
+        self._way = Reference(Leg(plan.path, time_law or RestToRestLaw(DEFAULT_DURATION)))
         self._refuse_points_behind(plan.path)
         wanted = None if goal_pixels is None else self._carried("goal_pixels", goal_pixels)
         self._goal = GoalImage.of(self._camera, self._feature, plan.path, self._points, wanted)
         self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options, self._camera)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
+        self._where: Callable[[float], FloatArray] | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = None if wanted is None else self._refinement(initial_pixels)
         self._run_kernel(
@@ -123,12 +121,12 @@ class PathTracker:
     @property
     def time_law(self) -> TimeLaw:
         """s(t) of the leg that is followed last; of the first leg s is w."""
-        return self._legs[-1].law
+        return self._way.legs[-1].law
 
     @property
     def legs(self) -> tuple[Leg, ...]:
         """The ways that were followed, the plan's first, and the one that is followed last."""
-        return tuple(self._legs)
+        return tuple(self._way.legs)
 
     def take_up(self, leg: Leg) -> None:
         """Follow another way from ``leg.time`` on; the reference's pose and twist have no jump there.
@@ -137,22 +135,58 @@ class PathTracker:
 
         Raises:
             InputError: the leg begins elsewhere than the way before is left, or with another twist, or in the
-                past; virtual-plane features and a path along which a point leaves the half-space Z > 0; or
-                its end does not see the goal image's points.
+                past; the reference is slowed down; virtual-plane features and a path along which a point
+                leaves the half-space Z > 0; or its end does not see the goal image's points.
         """
-        if leg.time < self._legs[-1].time or (self.report is not None and leg.time <= self.report.time):
+        if self.report is not None and leg.time <= self.report.time:
             raise InputError(f"leg.time: {leg.time:g} s given; it must be taken up after what was seen last")
-        before, after = (np.concatenate(_state(each, leg.time)[2:]) for each in (self._leg(leg.time), leg))
-        if before[:4] @ after[:4] < 0.0:  # φ and −φ are the same rotation
-            after[:4] *= -1.0
-            leg = replace(leg, path=CameraPath(-leg.path.rotation, leg.path.translation))
-        apart = float(np.abs(before - after).max())
-        if not apart <= JOINS:
-            raise InputError(f"leg: it does not go on as the way before it is left: {apart:.2g} off")
+        leg = self._way.joined(leg)
         self._refuse_points_behind(leg.path)
         goal = self._goal.beyond(self._feature, leg.path, self._points)
         self._head_for(goal, leg.w(leg.time)[0])
-        self._legs.append(leg)
+        self._way.legs.append(leg)
+
+    def carried_by(self, where: Callable[[float], FloatArray]) -> None:
+        """Carry what was seen along the camera's measured motion from now on, in place of the planned one.
+
+        Args:
+            where: from a time as in `step` to the camera's pose by the joints, (7,) in any fixed frame.
+        """
+        self._where = where
+
+    def slow_down(self, time: float, least: float, most: float, room: float) -> float:
+        """Let the reference slow down to rest on its path from ``time`` [s] on; return when it stands [s].
+
+        It takes as long as lets it stand within ``room`` [m] of where the path had the camera at the last
+        image, less how far off the path the camera was seen there; at least ``least``, else at most ``most``
+        [s]. What is left of the way waits for `go_on`.
+        """
+        off, since = 0.0, time
+        if self.report is not None:
+            since = self.report.time
+            off = float(np.linalg.norm(self._estimated_pose[4:] - self._way.pose(since)[4:]))
+        return self._way.slow_down(time, (least, most), room, (since, off))
+
+    def coast(self, time: float, acts_at: float) -> FloatArray:
+        """Return the twist (6,) of `step` for the points as the last estimate, carried to ``time``, has them.
+
+        Nothing is learnt from it: `report` and the estimate stay those of the last image.
+
+        Raises:
+            FeatureLoss: there was no image yet, or too few points are in the camera's domain.
+            SingularInteraction, Divergence: as `step`.
+        """
+        if self.report is None:
+            raise FeatureLoss("no image was seen yet")
+        pixels, seen = self._predicted_pixels(time)
+        status, twist, *_, evidence = self._run_kernel(time, acts_at, pixels, seen)
+        if status != kernel.DONE:
+            raise self._error(status, pixels, evidence)
+        return twist
+
+    def go_on(self, time: float, rising: float) -> None:
+        """Let the reference go on from ``time`` [s], as fast as planned after ``rising`` [s]."""
+        self._way.go_on(time, rising)
 
     def step(
         self,
@@ -188,7 +222,7 @@ class PathTracker:
         self._estimated_pose, self._pose_covariance = estimated, covariance
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
-        w, w_dot = self._leg(time).w(time)
+        w, w_dot = self._way.leg(time).w(time)
         own_reference = self._image.returned(reference)
         self.report = TrackerReport(
             time, w, w_dot, phase, used, own_reference, error, goal_error, pose, estimated, covariance, rms,
@@ -201,17 +235,28 @@ class PathTracker:
     def predict(self, time: float) -> tuple[FloatArray, BoolArray]:
         """Return where the points are expected at ``time`` [s]: pixels (n, 2), and which exist (n,).
 
-        The filtered pose of the last step, carried on by the planned motion since; before that the plan's.
+        The filtered pose of the last step, carried on by the motion since, as the joints were measured where
+        `carried_by` says it, else as planned; before the first step the plan's.
         Search windows for points, and the places where lost points are looked for, come from here.
         """
-        plan_then = self._planned(time)[2]
-        plan_seen, pose = plan_then, plan_then
+        pixels, seen = self._predicted_pixels(time)
+        return self._image.returned(pixels), seen
+
+    def _predicted_pixels(self, time: float) -> tuple[FloatArray, BoolArray]:
+        """Return `predict` as the unified camera has it."""
+        before = after = pose = self._way.pose(time)
         if self.report is not None:
-            plan_seen, pose = self._planned(self.report.time)[2], self._estimated_pose
+            pose, (before, after) = self._estimated_pose, self._moved(self.report.time, time)
         pixels = np.empty((len(self._points), 2))
         seen = np.empty(len(self._points), dtype=np.bool_)
-        kernel.predict_pixels(self._camera.parameters, self._points, pose, plan_seen, plan_then, pixels, seen)
-        return self._image.returned(pixels), seen
+        kernel.predict_pixels(self._camera.parameters, self._points, pose, before, after, pixels, seen)
+        return pixels, seen
+
+    def _moved(self, since: float, until: float) -> tuple[FloatArray, FloatArray]:
+        """Return the camera's poses (7,) at two times [s] in one frame, as measured or else as planned."""
+        if self._where is not None:
+            return self._where(since), self._where(until)
+        return self._way.pose(since), self._way.pose(until)
 
     def _carried(self, name: str, pixels: npt.ArrayLike) -> FloatArray:
         """Return given pixels (n, 2) as the unified camera sees them."""
@@ -228,7 +273,7 @@ class PathTracker:
         """Servo on refined points (n, 3) from the next image on."""
         if points is None:
             return
-        path, w = self._legs[-1].path, 0.0 if self.report is None else self.report.w
+        path, w = self._way.legs[-1].path, 0.0 if self.report is None else self.report.w
         try:
             goal = GoalImage.of(self._camera, self._feature, path, points, self._goal.pixels)
         except InputError:  # the refined points leave the domain of the features at the plan's end
@@ -249,8 +294,8 @@ class PathTracker:
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
-        w, _, plan_seen, _ = self._planned(time)
-        w_now, w_dot_now, plan_now, plan_twist = self._planned(acts_at)
+        w, _, plan_seen, _ = self._way.state(time)
+        w_now, w_dot_now, plan_now, plan_twist = self._way.state(acts_at)
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
         estimated_pose, covariance = self._predicted(time, plan_seen)
@@ -273,18 +318,9 @@ class PathTracker:
             reset(covariance)
             return estimated_pose, covariance
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
-        predict_state(
-            estimated_pose, covariance, self._planned(self.report.time)[2], plan_seen, time - self.report.time
-        )
+        moved = self._moved(self.report.time, time)
+        predict_state(estimated_pose, covariance, *moved, time - self.report.time)
         return estimated_pose, covariance
-
-    def _leg(self, time: float) -> Leg:
-        """Return the leg that is followed at ``time`` [s]."""
-        return next((leg for leg in self._legs[:0:-1] if leg.time <= time), self._legs[0])
-
-    def _planned(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
-        """Return w, ẇ, the planned pose (7,) and the planned twist (6,) at ``time`` [s]."""
-        return _state(self._leg(time), time)
 
     def _checked_image(
         self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None
@@ -307,7 +343,7 @@ class PathTracker:
 
     def _phase(self, time: float, goal_error: float, pose: FloatArray) -> Phase:
         """Return the phase of the step at ``time`` [s]."""
-        if self._leg(time).law.finished(time):
+        if self._way.leg(time).law.finished(time):
             return "done" if self._stop.holds(time, goal_error, pose) else "goal"
         self._stop.restart()
         return "path"
@@ -358,13 +394,3 @@ def _settings(options: TrackerOptions, camera: UnifiedCamera) -> FloatArray:
     settings[kernel.MAX_ANGULAR] = options.max_angular_speed
     settings[kernel.GATE_PX] = max(options.gate_px, GATE * error_px)
     return settings
-
-
-def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]:
-    """Return w, ẇ, pose (7,) and twist (6,) of a leg at ``time`` [s]."""
-    s, speed = leg.law(time)
-    pose, twist = np.empty(7), np.empty(6)
-    path_state(*leg.path.powers, s, pose, twist)
-    twist *= speed
-    left = 1.0 - leg.begin
-    return leg.begin + left * s, left * speed, pose, twist

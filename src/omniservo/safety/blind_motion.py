@@ -1,0 +1,154 @@
+"""What the robot does while there is no image to act on: it slows down along its path, stands, and waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from omniservo.errors import ServoStop, StaleImage
+from omniservo.field_docs import with_field_docs
+from omniservo.robots import CameraImage
+from omniservo.safety.measured_delays import MeasuredDelays
+from omniservo.safety.path_controller import PathController
+from omniservo.safety.supervised_robot import SupervisedRobot
+from omniservo.safety.supervisor import Passed, Wish
+
+TICK = 1e-3
+"""How often a new image is looked for [s]."""
+
+OVERDUE = 2.5
+"""An image is overdue so many of the camera's periods after the last one: one may be lost, and one late."""
+
+UNKNOWN_PERIOD = 0.04
+"""taken before there were two images [s]"""
+
+RENEWED = 0.01
+"""While there are no images a twist is commanded anew so often [s]."""
+
+STANDS_BEFORE = 0.05
+"""The robot is led to rest so long before the newest image is too old to be acted on [s]."""
+
+BRAKING = 2.0
+"""Slowing down takes so many times of what the joints need to brake: its steepest asks 3/4 of that of them;
+the rest is for the path's bends."""
+
+SLOWEST = 1.0
+"""Nothing is slowed down for longer [s], unless the joints need it."""
+
+RISING = 0.3
+"""Afterwards the reference takes at least so long to be as fast as planned [s]."""
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class Waiting:
+    """A time without images that could be acted on."""
+
+    since: float
+    """when the robot began to slow down, since the loop's first image [s]"""
+    why: str
+    """in words"""
+    stands_at: float
+    """when it stands, likewise [s]"""
+    until: float = np.nan
+    """when an image could be acted on again, or the robot was stopped, likewise [s]; NaN: it still waits"""
+
+
+class BlindMotion:
+    """Leads the robot between two images that are acted on.
+
+    Until an image is overdue the last twist acts on. Then a controller with a path is slowed down on it, led
+    by the joints alone, so that the camera stands within ``blind_room``; any other robot is braked. It stands
+    by twists of zero, given again and again, until an image can be acted on, or for ``patience`` at most.
+
+    Args:
+        supervisor: leads the robot.
+        path: the controller, where it has a path; None: it has none.
+        delays: of the images.
+        told: called when it begins to slow down, and when that is over.
+    """
+
+    def __init__(
+        self,
+        supervisor: SupervisedRobot,
+        path: PathController | None,
+        delays: MeasuredDelays,
+        told: Callable[[Waiting], None],
+    ) -> None:
+        self._supervisor, self._path, self._delays, self._told = supervisor, path, delays, told
+        self._options = supervisor.options
+        self.start = np.nan
+        """the time of the loop's first image [s]"""
+        self._exposed = self._acted = self._led = np.nan
+        self._braking = 0.0
+        self._waiting: Waiting | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the robot slows down or stands because images are missing."""
+        return self._waiting is not None
+
+    def acted(self, image: CameraImage, passed: Passed) -> None:
+        """Note that a command rests on an image; what was slowed down goes on."""
+        now = self._supervisor.time
+        self._exposed, self._acted = image.earliest, now
+        if not self.waiting:
+            turning = np.abs(passed.target) / self._supervisor.arm.joint_acceleration
+            self._braking = BRAKING * float(turning.max())
+        elif self._path is not None:
+            self._path.go_on(now + self._options.command_lag - self.start, max(RISING, self._braking))
+        self.end()
+
+    def end(self) -> None:
+        """Tell that a waiting is over, where there is one."""
+        if self._waiting is not None:
+            self._told(replace(self._waiting, until=self._supervisor.time - self.start))
+            self._waiting = None
+
+    def pass_time(self, why: ServoStop | None, wish: Wish | None) -> None:
+        """Let a moment pass without an image that can be acted on.
+
+        Args:
+            why: what is wrong with the newest image; None: none came.
+            wish: where an arm of seven joints is to go besides; None: nowhere.
+
+        Raises:
+            ServoStop: ``why``, or `StaleImage`, after ``patience``; or the robot was stopped.
+        """
+        now = self._supervisor.read().time
+        if np.isnan(self._acted):
+            self._acted = now  # nothing was commanded yet
+        waited, patience = now - self._acted, max(self._options.patience, self._options.image_age)
+        if waited > patience:
+            words = f"no new image for {waited:.3f} s; at most {patience:g} s is waited"
+            raise StaleImage(words) if why is None else why
+        period = self._delays.period
+        if not self.waiting and waited > OVERDUE * (UNKNOWN_PERIOD if np.isnan(period) else period):
+            self._begin(now, f"no new image for {waited:.3f} s" if why is None else str(why))
+        if self.waiting and not now - self._led < RENEWED:
+            self._lead(now, wish)
+        self._supervisor.wait(TICK)
+
+    def _begin(self, now: float, why: str) -> None:
+        """Begin to slow down, where the robot may move."""
+        if np.isnan(self._exposed):
+            return
+        since = stands_at = now - self.start
+        if self._path is not None:
+            most = self._options.image_age - STANDS_BEFORE - (now - self._exposed)
+            room = self._options.blind_room
+            stands_at = self._path.slow_down(since, self._braking, min(most, SLOWEST), room)
+        self._waiting = Waiting(since, why, stands_at)
+        self._told(self._waiting)
+
+    def _lead(self, now: float, wish: Wish | None) -> None:
+        """Command the twist of this moment."""
+        self._led, time = now, now - self.start
+        slowing = self._waiting is not None and time < self._waiting.stands_at
+        if self._path is None or not slowing or now - self._exposed > self._options.image_age - STANDS_BEFORE:
+            self._supervisor.carry(np.zeros(6))
+        else:
+            twist = self._path.coast(time, time + self._options.command_lag)
+            self._supervisor.carry(twist, wish)

@@ -1,0 +1,116 @@
+"""Where the camera is to be, and when: the ways that are followed, one after the other, with pauses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import CameraPath
+from omniservo.servoing import Pause
+from omniservo.tracking.leg import Leg
+from omniservo.tracking.path_state import path_state
+
+JOINS = 1e-6
+"""A leg begins where the one before is left, in m and in the quaternion, and as fast, in m/s and rad/s."""
+
+_SLOWINGS = 17
+"""So many ways of slowing down are tried: the gentlest that keeps within its room is taken."""
+
+_PLACES = 9
+"""of the path at which that is looked at"""
+
+_AT_ONCE = 1e-3
+"""Slowing down takes at least this [s]."""
+
+
+class Reference:
+    """The legs of a way, of which the last one ends at the goal.
+
+    Args:
+        first: the plan's own.
+    """
+
+    def __init__(self, first: Leg) -> None:
+        self.legs = [first]
+        """in the order in which they are followed"""
+        self._pause: Pause | None = None
+        self._before: list[Leg] = []
+        """the legs without the pause that has not ended"""
+
+    def leg(self, time: float) -> Leg:
+        """Return the leg that is followed at ``time`` [s]."""
+        return next((leg for leg in self.legs[:0:-1] if leg.time <= time), self.legs[0])
+
+    def state(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
+        """Return w, ẇ [1/s], the camera's pose (7,) and its twist (6,) at ``time`` [s]."""
+        return _state(self.leg(time), time)
+
+    def pose(self, time: float) -> FloatArray:
+        """Return the camera's pose (7,) at ``time`` [s]: quaternion (x, y, z, w) and translation [m]."""
+        return self.state(time)[2]
+
+    def joined(self, leg: Leg) -> Leg:
+        """Return a leg as it is to be taken up, with the quaternion's sign of the one before.
+
+        Raises:
+            InputError: it begins elsewhere than the way before is left, with another twist, or before the
+                last one; or the reference is slowed down.
+        """
+        if self._pause is not None:
+            raise InputError("leg: the reference is slowed down; legal: a leg after it goes on")
+        if leg.time < self.legs[-1].time:
+            raise InputError(f"leg.time: {leg.time:g} s given; it must be taken up after what was seen last")
+        before, after = (np.concatenate(_state(each, leg.time)[2:]) for each in (self.leg(leg.time), leg))
+        if before[:4] @ after[:4] < 0.0:  # φ and −φ are the same rotation
+            after[:4] *= -1.0
+            leg = replace(leg, path=CameraPath(-leg.path.rotation, leg.path.translation))
+        apart = float(np.abs(before - after).max())
+        if not apart <= JOINS:
+            raise InputError(f"leg: it does not go on as the way before it is left: {apart:.2g} off")
+        return leg
+
+    def slow_down(
+        self, time: float, span: tuple[float, float], room: float, seen: tuple[float, float]
+    ) -> float:
+        """Come to rest on the way, beginning at ``time`` [s]; return when it does [s].
+
+        The camera moves no farther than the path leads it, wherever to, from where it was seen last.
+
+        Args:
+            time: [s].
+            span: the shortest that slowing down may take, which is not undercut, and the longest [s].
+            room: how far off the path the camera may be at the end, as far as is known [m].
+            seen: when it was seen last [s], and how far off the path it was then [m].
+        """
+        if self._pause is None:
+            least, most = span
+            tried = np.linspace(max(least, most), least, _SLOWINGS)
+            slowing = next((float(t) for t in tried if self._off(time, float(t), seen) <= room), least)
+            self._pause = Pause(time, max(slowing, _AT_ONCE))
+            self._before, self.legs = self.legs, [leg.paused(self._pause) for leg in self.legs]
+        return self._pause.begin + self._pause.slowing
+
+    def go_on(self, time: float, rising: float) -> None:
+        """Go on from ``time`` [s], as fast as planned after ``rising`` [s], where it was slowed down."""
+        if self._pause is not None:
+            pause = replace(self._pause, resumed=max(time, self._pause.begin), rising=rising)
+            self.legs, self._pause = [leg.paused(pause) for leg in self._before], None
+
+    def _off(self, time: float, slowing: float, seen: tuple[float, float]) -> float:
+        """Return how far off the path the camera can be once it has slowed down like this [m]."""
+        times = time + 0.5 * slowing * np.linspace(0.0, 1.0, _PLACES)
+        places = np.array([self.pose(float(t))[4:] for t in times])
+        return seen[1] + float(np.linalg.norm(places - self.pose(seen[0])[4:], axis=1).max())
+
+
+def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]:
+    """Return w, ẇ, pose (7,) and twist (6,) of a leg at ``time`` [s]."""
+    s, speed = leg.law(time)
+    pose, twist = np.empty(7), np.empty(6)
+    path_state(*leg.path.powers, s, pose, twist)
+    twist *= speed
+    left = 1.0 - leg.begin
+    return leg.begin + left * s, left * speed, pose, twist
