@@ -19,6 +19,7 @@ from omniservo.reporting.looks import looks_section
 from omniservo.reporting.margin_parts import margin_parts
 from omniservo.reporting.replanning import replanning_section
 from omniservo.reporting.style import Drawing
+from omniservo.reporting.waits_section import waits_section
 from omniservo.reporting.write_figures import drawings
 from omniservo.results.run_result import RunResult
 
@@ -79,6 +80,7 @@ def report_html(
         *(block for r in results for block in _looks(r, several)),
         part("Figures", *_figures(results, drawn)),
         *(block for r in results for block in _replanning(r, several)),
+        *(block for r in results for block in _waits(r, several)),
         *(block for r in results for block in _joints(r, several)),
         *(_details(r, several) for r in results),
         part(
@@ -164,6 +166,13 @@ def _replanning(result: RunResult, several: bool) -> list[Markup]:
     if found is None:
         return []
     return [part(f"During the motion: {_method(result)}" if several else "During the motion", found)]
+
+
+def _waits(result: RunResult, several: bool) -> list[Markup]:
+    found = waits_section(result)
+    if found is None:
+        return []
+    return [part(f"Waiting for images: {_method(result)}" if several else "Waiting for images", found)]
 
 
 def _details(result: RunResult, several: bool) -> Markup:

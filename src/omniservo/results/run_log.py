@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.safety import Waiting
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,8 @@ class RunLog:
     rows: list[LogRow] = field(default_factory=list)
     contacts: set[tuple[str, str]] = field(default_factory=set)
     """truth: pairs of bodies that touched"""
+    waits: list[Waiting] = field(default_factory=list)
+    """when images were missing and the arm slowed down, stood and waited"""
     stop_reason: str = ""
     """empty: converged; else one word, as in `omniservo.errors`"""
     stop_message: str = ""
@@ -76,6 +79,23 @@ class RunLog:
     def column(self, name: str) -> FloatArray:
         """Return one field of all rows, stacked: (steps, …)."""
         return np.asarray([getattr(row, name) for row in self.rows], dtype=np.float64)
+
+    def wait(self, waiting: Waiting) -> None:
+        """Note that the arm waits for images, or that it did."""
+        if self.waits and self.waits[-1].since == waiting.since:
+            self.waits.pop()
+        self.waits.append(waiting)
+
+    def moved_blind(self, waiting: Waiting) -> float:
+        """Return how far the camera moved between the images round a waiting, by the joints [m].
+
+        NaN where there is none after it.
+        """
+        before = [row for row in self.rows if row.time < waiting.since]
+        after = [row for row in self.rows if row.time >= waiting.since]
+        if not before or not after:
+            return float("nan")
+        return float(np.linalg.norm(after[0].measured_position - before[-1].measured_position))
 
     @property
     def has_truth(self) -> bool:

@@ -27,6 +27,9 @@ _SECONDS = {
 _REPORT = 0.4
 """[s] of the report, for each run in it"""
 
+_WITHIN = {"waiting for images": "following the path"}
+"""what happens to a stage, and takes as long as it takes"""
+
 _OF_FILM = {"filming", "drawing the animation"}
 
 
@@ -50,8 +53,8 @@ class JobProgress:
 
     def __call__(self, stage: str, done: float = 0.0) -> None:
         """Go on to a stage of this run, or within it to a share of it."""
-        stages = list(self._seconds)
-        before = sum(self._seconds[s] for s in stages[: stages.index(stage)]) + done * self._seconds[stage]
+        stages, place = list(self._seconds), _WITHIN.get(stage, stage)
+        before = sum(self._seconds[s] for s in stages[: stages.index(place)]) + done * self._seconds[place]
         behind = _LOADING + self._run * sum(self._seconds.values()) + before
         name = f"{self._methods[self._run]}: {stage}" if len(self._methods) > 1 else stage
         self._tell(name, behind / self._whole)

@@ -41,7 +41,7 @@ from omniservo.ros_messages.messages import (
 )
 from omniservo.runs.planned_job import Method
 from omniservo.runs.run_inputs import RunInputs
-from omniservo.safety import Step
+from omniservo.safety import Step, Waiting
 from omniservo.safety.closed_loop import ControllerReport
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
@@ -188,6 +188,13 @@ class JobRecording:
         base_T_camera = scene.arm.base_T_flange(step.state.joint_positions) * scene.flange_T_camera
         self._frame(topics.BASE, topics.CAMERA, base_T_camera)
         self._frame(topics.INITIAL_CAMERA, topics.ESTIMATED_CAMERA, pose)
+
+    def wait(self, waiting: Waiting) -> None:
+        """Note that the arm waits for images, or that this is over."""
+        if np.isnan(waiting.until):
+            self._say(f"waiting: {waiting.why}", _WARNING)
+        else:
+            self._say(f"waited for {waiting.until - waiting.since:.2f} s")
 
     def ended(self, stop: ServoStop | None) -> None:
         """Note how the servo ended."""

@@ -12,7 +12,7 @@ from omniservo.results import LogRow, RunLog
 from omniservo.robots import CameraImage
 from omniservo.runs.job_recording import JobRecording
 from omniservo.runs.robot_cell import RobotCell
-from omniservo.safety import Controller, Step
+from omniservo.safety import Controller, Step, Waiting
 from omniservo.tasks import Task
 from omniservo.tracking import Replanner
 
@@ -87,6 +87,12 @@ class Recorder:
             if self._replanner is not None:
                 self._recording.follow([leg.path for leg in self._replanner.legs])
             self._recording.step(step, report, self._log.rows[-1].leg, self._scene)
+
+    def wait(self, waiting: Waiting) -> None:
+        """Note that the arm waits for images, or that this is over."""
+        self._log.wait(waiting)
+        if self._recording is not None:
+            self._recording.wait(waiting)
 
     def _true_columns(self, step: Step) -> _TrueColumns:
         """Return the truth of the image's exposure; NaN without one."""

@@ -40,7 +40,7 @@ from omniservo.runs.supervisor_of import supervisor_of
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
-from omniservo.safety import Controller, Step, VisibilityFilter, servo
+from omniservo.safety import Controller, Step, VisibilityFilter, Waiting, servo
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
@@ -235,8 +235,16 @@ def _drive(
         recorder.step(step)
         if replanner is not None:
             replanner.look(step.time)
+        progress("following the path", behind())
+
+    def behind() -> float:
         w = math.nan if controller.report is None else controller.report.w
-        progress("following the path", 0.0 if math.isnan(w) else w)
+        return 0.0 if math.isnan(w) else w
+
+    def waits(waiting: Waiting) -> None:
+        recorder.wait(waiting)
+        if math.isnan(waiting.until):
+            progress("waiting for images", behind())
 
     visibility = VisibilityFilter(task.camera, delay=task.sensor.latency, options=options)
     if cell.clock is not None:  # time does not wait for code to be loaded: the arm stands until it is
@@ -249,6 +257,7 @@ def _drive(
         tracker,
         visibility,
         on_step=after,
+        on_wait=waits,
         time_limit=task.servo.time_limit,
         posture=None if replanner is None else replanner.posture,
     )
@@ -310,6 +319,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **_arm_metrics(result.whole_arm),
         **_replanning_metrics(result),
         **_look_metrics(result),
+        **_wait_metrics(result),
         "planning_seconds": None,  # unless planned
         **seconds,
     }
@@ -329,6 +339,19 @@ def _look_metrics(result: RunResult) -> dict[str, object]:
         "goal_sigma_after_looks_m": last.goal_m,
         "points_sigma_before_looks_m": first.points_m,
         "points_sigma_after_looks_m": last.points_m,
+    }
+
+
+def _wait_metrics(result: RunResult) -> dict[str, object]:
+    """Return nothing for a run that never waited for images."""
+    waits = result.log.waits
+    if not waits:
+        return {}
+    blind = [moved for wait in waits if math.isfinite(moved := result.log.moved_blind(wait))]
+    return {
+        "waits": len(waits),
+        "waited_seconds": sum(wait.until - wait.since for wait in waits),
+        "moved_blind_m": max(blind, default=None),
     }
 
 

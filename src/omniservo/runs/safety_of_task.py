@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from omniservo.runs.arm_setting_of import tube_of
 from omniservo.safety import SafetyOptions
 from omniservo.tasks import Task
 
@@ -17,11 +18,15 @@ keeps inside it, its execution and the distance in which the supervisor can brak
 
 
 def safety_of_task(task: Task) -> SafetyOptions:
-    """Return the defaults, but of a slow camera for its rate, and with the task's workspace."""
+    """Return the defaults, but of a slow camera for its rate, and with what the task keeps free.
+
+    What its plan keeps for tracking is what the camera may be off its path while it moves without images.
+    """
     sensor, box = task.sensor, task.planning.workspace
-    default = SafetyOptions()
+    default, tube = SafetyOptions(), tube_of(task)
     return SafetyOptions(
         image_age=max(default.image_age, sensor.latency + FRAMES_MISSED / sensor.rate),
+        blind_room=task.planning.tracking_margin if tube is None else tube.position,
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
         exposure=sensor.exposure,
         readout=sensor.readout,

@@ -21,6 +21,9 @@ TICK = 1e-3
 OVERDUE = 2.5
 """An image is overdue so many of the camera's periods after the last one: one may be lost, and one late."""
 
+LATE = 1.5
+"""It may be missing after so many, where slowing down has to begin lest there be too little room."""
+
 UNKNOWN_PERIOD = 0.04
 """taken before there were two images [s]"""
 
@@ -33,6 +36,12 @@ STANDS_BEFORE = 0.05
 BRAKING = 2.0
 """Slowing down takes so many times of what the joints need to brake: its steepest asks 3/4 of that of them;
 the rest is for the path's bends."""
+
+LEAST_BRAKING = 3 * RENEWED
+"""Slowing down takes so many twists at least [s]."""
+
+SLOWINGS = 17
+"""So many ways of slowing down are tried: the gentlest that keeps within its room is taken."""
 
 SLOWEST = 1.0
 """Nothing is slowed down for longer [s], unless the joints need it."""
@@ -60,8 +69,10 @@ class BlindMotion:
     """Leads the robot between two images that are acted on.
 
     Until an image is overdue the last twist acts on. Then a controller with a path is slowed down on it, led
-    by the joints alone, so that the camera stands within ``blind_room``; any other robot is braked. It stands
-    by twists of zero, given again and again, until an image can be acted on, or for ``patience`` at most.
+    by the joints alone: as gently as lets the camera stand within ``blind_room`` and before the newest image
+    is too old, but no faster than the joints can. Where that would take more than ``blind_room`` it begins
+    earlier, once an image is missing. Any other robot is braked. It stands by twists of zero, given again and
+    again, until an image can be acted on, or for ``patience`` at most.
 
     Args:
         supervisor: leads the robot.
@@ -96,7 +107,7 @@ class BlindMotion:
         self._exposed, self._acted = image.earliest, now
         if not self.waiting:
             turning = np.abs(passed.target) / self._supervisor.arm.joint_acceleration
-            self._braking = BRAKING * float(turning.max())
+            self._braking = max(BRAKING * float(turning.max()), LEAST_BRAKING)
         elif self._path is not None:
             self._path.go_on(now + self._options.command_lag - self.start, max(RISING, self._braking))
         self.end()
@@ -124,12 +135,33 @@ class BlindMotion:
         if waited > patience:
             words = f"no new image for {waited:.3f} s; at most {patience:g} s is waited"
             raise StaleImage(words) if why is None else why
-        period = self._delays.period
-        if not self.waiting and waited > OVERDUE * (UNKNOWN_PERIOD if np.isnan(period) else period):
+        if not self.waiting and self._overdue(now, waited):
             self._begin(now, f"no new image for {waited:.3f} s" if why is None else str(why))
         if self.waiting and not now - self._led < RENEWED:
             self._lead(now, wish)
         self._supervisor.wait(TICK)
+
+    def _overdue(self, now: float, waited: float) -> bool:
+        """Return whether to slow down after so long without an image [s]."""
+        period = UNKNOWN_PERIOD if np.isnan(self._delays.period) else self._delays.period
+        if waited > OVERDUE * period:
+            return True
+        room = self._options.blind_room
+        if self._path is None or room == 0.0 or not waited > LATE * period:
+            return False
+        return self._path.off_path(now + RENEWED + self._held - self.start, self._braking) > room
+
+    @property
+    def _held(self) -> float:
+        """How much later than it should a twist acts, that of the moment before being held until then [s]."""
+        return RENEWED + self._options.command_lag
+
+    def _slowing(self, path: PathController, now: float) -> float:
+        """Return how long slowing down takes [s]."""
+        least, time = self._braking, now + self._held - self.start
+        most = min(self._options.image_age - STANDS_BEFORE - (now - self._exposed), SLOWEST)
+        tried = np.linspace(max(most, least), least, SLOWINGS).tolist()
+        return next((t for t in tried if path.off_path(time, t) <= self._options.blind_room), least)
 
     def _begin(self, now: float, why: str) -> None:
         """Begin to slow down, where the robot may move."""
@@ -137,9 +169,7 @@ class BlindMotion:
             return
         since = stands_at = now - self.start
         if self._path is not None:
-            most = self._options.image_age - STANDS_BEFORE - (now - self._exposed)
-            room = self._options.blind_room
-            stands_at = self._path.slow_down(since, self._braking, min(most, SLOWEST), room)
+            stands_at = self._path.slow_down(since, self._slowing(self._path, now))
         self._waiting = Waiting(since, why, stands_at)
         self._told(self._waiting)
 

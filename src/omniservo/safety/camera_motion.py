@@ -13,8 +13,8 @@ class CameraMotion:
     """The camera's poses by the joints as they were measured, and then as what was sent leads on.
 
     Args:
-        robot: its history is looked into.
-        start: the times that are asked for are counted from here [s].
+        robot: with its history.
+        start: times are counted from here [s].
     """
 
     def __init__(self, robot: SupervisedRobot, start: float) -> None:

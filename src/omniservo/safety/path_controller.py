@@ -25,15 +25,23 @@ class CarriedController(Protocol):
 class PathController(Protocol):
     """A controller with a path, along which it can slow down without images, stand, and go on."""
 
-    def slow_down(self, time: float, least: float, most: float, room: float) -> float:
-        """Let the reference slow down on its path from ``time`` on; return when it stands [s].
+    def off_path(self, time: float, slowing: float) -> float:
+        """Return how far off the path the camera may be once it has slowed down without images [m].
+
+        It moves no farther than the path leads it, wherever to, from where the last image saw it.
 
         Args:
-            time: since the loop's first image [s].
-            least: the shortest that slowing down may take [s].
-            most: the longest, where it is longer than ``least`` [s].
-            room: the camera should not get farther than this from where the path had it at the last image,
-                the distance to the path that was seen there taken off [m]; ``least`` goes before it.
+            time: when it begins to slow down, since the loop's first image [s].
+            slowing: how long that takes [s].
+        """
+        ...
+
+    def slow_down(self, time: float, slowing: float) -> float:
+        """Let the reference come to rest on its path; return when it stands.
+
+        Args:
+            time: when it begins to slow down, since the loop's first image [s].
+            slowing: how long that takes [s].
         """
         ...
 

@@ -154,18 +154,29 @@ class PathTracker:
         """
         self._where = where
 
-    def slow_down(self, time: float, least: float, most: float, room: float) -> float:
-        """Let the reference slow down to rest on its path from ``time`` [s] on; return when it stands [s].
+    def off_path(self, time: float, slowing: float) -> float:
+        """Return how far off the path the camera may be once it has slowed down without images [m].
 
-        It takes as long as lets it stand within ``room`` [m] of where the path had the camera at the last
-        image, less how far off the path the camera was seen there; at least ``least``, else at most ``most``
-        [s]. What is left of the way waits for `go_on`.
+        It moves no farther than the path leads it, wherever to, from where the last image saw it.
+
+        Args:
+            time: when it begins to slow down [s].
+            slowing: how long that takes [s].
         """
-        off, since = 0.0, time
-        if self.report is not None:
-            since = self.report.time
-            off = float(np.linalg.norm(self._estimated_pose[4:] - self._way.pose(since)[4:]))
-        return self._way.slow_down(time, (least, most), room, (since, off))
+        if self.report is None:
+            return 0.0
+        seen = self._way.pose(self.report.time)[4:]
+        off = float(np.linalg.norm(self._estimated_pose[4:] - seen))
+        return off + float(np.linalg.norm(self._way.places(time, slowing) - seen, axis=1).max())
+
+    def slow_down(self, time: float, slowing: float) -> float:
+        """Let the reference come to rest on its path, and wait there for `go_on`; return when it stands [s].
+
+        Args:
+            time: when it begins to slow down [s].
+            slowing: how long that takes [s].
+        """
+        return self._way.slow_down(time, slowing)
 
     def coast(self, time: float, acts_at: float) -> FloatArray:
         """Return the twist (6,) of `step` for the points as the last estimate, carried to ``time``, has them.

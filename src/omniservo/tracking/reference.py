@@ -16,11 +16,8 @@ from omniservo.tracking.path_state import path_state
 JOINS = 1e-6
 """A leg begins where the one before is left, in m and in the quaternion, and as fast, in m/s and rad/s."""
 
-_SLOWINGS = 17
-"""So many ways of slowing down are tried: the gentlest that keeps within its room is taken."""
-
 _PLACES = 9
-"""of the path at which that is looked at"""
+"""at which a way of slowing down is evaluated"""
 
 _AT_ONCE = 1e-3
 """Slowing down takes at least this [s]."""
@@ -53,7 +50,7 @@ class Reference:
         return self.state(time)[2]
 
     def joined(self, leg: Leg) -> Leg:
-        """Return a leg as it is to be taken up, with the quaternion's sign of the one before.
+        """Return a leg as it is to go on with, with the quaternion's sign of the one before.
 
         Raises:
             InputError: it begins elsewhere than the way before is left, with another twist, or before the
@@ -72,23 +69,9 @@ class Reference:
             raise InputError(f"leg: it does not go on as the way before it is left: {apart:.2g} off")
         return leg
 
-    def slow_down(
-        self, time: float, span: tuple[float, float], room: float, seen: tuple[float, float]
-    ) -> float:
-        """Come to rest on the way, beginning at ``time`` [s]; return when it does [s].
-
-        The camera moves no farther than the path leads it, wherever to, from where it was seen last.
-
-        Args:
-            time: [s].
-            span: the shortest that slowing down may take, which is not undercut, and the longest [s].
-            room: how far off the path the camera may be at the end, as far as is known [m].
-            seen: when it was seen last [s], and how far off the path it was then [m].
-        """
+    def slow_down(self, time: float, slowing: float) -> float:
+        """Come to rest within ``slowing`` from ``time`` on, or as it does already; return when [s]."""
         if self._pause is None:
-            least, most = span
-            tried = np.linspace(max(least, most), least, _SLOWINGS)
-            slowing = next((float(t) for t in tried if self._off(time, float(t), seen) <= room), least)
             self._pause = Pause(time, max(slowing, _AT_ONCE))
             self._before, self.legs = self.legs, [leg.paused(self._pause) for leg in self.legs]
         return self._pause.begin + self._pause.slowing
@@ -99,11 +82,10 @@ class Reference:
             pause = replace(self._pause, resumed=max(time, self._pause.begin), rising=rising)
             self.legs, self._pause = [leg.paused(pause) for leg in self._before], None
 
-    def _off(self, time: float, slowing: float, seen: tuple[float, float]) -> float:
-        """Return how far off the path the camera can be once it has slowed down like this [m]."""
+    def places(self, time: float, slowing: float) -> FloatArray:
+        """Return places (k, 3) [m] up to where it stands if it slows down from ``time`` on so long [s]."""
         times = time + 0.5 * slowing * np.linspace(0.0, 1.0, _PLACES)
-        places = np.array([self.pose(float(t))[4:] for t in times])
-        return seen[1] + float(np.linalg.norm(places - self.pose(seen[0])[4:], axis=1).max())
+        return np.array([self.pose(float(t))[4:] for t in times])
 
 
 def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]:
