@@ -21,6 +21,10 @@ from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.supervisor import Wish
 
 
+_ROUNDING = 1e-9
+"""of stamps [s]"""
+
+
 class RecordingEnds(ServoStop):
     """There is nothing more in the recording."""
 
@@ -90,7 +94,14 @@ class RecordedRobot:
 
     def read(self) -> RobotState:
         """Return the joints at the step."""
-        states = [e for e in self._later if e.topic == topics.JOINT_STATES]
+        until = self._state.time if self.step is not None else math.inf  # what was read later is not known yet
+        states = [
+            e
+            for e in self._later
+            if isinstance(e.message, JointStateMessage)
+            and e.topic == topics.JOINT_STATES
+            and e.message.header.stamp.seconds <= until + _ROUNDING
+        ]
         self._apply(states[:1])
         self._later = [e for e in self._later if not states or e is not states[0]]
         return self._state

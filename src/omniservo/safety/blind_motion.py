@@ -24,9 +24,6 @@ OVERDUE = 2.5
 LATE = 1.5
 """It may be missing after so many, where slowing down has to begin lest there be too little room."""
 
-UNKNOWN_PERIOD = 0.04
-"""taken before there were two images [s]"""
-
 RENEWED = 0.01
 """While there are no images a twist is commanded anew so often [s]."""
 
@@ -143,7 +140,9 @@ class BlindMotion:
 
     def _overdue(self, now: float, waited: float) -> bool:
         """Return whether to slow down after so long without an image [s]."""
-        period = UNKNOWN_PERIOD if np.isnan(self._delays.period) else self._delays.period
+        period = self._delays.period
+        if np.isnan(period):  # after the first image
+            return waited > 0.5 * self._options.image_age
         if waited > OVERDUE * period:
             return True
         room = self._options.blind_room

@@ -10,6 +10,9 @@ from omniservo.robots import RobotState
 SPACING = 5e-3
 """Readings nearer to each other than this are not kept apart [s]."""
 
+_DIGITS = 9
+"""of times in seconds"""
+
 _ROWS = 1024
 """half of them are always kept: 2.5 s and more"""
 
@@ -35,7 +38,7 @@ class MotionHistory:
     def begin(self, state: RobotState) -> None:
         """Drop everything before; the robot stands."""
         self._count = 1
-        self._times[0] = state.time
+        self._times[0] = round(state.time, _DIGITS)
         self._rows[0] = state.joint_positions, 0.0 * self._velocities, 0.0 * self._velocities
 
     @property
@@ -44,9 +47,9 @@ class MotionHistory:
         return float(self._times[self._count - 1])
 
     def measured(self, state: RobotState) -> None:
-        """Take a reading in; of a clock set back, begin anew."""
-        last = self._count - 1
-        elapsed = state.time - self._times[last]
+        """Take a reading in; of a clock set back, begin anew. Times count to the nanosecond, as recorded."""
+        last, time = self._count - 1, round(state.time, _DIGITS)
+        elapsed = time - self._times[last]
         if elapsed < 0.0:
             self.begin(state)
             return
@@ -54,11 +57,11 @@ class MotionHistory:
         self._slowest = self._slowest + np.clip(self._velocities - self._slowest, -change, change)
         sent = self._rows[last, 1] + elapsed * self._velocities
         slowest = self._rows[last, 2] + elapsed * self._slowest
-        if elapsed > 0.0 and (last == 0 or state.time - self._times[last - 1] > SPACING):
+        if elapsed > 0.0 and (last == 0 or time - self._times[last - 1] > SPACING + 1e-9):
             last += 1
         if last == _ROWS:
             last = self._forget_old()
-        self._times[last] = state.time
+        self._times[last] = time
         self._rows[last] = state.joint_positions, sent, slowest
         self._count = last + 1
 
