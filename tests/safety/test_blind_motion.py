@@ -334,3 +334,40 @@ def test_a_gap_at_the_goal_is_waited_for(drive):
     assert run.stop is None
     assert len(run.waits) == 2
     assert run.steps[-1].time > 5.0
+
+
+def test_what_was_seen_is_carried_by_what_the_joints_did_and_not_by_what_they_were_commanded(
+    drive, monkeypatch
+):
+    """Drives that turn three quarters of what they are sent."""
+    seen = []
+    plain = VisibilityFilter.step
+
+    def watched(self, points, pixels, valid, wanted, delay=None, carried=None):
+        seen.append((delay, carried))
+        return plain(self, points, pixels, valid, wanted, delay, carried)
+
+    def prepare(run):
+        sound = run.written.robot.command
+        run.written.robot.command = lambda velocities: sound(0.75 * np.asarray(velocities))
+
+    monkeypatch.setattr(VisibilityFilter, "step", watched)
+    run = drive(prepare=prepare)
+    del run.written.robot.command
+    assert run.stop is None
+    off = [off for time, off in run.features.looked if 1.0 < time < 3.0]
+    assert max(off) < 0.3  # [px]; by the plan they would be looked for where the reference is
+    behind = [step for step in run.steps if 1.5 < step.time < 2.5]
+    for step in behind:
+        delay, carried = seen[run.steps.index(step)]
+        truth = [run.written.robot.exposure(time)[0] for time in nearest(run.written.robot, step.image.time)]
+        before, after = (run.scene.world_T_camera(q) for q in truth)
+        turn_and_shift = (before.inv() * after).as_exp_coords() / PERIOD
+        np.testing.assert_allclose(carried, np.roll(turn_and_shift, 3), atol=0.02)
+        assert delay == pytest.approx(0.02, abs=5e-3)
+        assert np.linalg.norm(carried[:3]) < 0.85 * np.linalg.norm(step.filtered.twist[:3])
+
+
+def nearest(robot, time):
+    """The times of an exposure and of the next one."""
+    return sorted(t for t in robot._exposed if t >= time)[:2]

@@ -618,6 +618,22 @@ def test_time_stamps_off_by_a_fifth_of_a_second_are_not_inconsistent(run, writte
     assert stop.reason == "time_limit"
 
 
+@pytest.mark.parametrize(
+    ("sigma", "twist", "reason"),
+    [
+        (0.0, MOVING, "inconsistent_image"),
+        (0.1, MOVING, "time_limit"),
+        (0.1, np.zeros(6), "inconsistent_image"),
+    ],
+    ids=["known stamps", "uncertain stamps", "uncertain stamps at rest"],
+)
+def test_an_uncertain_stamp_explains_what_points_flow_in_that_time(run, written, sigma, twist, reason):  # noqa: F811
+    after(written, 0.0, lambda image: image and replace(image, time_sigma=sigma), "image")
+    off = pictured(lambda p, before: p + np.array([9.0, 9.0]))
+    stop, _ = run(lambda k: twist, prepare=off, time_limit=1.2, image_age=1.0)
+    assert stop.reason == reason
+
+
 def test_a_future_time_stamp_beyond_the_age_allowed_stops(guard, written):
     supervisor = guard(image_age=0.25)
     written.robot.advance(0.05)

@@ -72,13 +72,44 @@ def test_the_update_weighs_prediction_and_image_by_their_covariances():
     prediction = moved(fit.reference_T_camera, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
     prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
     values, covariance = row(prediction), prior.copy()
-    correct_state(
-        FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit.reference_T_camera), values, covariance
-    )
+    estimate, everything = (values, covariance), np.ones(9, bool)
+    measured = row(fit.reference_T_camera)
+    correct_state(FISHEYE.parameters, FRONT, pixels, everything, measured, np.zeros(6), estimate)
     joined = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(fit.covariance))
     np.testing.assert_allclose(covariance, joined, rtol=1e-6, atol=1e-12)
     step = joined @ np.linalg.solve(fit.covariance, gap(prediction, fit.reference_T_camera))
     np.testing.assert_allclose(gap(prediction, pose_of(values)), step, atol=1e-8)
+
+
+def test_an_uncertain_stamp_is_pixel_noise_along_every_points_flow():
+    """Against generalised least squares of the pixels with covariance σ² 1 + (flow σₜ)(flow σₜ)ᵀ."""
+    rng = np.random.default_rng(3)
+    seen = bent_path()(0.4)
+    pixels = Loop(FISHEYE, pose=seen).look() + 0.3 * rng.standard_normal((9, 2))
+    fit = refine_pose(FISHEYE, FRONT, pixels, seen)
+    pose, sigma = fit.reference_T_camera, 4e-3
+    twist = np.array([0.05, -0.12, 0.2, 0.3, -0.2, 0.1])
+    prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
+
+    def projected(off):
+        return FISHEYE.project(moved(pose, off).inv().apply(FRONT))[0].ravel()
+
+    jacobian = np.array([(projected(h) - projected(-h)) / 2e-6 for h in 1e-6 * np.eye(6)]).T
+    step = 1e-4
+    place = pose * RigidTransform.from_exp_coords(np.concatenate((twist[3:], twist[:3])) * step)
+    flow = (FISHEYE.project(place.inv().apply(FRONT))[0].ravel() - projected(np.zeros(6))) / step
+    noise = np.linalg.inv(jacobian.T @ jacobian @ fit.covariance).trace() / 6.0
+    weights = np.linalg.inv(np.eye(18) / noise + sigma**2 * np.outer(flow, flow))
+    covariance = prior.copy()
+    estimate, everything = (row(pose), covariance), np.ones(9, bool)
+    correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(pose), sigma * twist, estimate)
+    expected = np.linalg.inv(np.linalg.inv(prior) + jacobian.T @ weights @ jacobian)
+    np.testing.assert_allclose(covariance, expected, rtol=2e-2, atol=1e-9)
+    sharp = prior.copy()
+    estimate = row(pose), sharp
+    correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(pose), np.zeros(6), estimate)
+    along = np.concatenate((pose.rotation.apply(twist[:3]), twist[3:]))
+    assert along @ np.linalg.solve(sharp, along) > 1.2 * along @ np.linalg.solve(covariance, along)
 
 
 def test_the_first_image_alone_decides():
@@ -87,7 +118,8 @@ def test_the_first_image_alone_decides():
     fit = refine_pose(FISHEYE, FRONT, pixels, seen).reference_T_camera
     values, covariance = row(moved(seen, np.full(6, 0.01))), np.empty((6, 6))
     reset(covariance)
-    correct_state(FISHEYE.parameters, FRONT, pixels, np.ones(9, bool), row(fit), values, covariance)
+    estimate, everything = (values, covariance), np.ones(9, bool)
+    correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(fit), np.zeros(6), estimate)
     np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=1e-7)
 
 

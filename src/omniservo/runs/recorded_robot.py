@@ -20,7 +20,6 @@ from omniservo.safety import Passed, SafetyOptions
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.supervisor import Wish
 
-
 _ROUNDING = 1e-9
 """of stamps [s]"""
 
@@ -94,7 +93,9 @@ class RecordedRobot:
 
     def read(self) -> RobotState:
         """Return the joints at the step."""
-        until = self._state.time if self.step is not None else math.inf  # what was read later is not known yet
+        until = (
+            self._state.time if self.step is not None else math.inf
+        )  # what was read later is not known yet
         states = [
             e
             for e in self._later

@@ -26,6 +26,11 @@ class CameraMotion:
         place = self._base_T_camera(time)
         return np.concatenate((Rotation.from_matrix(place[:3, :3]).as_quat(), place[:3, 3]))
 
+    @property
+    def until(self) -> float:
+        """Until when what was sent is known to act: ``command_lag`` after the last reading [s]."""
+        return self._robot.history.time + self._robot.options.command_lag - self._start
+
     def mean_twist(self, since: float, until: float) -> FloatArray:
         """Return the constant twist (6,) in the camera's frame that leads from one time's pose to another's.
 

@@ -236,6 +236,7 @@ class _Loop:
         path = controller if isinstance(controller, PathController) else None
         self.blind = BlindMotion(supervisor, path, self._delays, on_wait)
         """what is done without images"""
+        self._motion = CameraMotion(supervisor, 0.0)
         self._wrong: ServoStop | None = None
         """why the newest image cannot be acted on"""
         self.start = np.nan
@@ -283,7 +284,7 @@ class _Loop:
     def _twist(self, image: CameraImage, time: float, pixels: FloatArray, valid: BoolArray) -> FilteredTwist:
         """Return the controller's twist, changed as little as keeps the points in view."""
         supervisor, controller = self._supervisor, self._controller
-        twist = controller.step(time, pixels, valid, time + self._delays.mean)
+        twist = self._controlled(image, time, pixels, valid)
         report = controller.report
         if report is None or not np.isfinite(twist).all():
             raise NotFinite(f"the controller gives the twist {np.asarray(twist).tolist()}; it was not sent")
@@ -291,10 +292,20 @@ class _Loop:
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
         self._image_watch.check(
-            image.time, pixels, valid, controller.points, pose, supervisor.history, alone=self.blind.waiting
+            image.time, pixels, valid, controller.points, pose, supervisor.history,
+            alone=self.blind.waiting, time_sigma=image.time_sigma,
+        )  # fmt: skip
+        delay = self._delays.first
+        return self._visibility.step(
+            points, pixels, valid, twist, delay, self._motion.mean_twist(time, time + delay)
         )
-        self._delay_watch.check(image.time, pixels, valid, controller.points, pose, supervisor.history)
-        return self._visibility.step(points, pixels, valid, twist, self._delays.first)
+        seen = image.time, pixels, valid, controller.points, pose, supervisor.history
+        self._image_watch.check(*seen, alone=self.blind.waiting, time_sigma=image.time_sigma)
+        self._delay_watch.check(*seen)
+        delay = self._delays.first
+        return self._visibility.step(
+            points, pixels, valid, twist, delay, self._motion.mean_twist(time, time + delay)
+        )
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last, and not too old to be acted on."""
@@ -316,8 +327,9 @@ class _Loop:
         """Let time be counted from the first image on [s]."""
         if np.isnan(self.start):
             self.start = self.blind.start = time
+            self._motion = CameraMotion(self._supervisor, time)
             if isinstance(self._controller, CarriedController):
-                self._controller.carried_by(CameraMotion(self._supervisor, time))
+                self._controller.carried_by(self._motion)
 
 
 def _not_there(time_limit: float, report: ControllerReport | None) -> str:

@@ -43,6 +43,9 @@ ASIDE = 0.15
 JITTER = 0.01
 """Time stamps may be off from image to image by this [s]."""
 
+STAMP = 3.0
+"""and by so many standard deviations that are stated of them"""
+
 STILL_PX = 2.0
 """Points of which half moved by less since an image [px] have stood still since then, but for noise. An image
 is also compared with the oldest of these: that shows soonest that they should have moved. What rotation and
@@ -64,6 +67,8 @@ class _Seen:
     """(offsets, 3, 3) of initial_T_camera, by the joints"""
     places: FloatArray
     """(offsets, 3) likewise [m]"""
+    stamp: float = 0.0
+    """standard deviation of the time [s]"""
 
 
 class ImageWatch:
@@ -72,8 +77,9 @@ class ImageWatch:
     The pose of the first image, carried on by the measured joints, says where every point should be in any
     two images: it should have moved by e = e_t + e_r, e_t what the camera's translation does and e_r the
     rest. The motion seen, m, agrees if along e_t it is off by at most ``image_error`` + ε |e_t| + 0.1 |e_r|
-    and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms and half of the
-    step between two offsets make of it: ε is the share by which distances may be wrong. Joints and images may
+    and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms, half of the step
+    between two offsets and three standard deviations of the two time stamps make of it: ε is the share by
+    which distances may be wrong. Joints and images may
     be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
     the points disagree in any two images in a row of the last `MEMORY`. Where there is none, images or
     joints are wrong. What the points belong to must stand still.
@@ -111,6 +117,7 @@ class ImageWatch:
         history: MotionHistory,
         *,
         alone: bool = False,
+        time_sigma: float = 0.0,
     ) -> None:
         """Take an image in.
 
@@ -122,6 +129,7 @@ class ImageWatch:
             initial_T_camera: the pose of this image; of the first, joints carry it on.
             history: the joints up to now.
             alone: this image decides by itself, as after a gap.
+            time_sigma: standard deviation of ``time`` [s].
 
         Raises:
             InconsistentImage: points did not move with the camera, whatever the offset is.
@@ -132,7 +140,7 @@ class ImageWatch:
         joints = history.expected(time + self._offsets)
         poses = np.array([self._initial_T_base @ self._base_T_camera(q) for q in joints])
         seen = np.where(valid[:, None], pixels, np.nan)
-        now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3])
+        now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3], time_sigma)
         if self._still is None or not _stands_still(self._still, now):
             self._still = next((seen for seen in self._seen if _stands_still(seen, now)), now)
         told = [self._disagreement(before, now, points) for before in self._before(now)]
@@ -176,11 +184,13 @@ class ImageWatch:
             return np.zeros(OFFSETS, dtype=np.bool_), ""
         expected, by_place, moved = expected[:, known], by_place[:, known], moved[known]
         length = np.linalg.norm(expected, axis=2)
-        wrong = self._beyond(moved, expected, by_place, length / (now.time - before.time))
+        jitter = self._jitter + STAMP * math.hypot(now.stamp, before.stamp)
+        off_px = jitter * length / (now.time - before.time)
+        wrong = self._beyond(moved, expected, by_place, off_px)
         if not moved.any():
             wrong |= length > SAME_PX
         if before is self._still:
-            free = self._options.image_error + self._jitter * length / (now.time - before.time)
+            free = self._options.image_error + off_px
             wrong |= np.linalg.norm(moved - expected, axis=2) > free + self._options.structure_error * length
         counts = wrong.sum(axis=1)
         disagree = counts >= least
@@ -194,9 +204,9 @@ class ImageWatch:
         )
 
     def _beyond(
-        self, moved: FloatArray, expected: FloatArray, by_place: FloatArray, speed: FloatArray
+        self, moved: FloatArray, expected: FloatArray, by_place: FloatArray, off_px: FloatArray
     ) -> BoolArray:
-        """Return which motions (offsets, n) no error within the bounds explains."""
+        """Return which motions (offsets, n) no error within the bounds explains; stamps make ``off_px``."""
         options = self._options
         shift = np.linalg.norm(by_place, axis=2)
         along = by_place / np.maximum(shift, 1e-12)[..., None]
@@ -204,7 +214,7 @@ class ImageWatch:
         on = np.sum(gap * along, axis=2)
         aside = np.linalg.norm(gap - on[..., None] * along, axis=2)
         turn = np.linalg.norm(expected - by_place, axis=2)
-        free = options.image_error + TURNED * turn + self._jitter * speed
+        free = options.image_error + TURNED * turn + off_px
         wrong: BoolArray = (np.abs(on) > free + options.structure_error * shift) | (
             aside > free + ASIDE * shift
         )

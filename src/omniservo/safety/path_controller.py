@@ -1,15 +1,11 @@
-"""What a controller may know besides: where joints have the camera, and a path on which it can slow down."""
+"""What a controller may do besides: go by the joints' own motion, and slow down on a path."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, runtime_checkable
 
-from omniservo.geometry.arrays import FloatArray
-
-Where: TypeAlias = Callable[[float], FloatArray]
-"""From the time since the loop's first image [s] to base_T_camera by the joints: quaternion (x, y, z, w) and
-translation [m], (7,). As measured; beyond the last reading as what was sent leads on"""
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.servoing import Where
 
 
 @runtime_checkable
@@ -18,6 +14,20 @@ class CarriedController(Protocol):
 
     def carried_by(self, where: Where) -> None:
         """Take the camera's motion between two times from the joints from now on."""
+        ...
+
+    def step(
+        self,
+        time: float,
+        pixels: FloatArray,
+        valid: BoolArray,
+        acts_at: float | None = None,
+        time_sigma: float = 0.0,
+    ) -> FloatArray:
+        """Return the twist (6,) as `Controller.step`, of an image whose time stamp has a standard deviation.
+
+        ``time_sigma`` in s.
+        """
         ...
 
 

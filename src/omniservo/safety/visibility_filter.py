@@ -50,7 +50,8 @@ class VisibilityFilter:
     farthest beyond); ḣ = ∇h · (−v − ω × c). W weighs metres by the points' mean distance (Ames et al.,
     *Control barrier functions: theory and applications*, 2019). The speed limits of the options hold too.
     Points are where their pixels were seen, at the estimate's distance; points that are not seen where the
-    estimate puts them. Both are carried on by the last twist for ``delay``.
+    estimate puts them. Both are carried on until the twist acts, for ``delay``, by how the camera moves until
+    then, or else by the last twist.
 
     Args:
         camera: takes the images; of any model. The limits are those of its unified form, moved inward by
@@ -89,6 +90,7 @@ class VisibilityFilter:
         valid: BoolArray,
         wanted: FloatArray,
         delay: float | None = None,
+        carried: FloatArray | None = None,
     ) -> FilteredTwist:
         """Return the twist nearest to ``wanted`` that keeps the points in view.
 
@@ -98,6 +100,7 @@ class VisibilityFilter:
             valid: (n,) bool, the points seen.
             wanted: (6,) twist.
             delay: from this image's exposure until the twist acts [s], as measured; None: as stated.
+            carried: (6,) the camera's mean twist for that time, as measured; None: the last twist.
 
         Raises:
             InputError: wrong shapes, a negative delay, or a number that is not finite where it counts.
@@ -121,7 +124,7 @@ class VisibilityFilter:
             self._limits,
             settings,
             (places, image, used),
-            self._last,
+            self._last if carried is None else finite_array("carried", carried, (6,)),
             command,
             twist,
             evidence,

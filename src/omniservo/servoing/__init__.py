@@ -15,6 +15,7 @@ from omniservo.servoing.paused_law import Pause, PausedLaw
 from omniservo.servoing.rest_of_law import RestOfLaw
 from omniservo.servoing.time_law import ExponentialLaw, RestToRestLaw, TimeLaw
 from omniservo.servoing.time_optimal_law import TimeOptimalLaw
+from omniservo.servoing.where import Where
 
 __all__ = [
     "BearingFeatures",
@@ -32,6 +33,7 @@ __all__ = [
     "TimeLaw",
     "TimeOptimalLaw",
     "VirtualPlaneFeatures",
+    "Where",
     "camera_twist",
     "feature_named",
     "image_speed",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.servoing import ImageServo, ImageServoOptions
+from omniservo.servoing import ImageServo, ImageServoOptions, Where
 
 LEAST_POINTS = 4
 """The pose needs four."""
@@ -72,7 +71,7 @@ class GoalServo:
         self._settled = 0
         self._time = 0.0
         self._twist = np.zeros(6)
-        self._where: Callable[[float], FloatArray] | None = None
+        self._where: Where | None = None
         self._initial_T_camera = RigidTransform.identity()
         self.report: GoalServoReport | None = None
         """of the last step"""
@@ -87,12 +86,11 @@ class GoalServo:
         """True once the goal image was met in `SETTLED_FRAMES` frames in a row."""
         return self._settled >= SETTLED_FRAMES
 
-    def carried_by(self, where: Callable[[float], FloatArray]) -> None:
+    def carried_by(self, where: Where) -> None:
         """Carry the pose along the camera's measured motion from now on, in place of the last twist.
 
         Args:
-            where: from a time as in `step` to the camera's pose by the joints, quaternion (x, y, z, w) and
-                translation [m], (7,), in any fixed frame.
+            where: the camera's poses by the joints at times as in `step`.
         """
         self._where = where
 
@@ -117,7 +115,12 @@ class GoalServo:
         return RigidTransform.from_components(self._twist[:3] * elapsed, turn)
 
     def step(
-        self, time: float, pixels: FloatArray, valid: BoolArray, acts_at: float | None = None
+        self,
+        time: float,
+        pixels: FloatArray,
+        valid: BoolArray,
+        acts_at: float | None = None,
+        time_sigma: float = 0.0,
     ) -> FloatArray:
         """Return the camera twist (6,) for the points seen at ``time`` [s].
 
@@ -126,6 +129,7 @@ class GoalServo:
             pixels: (n, 2) [px].
             valid: (n,) the points seen.
             acts_at: not used; the reference does not move.
+            time_sigma: not used; every image stands for itself.
 
         Raises:
             Divergence: no pose explains the image.

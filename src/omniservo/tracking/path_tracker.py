@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +13,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.planning import CameraPath, Plan
-from omniservo.servoing import RestToRestLaw, TimeLaw, feature_named
+from omniservo.servoing import RestToRestLaw, TimeLaw, Where, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
 from omniservo.tracking.gate import GATE
@@ -96,7 +95,7 @@ class PathTracker:
         self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options, self._camera)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
-        self._where: Callable[[float], FloatArray] | None = None
+        self._where: Where | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = None if wanted is None else self._refinement(initial_pixels)
         self._run_kernel(
@@ -146,11 +145,11 @@ class PathTracker:
         self._head_for(goal, leg.w(leg.time)[0])
         self._way.legs.append(leg)
 
-    def carried_by(self, where: Callable[[float], FloatArray]) -> None:
+    def carried_by(self, where: Where) -> None:
         """Carry what was seen along the camera's measured motion from now on, in place of the planned one.
 
         Args:
-            where: from a time as in `step` to the camera's pose by the joints, (7,) in any fixed frame.
+            where: the camera's poses by the joints at times as in `step`.
         """
         self._where = where
 
@@ -205,6 +204,7 @@ class PathTracker:
         pixels: npt.ArrayLike,
         valid: npt.ArrayLike | None = None,
         acts_at: float | None = None,
+        time_sigma: float = 0.0,
     ) -> FloatArray:
         """Return the camera twist (6,), (linear [m/s], angular [rad/s]), in the camera frame, by (43).
 
@@ -214,6 +214,8 @@ class PathTracker:
             valid: (n,) bool, False for lost points; None: all are there. A pixel outside the camera's domain
                 counts as lost.
             acts_at: when the twist will act [s], likewise; None: the options' delay after ``time``.
+            time_sigma: standard deviation of ``time`` [s]: the faster the camera moves, the less the pose
+                in this image counts.
 
         Raises:
             FeatureLoss: fewer than ``least_features`` points are usable.
@@ -225,8 +227,9 @@ class PathTracker:
         """
         seen, used = self._checked_image(time, pixels, valid)
         acts = time + self.options.delay if acts_at is None else finite_number("acts_at", acts_at)
+        uncertain = finite_number("time_sigma", time_sigma, minimum=0.0)
         status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(
-            time, acts, seen, used
+            time, acts, seen, used, uncertain
         )
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
@@ -262,6 +265,15 @@ class PathTracker:
         seen = np.empty(len(self._points), dtype=np.bool_)
         kernel.predict_pixels(self._camera.parameters, self._points, pose, before, after, pixels, seen)
         return pixels, seen
+
+    def _carried_on(self, time: float, acts_at: float) -> FloatArray:
+        """Return poses (4, 7): as measured from the exposure on, then as planned until the twist acts [s]."""
+        if self._where is None or acts_at <= time:
+            here = self._way.pose(time)
+            return np.array([here, here, here, self._way.pose(acts_at)])
+        known = min(max(self._where.until, time), acts_at)
+        ends = self._way.pose(known), self._way.pose(acts_at)
+        return np.array([self._where(time), self._where(known), *ends])
 
     def _moved(self, since: float, until: float) -> tuple[FloatArray, FloatArray]:
         """Return the camera's poses (7,) at two times [s] in one frame, as measured or else as planned."""
@@ -299,13 +311,13 @@ class PathTracker:
         self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
-        self, time: float, acts_at: float, seen: FloatArray, used: BoolArray
+        self, time: float, acts_at: float, seen: FloatArray, used: BoolArray, time_sigma: float = 0.0
     ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return status, twist, reference pixels (n, 2), poses, covariance, evidence; ``used`` changes.
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
-        w, _, plan_seen, _ = self._way.state(time)
+        w, _, plan_seen, twist_seen = self._way.state(time)
         w_now, w_dot_now, plan_now, plan_twist = self._way.state(acts_at)
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
@@ -316,8 +328,8 @@ class PathTracker:
             self._feature.kind,
             self._settings,
             (self._points, seen, used, self._goal.pixels.copy()),
-            (plan_seen, plan_now, plan_twist, offsets, w_dot_now * growth),
-            (estimated_pose, covariance),
+            (plan_seen, plan_now, plan_twist, self._carried_on(time, acts_at), offsets, w_dot_now * growth),
+            (estimated_pose, covariance, time_sigma * twist_seen),
             (pose, twist, reference, evidence),
         )
         return status, twist, reference, pose, estimated_pose, covariance, evidence

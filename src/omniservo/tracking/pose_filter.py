@@ -2,7 +2,8 @@
 
 An extended Kalman filter on the pose. Its state estimate is a pose (7,) with the covariance (6, 6) of
 (translation in the reference frame, rotation vector on the right), as everywhere. Between two images the
-camera is carried along the planned motion; what the control law adds to that motion is the process noise.
+camera is carried along the motion of the joints, as measured, or else along the planned one; what that does
+not know is the process noise.
 """
 
 import math
@@ -16,7 +17,7 @@ from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.quaternions import matrix_from_quaternion, turn_quaternion
 
 UNPLANNED_SPEED = 0.01
-"""σ of the part of the velocity that the plan does not know [m/s]: gain times some millimetres of error"""
+"""σ of the part of the velocity that is not known [m/s]: gain times some millimetres of error"""
 
 UNPLANNED_TURN = 0.02
 """likewise of the angular velocity [rad/s]"""
@@ -40,7 +41,7 @@ def reset(covariance: FloatArray) -> None:
 def predict_state(
     pose: FloatArray, covariance: FloatArray, plan_before: FloatArray, plan_after: FloatArray, seconds: float
 ) -> None:
-    """Carry pose (7,) and covariance (6, 6) along the planned motion Δ = plan_before⁻¹ plan_after, in place.
+    """Carry pose (7,) and covariance (6, 6) along the motion Δ = plan_before⁻¹ plan_after, in place.
 
     T ← T Δ: t' = t + R d, R' = R Δ_R, so δt' = δt − R[d]× δ and δ' = Δ_Rᵀ δ; then the process noise of
     ``seconds``.
@@ -78,19 +79,23 @@ def correct_state(
     pixels: FloatArray,
     used: BoolArray,
     measured: FloatArray,
-    pose: FloatArray,
-    covariance: FloatArray,
+    stamp: FloatArray,
+    estimate: tuple[FloatArray, FloatArray],
 ) -> None:
-    """Join pose (7,) and covariance (6, 6) with the pose ``measured`` (7,) in the image, in place.
+    """Join pose (7,) and covariance (6, 6), the ``estimate``, with ``measured`` (7,) in the image, in place.
 
-    K = P(P + C)⁻¹ with C the covariance of the measured pose, σ²(JᵀJ)⁻¹ of its reprojection error.
+    K = P(P + C)⁻¹ with C the covariance of the measured pose: σ²(JᵀJ)⁻¹ of its reprojection error, and ssᵀ of
+    its time stamp, s the camera's twist times the stamp's standard deviation. All points are off together
+    then, by their flow times that of the stamp, J s: pixel noise with the covariance J ssᵀ Jᵀ.
     """
+    pose, covariance = estimate
     own, gain = np.empty((6, 6)), np.empty((6, 6))
     known = pose_covariance(
         parameters, points, pixels, used, measured[:4], measured[4:], LEAST_PIXEL_VARIANCE, own
     )
     if not known:
         return
+    _add_stamp(measured, stamp, own)
     total = own + covariance
     if not factor_cholesky(total, 6, 1e-15):
         return
@@ -112,6 +117,20 @@ def correct_state(
     pose[:4] = turn_quaternion(pose[:4], step[3], step[4], step[5])
     for i in range(3):
         pose[4 + i] += step[i]
+
+
+@kernel
+def _add_stamp(measured: FloatArray, stamp: FloatArray, covariance: FloatArray) -> None:
+    """Add to the covariance (6, 6) of a measured pose that of its time stamp, (6,) in the camera's frame."""
+    r, off = np.empty((3, 3)), np.zeros(6)
+    _matrix(measured, r)
+    for i in range(3):
+        off[3 + i] = stamp[3 + i]
+        for k in range(3):
+            off[i] += r[i, k] * stamp[k]
+    for i in range(6):
+        for k in range(6):
+            covariance[i, k] += off[i] * off[k]
 
 
 @leaf

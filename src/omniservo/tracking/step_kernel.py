@@ -52,6 +52,9 @@ class Planned(NamedTuple):
     """(7,) pose when the twist acts"""
     twist: FloatArray
     """(6,) twist then, per second"""
+    carried: FloatArray
+    """(4, 7) poses: from the first to the second, and from the third to the fourth, the camera moves between
+    the exposure and the twist's action"""
     offsets: FloatArray
     """(2, n, 3) added to the features at the exposure and when the twist acts, see `GoalBlend`"""
     growth: FloatArray
@@ -65,6 +68,8 @@ class Estimate(NamedTuple):
     """(7,) in: its prediction for the exposure; out: joined with the image"""
     covariance: FloatArray
     """(6, 6) likewise"""
+    stamp: FloatArray
+    """(6,) the camera's twist at the exposure times the standard deviation of the time stamp [m, rad]"""
 
 
 class StepResult(NamedTuple):
@@ -86,8 +91,8 @@ def track_step(
     kind: int,
     settings: FloatArray,
     sight: tuple[FloatArray, FloatArray, BoolArray, FloatArray],
-    plan: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    estimate: tuple[FloatArray, FloatArray],
+    plan: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    estimate: tuple[FloatArray, FloatArray, FloatArray],
     step: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
 ) -> int:
     """Write the camera twist (6,) of (43) with depths by (44) and return the status.
@@ -216,7 +221,8 @@ def _see_pose(
                 if valid[j]:
                     count += 1
             step.evidence[COUNT] = count
-            correct_state(parameters, points, pixels, valid, step.pose, estimate.pose, estimate.covariance)
+            filtered = estimate.pose, estimate.covariance
+            correct_state(parameters, points, pixels, valid, step.pose, estimate.stamp, filtered)
             return True
     return False
 
@@ -264,12 +270,13 @@ def _solve(
 ) -> float:
     """Write the twist that solves the equations of all valid points when it acts; return their conditioning.
 
-    A point lies where its bearing was seen, at the distance (44), carried on by the planned motion since.
+    A point lies where its bearing was seen, at the distance (44), carried on by the camera's motion since.
     """
     points = sight.points
     rows, target = np.zeros((3 * len(points), 6)), np.zeros(3 * len(points))
     c = np.empty(3)
     planned = np.empty(3)
+    between = np.empty(3)
     now = np.empty(3)
     for j in range(points.shape[0]):
         if not sight.valid[j]:
@@ -278,7 +285,8 @@ def _solve(
         distance = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
         for a in range(3):
             c[a] = distance * bearings[j, a]
-        _move(plan.seen, plan.now, c, now)
+        _move(plan.carried[0], plan.carried[1], c, between)
+        _move(plan.carried[2], plan.carried[3], between, now)
         _into_camera(plan.now, points[j], planned)
         own = slice(3 * j, 3 * j + 3)
         _write_equations(kind, gain, plan, j, now, planned, rows[own], target[own])
