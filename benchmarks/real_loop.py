@@ -46,12 +46,13 @@ from omniservo.hardware import ClockMap, FaultyLine, LinkFaults
 from omniservo.planning import CameraPath
 from omniservo.robots import Arm, CameraImage
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
-from omniservo.servoing import RestToRestLaw
+from omniservo.servoing import RestToRestLaw, TimeLaw
 from omniservo.simulation import SimulatedRobot
 from omniservo.tracking import PathTracker, TrackerOptions
 
 NOISE = 0.03
 """[px]"""
+PACE = RestToRestLaw(4.0)
 OPTIONS = SafetyOptions(image_age=0.4, joint_age=0.25, reaction=0.25)
 """limits of a machine that does much besides; deadlines stay as they are"""
 LINES = {
@@ -122,8 +123,8 @@ class SimulatedCamera:
         """Nothing is open."""
 
 
-def tracker_of(points: Points, stated: float) -> PathTracker:
-    """Return what follows a path of 4 s that bends and turns."""
+def tracker_of(points: Points, stated: float, law: TimeLaw = PACE) -> PathTracker:
+    """Return what follows a path that bends and turns."""
     turn = Rotation.from_rotvec([0.05, -0.12, 0.1]).as_quat()
     still = np.array([0.0, 0.0, 0.0, 1.0])
     bend = np.array([0.03, 0.03, 0.01])
@@ -132,7 +133,7 @@ def tracker_of(points: Points, stated: float) -> PathTracker:
     path = CameraPath(rotation, np.column_stack((bend, np.array([0.06, -0.08, 0.1]) - bend, np.zeros(3))))
     plan = SimpleNamespace(path=path, problem=SimpleNamespace(points=points.points), status="certified")
     options = TrackerOptions(delay=stated + 0.5 / RATE)
-    return PathTracker(plan, scene().camera, options=options, time_law=RestToRestLaw(4.0))  # type: ignore[arg-type]
+    return PathTracker(plan, scene().camera, options=options, time_law=law)  # type: ignore[arg-type]
 
 
 def distances(tracker: PathTracker, frames: list[tuple[float, FloatArray]], start: float) -> FloatArray:

@@ -1,10 +1,14 @@
 """A whole job whose camera falls silent on the way: it waits, says so everywhere, and arrives."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from omniservo.errors import InputError
+from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording, topics
 from omniservo.reporting.waits_section import waits_section
-from omniservo.runs import run_task
+from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
@@ -37,12 +41,19 @@ class SilentCell(SimulatedCell):
 
 
 @pytest.fixture(scope="module")
-def run():
-    told = []
-    result = run_task(
-        load_task("paper-example-1"), SilentCell, filmed=False, progress=lambda *words: told.append(words)
-    )
-    return result, told
+def recorded(tmp_path_factory):
+    told, file = [], tmp_path_factory.mktemp("run") / "run.mcap"
+    with RunRecording(file) as recording:
+        result = run_task(
+            load_task("paper-example-1"), SilentCell, filmed=False, recording=recording,
+            progress=lambda *words: told.append(words),
+        )  # fmt: skip
+    return result, told, file
+
+
+@pytest.fixture(scope="module")
+def run(recorded):
+    return recorded[:2]
 
 
 def test_it_arrives_and_keeps_what_the_plan_keeps(run):
@@ -81,6 +92,41 @@ def test_what_was_planned_in_time_waits_as_well(run):
     w = log.column("w")
     assert (np.diff(w) >= 0.0).all()
     assert w[-1] == pytest.approx(1.0)
+
+
+def test_a_recording_has_the_wait_and_is_replayed_bit_by_bit(recorded):
+    result, _, file = recorded
+    found = [each for each in RecordedRun(file) if isinstance(each, Recorded)]
+    (wait,) = [each.message for each in found if each.topic == topics.WAIT]
+    known = result.log.waits[0]
+    assert (wait.since, wait.stands_at, wait.until, wait.why) == (
+        known.since, known.stands_at, known.until, known.why,
+    )  # fmt: skip
+    events = [each.message.msg for each in found if each.topic == topics.EVENTS]
+    assert f"waiting: {known.why}" in events
+    assert f"waited for {known.until - known.since:.2f} s" in events
+    replay = replay_run(file)
+    assert replay.differences == ()
+    assert replay.largest == 0.0
+    assert replay.steps == len(result.log.rows)
+
+
+@pytest.mark.parametrize(
+    "fields", [{"since": 9.0}, {"resumed": 0.0}, {"rising": -1.0}, {"until": np.nan}, {"stands_at": 1.0}]
+)
+def test_a_recorded_wait_that_is_none_is_refused_by_its_topic(recorded, tmp_path, fields):
+    with RunRecording(tmp_path / "c.mcap") as copy:
+        for entry in RecordedRun(recorded[2]):
+            if isinstance(entry, Attachment):
+                copy.attach(entry.name, "", entry.data)
+            elif isinstance(entry, Parameters):
+                copy.parameters({k: v for k, v in entry.values.items() if k != "format"})
+            else:
+                message = entry.message
+                changed = dataclasses.replace(message, **fields) if entry.topic == topics.WAIT else message
+                copy.write(entry.topic, changed, entry.time)
+    with pytest.raises(InputError, match=topics.WAIT):
+        replay_run(tmp_path / "c.mcap")
 
 
 def test_a_run_without_a_gap_says_nothing_of_waiting(run):

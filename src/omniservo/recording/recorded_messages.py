@@ -200,6 +200,26 @@ class StepMessage(RosMessage, ros_type="omniservo_msgs/msg/Step"):
 
 
 @dataclass(eq=False)
+class WaitMessage(RosMessage, ros_type="omniservo_msgs/msg/Wait"):
+    """Images were missing, and are back; the next step is that of the first one."""
+
+    header: HeaderMessage = field(default_factory=HeaderMessage)
+    """when"""
+    since: Float64 = 0.0
+    """when the arm began to slow down, since the servo's first image [s]"""
+    stands_at: Float64 = 0.0
+    """when its reference stood, likewise [s]"""
+    until: Float64 = 0.0
+    """when an image could be acted on, likewise [s]"""
+    resumed: Float64 = 0.0
+    """when the reference went on, likewise [s]"""
+    rising: Float64 = 0.0
+    """how long it took to be as fast as planned [s]"""
+    why: str = ""
+    """in words"""
+
+
+@dataclass(eq=False)
 class EndMessage(RosMessage, ros_type="omniservo_msgs/msg/End"):
     """How the servo ended; the arm stands."""
 

@@ -10,6 +10,7 @@ from omniservo.recording.recorded_messages import (
     MatchMessage,
     PathMessage,
     StepMessage,
+    WaitMessage,
 )
 from omniservo.ros_messages import RosMessage
 from omniservo.ros_messages.messages import (
@@ -37,6 +38,7 @@ EVENTS = "/rosout"
 LOOK = "/omniservo/look"
 MATCH = "/omniservo/match"
 STEP = "/omniservo/step"
+WAIT = "/omniservo/wait"
 END = "/omniservo/end"
 
 TYPES: dict[str, type[RosMessage]] = {
@@ -52,6 +54,7 @@ TYPES: dict[str, type[RosMessage]] = {
     LOOK: LookMessage,
     MATCH: MatchMessage,
     STEP: StepMessage,
+    WAIT: WaitMessage,
     END: EndMessage,
 }
 """By topic."""

@@ -28,6 +28,7 @@ from omniservo.recording.recorded_messages import (
     StepMessage,
     TransformMessage,
     TransformStampedMessage,
+    WaitMessage,
 )
 from omniservo.robots import CameraImage, RobotState
 from omniservo.ros_messages.messages import (
@@ -195,6 +196,12 @@ class JobRecording:
             self._say(f"waiting: {waiting.why}", _WARNING)
         else:
             self._say(f"waited for {waiting.until - waiting.since:.2f} s")
+        if not np.isnan(waiting.resumed):
+            message = WaitMessage(
+                _header(self._time), waiting.since, waiting.stands_at, waiting.until, waiting.resumed,
+                waiting.rising, waiting.why,
+            )  # fmt: skip
+            self._recording.write(topics.WAIT, message, self._time)
 
     def ended(self, stop: ServoStop | None) -> None:
         """Note how the servo ended."""

@@ -24,8 +24,8 @@ from omniservo.tasks import Task, TaughtGoal
 MOST_FILES = 2**28
 """Attachments of a recording come to so many bytes at most."""
 
-_MOST_WAITING = 64
-"""So many images may come between two steps of a servo."""
+_MOST_WAITING = 4096
+"""So many images may come between two steps of a servo, which waits for points."""
 
 
 @dataclass

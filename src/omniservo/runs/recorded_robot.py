@@ -11,12 +11,12 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, ServoStop
 from omniservo.geometry.arrays import finite_array, finite_number
 from omniservo.recording import Recorded, topics
-from omniservo.recording.recorded_messages import StepMessage
+from omniservo.recording.recorded_messages import StepMessage, WaitMessage
 from omniservo.robots import Arm, CameraImage, RobotState
 from omniservo.ros_messages import RosMessage
 from omniservo.ros_messages.messages import ImageMessage, JointStateMessage
 from omniservo.runs.recorded_job import RecordedJob, pixels_of
-from omniservo.safety import Passed, SafetyOptions
+from omniservo.safety import Passed, SafetyOptions, Waiting
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.supervisor import Wish
 
@@ -42,6 +42,8 @@ class RecordedRobot:
         """what the servo ended with"""
         self.step: StepMessage | None = None
         """that was recorded for the image that was given last; None: there was none"""
+        self.waited: Waiting | None = None
+        """how the image that was given last was waited for; None: it was not, or there is no path"""
         start = job.state or RobotState(0.0, np.zeros(arm.dof), np.zeros(arm.dof))
         self._state = self._checked(start)
         self.history = MotionHistory(self._state, options.least_acceleration * arm.joint_acceleration)
@@ -64,6 +66,8 @@ class RecordedRobot:
         messages = self._job.up_to_step()
         last = messages[-1].message if messages else None
         self.step = last if isinstance(last, StepMessage) else None
+        waits = [each.message for each in messages if isinstance(each.message, WaitMessage)]
+        self.waited = self._waiting(waits[-1]) if waits else None
         images = [i for i, each in enumerate(messages) if isinstance(each.message, ImageMessage)]
         shown: RosMessage | None = self._job.newest_image
         if shown is None or not (images or self.step):
@@ -154,6 +158,16 @@ class RecordedRobot:
             finite_array(f"{place}: position", state.joint_positions, n),
             finite_array(f"{place}: velocity", state.joint_velocities, n),
         )
+
+    def _waiting(self, message: WaitMessage) -> Waiting:
+        """Return a waiting as it was recorded."""
+        names = ("since", "stands_at", "until", "resumed", "rising")
+        place = f"{self._job.run.path}: {topics.WAIT}"
+        times = {name: finite_number(f"{place}: {name}", getattr(message, name)) for name in names}
+        if not (times["since"] < times["stands_at"] and times["since"] <= times["resumed"]):
+            raise InputError(f"{place}: {times} given; legal: since < stands_at, since <= resumed")
+        finite_number(f"{place}: rising", message.rising, above=0.0)
+        return Waiting(why=message.why, **times)
 
     def _finite(self, name: str, value: float) -> float:
         return finite_number(f"{self._job.run.path}: {topics.STEP}: {name}", value)

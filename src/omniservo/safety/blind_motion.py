@@ -60,6 +60,10 @@ class Waiting:
     """when it stands, likewise [s]"""
     until: float = np.nan
     """when an image could be acted on again, or the robot was stopped, likewise [s]; NaN: it still waits"""
+    resumed: float = np.nan
+    """when the reference goes on, likewise [s]; NaN: it does not, or not yet"""
+    rising: float = np.nan
+    """how long it takes to be as fast as planned [s]"""
 
 
 class BlindMotion:
@@ -105,8 +109,8 @@ class BlindMotion:
         if not self.waiting:
             turning = np.abs(passed.target) / self._supervisor.arm.joint_acceleration
             self._braking = max(BRAKING * float(turning.max()), LEAST_BRAKING)
-        elif self._path is not None:
-            self._path.go_on(now + self._options.command_lag - self.start, max(RISING, self._braking))
+        else:
+            self._go_on(now)
         self.end()
 
     def end(self) -> None:
@@ -114,6 +118,21 @@ class BlindMotion:
         if self._waiting is not None:
             self._told(replace(self._waiting, until=self._supervisor.time - self.start))
             self._waiting = None
+
+    def repeat(self, waiting: Waiting) -> None:
+        """Be in the state in which it was at the end of a waiting that was recorded."""
+        if self._path is not None:
+            self._path.slow_down(waiting.since, waiting.stands_at - waiting.since)
+        self._waiting = waiting
+
+    def _go_on(self, now: float) -> None:
+        """Let the reference go on; as it did, where that was recorded."""
+        if self._waiting is None or self._path is None:
+            return
+        if np.isnan(self._waiting.resumed):
+            resumed, rising = now + self._options.command_lag - self.start, max(RISING, self._braking)
+            self._waiting = replace(self._waiting, resumed=resumed, rising=rising)
+        self._path.go_on(self._waiting.resumed, self._waiting.rising)
 
     def pass_time(self, why: ServoStop | None, wish: Wish | None) -> None:
         """Let a moment pass without an image that can be acted on.
