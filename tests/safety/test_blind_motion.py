@@ -11,6 +11,7 @@ from tests.safety.test_closed_loop import Points
 from omniservo.planning import CameraPath
 from omniservo.robots import ArmMode
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
+from omniservo.safety.camera_motion import CameraMotion
 from omniservo.servoing import ImageServoOptions, RestToRestLaw
 from omniservo.simulation import SimulatedRobot
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
@@ -371,3 +372,69 @@ def test_what_was_seen_is_carried_by_what_the_joints_did_and_not_by_what_they_we
 def nearest(robot, time):
     """The times of an exposure and of the next one."""
     return sorted(t for t in robot._exposed if t >= time)[:2]
+
+
+def test_where_images_may_hardly_grow_old_it_slows_down_earlier(drive):
+    run = drive(SILENT, image_age=0.13)
+    assert run.stop is None
+    stands, _ = run.waits
+    assert stands.since < SILENT[0] + 1.8 * PERIOD  # the last image came up to a period before the gap
+
+
+def test_the_reference_goes_on_when_the_first_twist_acts_and_not_at_once_as_fast_as_planned(drive):
+    run = drive(SILENT, command_lag=0.03)
+    _, waited = run.waits
+    assert waited.resumed == pytest.approx(waited.until + 0.03)
+    assert waited.rising >= 0.3
+    assert run.speed(waited.until, waited.until + 0.05) < 0.25 * run.speed(1.3, 1.5)
+
+
+def test_a_patience_shorter_than_the_age_allowed_counts_as_that(drive):
+    run = drive((1.5, 1.5 + 1.9 * PERIOD), patience=0.04)
+    assert (run.stop, run.waits) == (None, [])
+
+
+def test_points_that_were_lost_and_found_are_not_the_reason_of_a_later_silence(drive):
+    def prepare(run):
+        run.features.lost = ((1.0, 1.2),)
+
+    run = drive((1.8, 9.0), prepare=prepare, patience=1.0)
+    assert run.stop.reason == "stale_image"
+    assert [wait.why[:6] for wait in run.waits[::2]] == ["3 of 9", "no new"]
+
+
+def test_a_gap_is_no_period_of_the_camera(drive, monkeypatch):
+    delays = []
+    plain = PathTracker.step
+
+    def watched(self, time, pixels, valid, acts_at=None, time_sigma=0.0):
+        delays.append((time, acts_at - time))
+        return plain(self, time, pixels, valid, acts_at, time_sigma)
+
+    monkeypatch.setattr(PathTracker, "step", watched)
+    run = drive((0.04, 1.04))  # after the first image
+    assert run.stop is None
+    assert max(delay for time, delay in delays if time > 1.0) < 0.1
+
+
+def test_where_the_joints_have_the_camera_is_known_for_the_lag_of_a_command_after_the_last_reading(
+    written, scene, arm
+):
+    written.robot.place(START)
+    options = SafetyOptions(image_age=1e6, command_lag=0.04)
+    supervisor = Supervisor(
+        written, arm, scene.flange_T_camera, camera=written, wait=written.advance, options=options
+    )
+    turning = np.array([0.1, -0.05, 0.08, 0.1, -0.1, 0.2])
+    supervisor.command(turning)
+    supervisor.wait(0.5)
+    where = CameraMotion(supervisor, 0.2)
+    assert where.until == pytest.approx(0.5 - 0.2 + 0.04)
+    exposed = next(time for time in sorted(written.robot._exposed) if time > 0.3)
+    truth = arm.base_T_flange(written.robot.exposure(exposed)[0]) * scene.flange_T_camera
+    np.testing.assert_allclose(where(exposed - 0.2)[4:], truth.translation, atol=1e-5)
+    ahead = arm.base_T_flange(written.robot.read().joint_positions + 0.04 * turning) * scene.flange_T_camera
+    np.testing.assert_allclose(where(where.until)[4:], ahead.translation, atol=1e-5)
+    assert not where.mean_twist(0.1, 0.1).any()
+    jacobian = arm.camera_jacobian(written.robot.read().joint_positions, scene.flange_T_camera)
+    np.testing.assert_allclose(where.mean_twist(0.28, where.until), jacobian @ turning, atol=5e-3)

@@ -20,6 +20,16 @@ def test_delays_are_those_of_the_last_images():
     assert delays.mean == pytest.approx(delays.first + 0.05)
 
 
+def test_what_lies_between_images_round_a_gap_is_no_period():
+    delays = MeasuredDelays(0.0)
+    assert np.isnan(delays.period)
+    delays.seen(0.0, 0.0)
+    delays.seen(2.0, 2.0, regular=False)
+    assert np.isnan(delays.period)
+    delays.seen(2.1, 2.1)
+    assert delays.period == pytest.approx(0.1)
+
+
 def test_the_first_image_has_no_period_and_an_image_of_the_future_no_negative_delay():
     delays = MeasuredDelays(0.0)
     delays.seen(1.0, 1.02)
@@ -64,3 +74,20 @@ def test_the_filter_too_goes_by_the_measured_delay():
     assert heights(0.0, None)[1] != heights(0.0, 0.1)[1]
     with pytest.raises(InputError, match="delay"):
         heights(0.0, -1.0)
+
+
+def test_the_filter_carries_points_on_as_the_camera_moves_and_not_by_what_it_was_commanded_last():
+    edge = np.array([[535.0, 255.0]])
+    bearing, _ = FISHEYE.unproject(edge)
+    twist = np.array([0.0, 0.3, 0.0, 0.0, -1.0, 0.0])
+    seen = np.ones(1, dtype=bool)
+    keeper = VisibilityFilter(FISHEYE)
+    first = keeper.step(bearing, edge, seen, twist, 0.1)
+    by_last = keeper.step(bearing, edge, seen, twist, 0.1)
+    by_joints = keeper.step(bearing, edge, seen, twist, 0.1, np.zeros(6))  # they stood
+    assert by_joints.least_height_px == first.least_height_px
+    assert by_joints.least_height_px > by_last.least_height_px + 1.0
+    again = keeper.step(bearing, edge, seen, twist, 0.1, first.twist)
+    assert again.least_height_px == pytest.approx(by_last.least_height_px, abs=1e-9)
+    with pytest.raises(InputError, match="carried"):
+        keeper.step(bearing, edge, seen, twist, 0.1, np.zeros(5))

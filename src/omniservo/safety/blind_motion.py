@@ -71,9 +71,9 @@ class BlindMotion:
 
     Until an image is overdue the last twist acts on. Then a controller with a path is slowed down on it, led
     by the joints alone: as gently as lets the camera stand within ``blind_room`` and before the newest image
-    is too old, but no faster than the joints can. Where that would take more than ``blind_room`` it begins
-    earlier, once an image is missing. Any other robot is braked. It stands by twists of zero, given again and
-    again, until an image can be acted on, or for ``patience`` at most.
+    is too old, but no faster than the joints can. Where that would take more room or time than there is, it
+    begins earlier, once an image is missing. Any other robot is braked. It stands by twists of zero, given
+    again and again, until an image can be acted on, or for ``patience`` at most.
 
     Args:
         supervisor: leads the robot.
@@ -164,8 +164,12 @@ class BlindMotion:
             return waited > 0.5 * self._options.image_age
         if waited > OVERDUE * period:
             return True
+        if not waited > LATE * period:
+            return False
+        if now - self._exposed + self._braking > self._options.image_age - STANDS_BEFORE:
+            return True
         room = self._options.blind_room
-        if self._path is None or room == 0.0 or not waited > LATE * period:
+        if self._path is None or room == 0.0:
             return False
         return self._path.off_path(now + RENEWED + self._held - self.start, self._braking) > room
 

@@ -291,14 +291,6 @@ class _Loop:
         pose = report.initial_T_camera
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
-        self._image_watch.check(
-            image.time, pixels, valid, controller.points, pose, supervisor.history,
-            alone=self.blind.waiting, time_sigma=image.time_sigma,
-        )  # fmt: skip
-        delay = self._delays.first
-        return self._visibility.step(
-            points, pixels, valid, twist, delay, self._motion.mean_twist(time, time + delay)
-        )
         seen = image.time, pixels, valid, controller.points, pose, supervisor.history
         self._image_watch.check(*seen, alone=self.blind.waiting, time_sigma=image.time_sigma)
         self._delay_watch.check(*seen)
@@ -306,6 +298,15 @@ class _Loop:
         return self._visibility.step(
             points, pixels, valid, twist, delay, self._motion.mean_twist(time, time + delay)
         )
+
+    def _controlled(
+        self, image: CameraImage, time: float, pixels: FloatArray, valid: BoolArray
+    ) -> FloatArray:
+        """Return the controller's own twist."""
+        controller, acts_at = self._controller, time + self._delays.mean
+        if isinstance(controller, CarriedController):
+            return controller.step(time, pixels, valid, acts_at, image.time_sigma)
+        return controller.step(time, pixels, valid, acts_at)
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last, and not too old to be acted on."""
