@@ -38,7 +38,8 @@ TURNED = 0.1
 """Share of a point's motion in the image by which rotation may be off: calibration and mount"""
 
 ASIDE = 0.15
-"""Share of the motion that comes of translation by which it may go aside: mount"""
+"""Share of the motion that comes of translation by which it may go aside: mount. An axis that is turned by so
+much [rad], or a principal point that is as far off, moves all points alike where the camera rolls."""
 
 JITTER = 0.01
 """Time stamps may be off from image to image by this [s]."""
@@ -73,7 +74,9 @@ class ImageWatch:
     two images: it should have moved by e = e_t + e_r, e_t what the camera's translation does and e_r the
     rest. The motion seen, m, agrees if along e_t it is off by at most ``image_error`` + ε |e_t| + 0.1 |e_r|
     and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms and half of the
-    step between two offsets make of it: ε is the share by which distances may be wrong. Joints and images may
+    step between two offsets make of it: ε is the share by which distances may be wrong. Before, what all
+    points have in common is left out, as far as an axis off by 0.15 rad explains it where the camera rolls: a
+    principal point that is off moves all points by (I − R) times that. Joints and images may
     be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
     the points disagree in any two images in a row of the last `MEMORY`. Where there is none, images or
     joints are wrong. What the points belong to must stand still.
@@ -95,6 +98,8 @@ class ImageWatch:
         self._first: _Seen | None = None
         self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
+        about = camera.project(np.array([[0.0, 0.0, 1.0], [1e-3, 0.0, 1.0]]))[0]
+        self._axis_px = ASIDE * float(np.linalg.norm(about[1] - about[0])) / 1e-3
         self._jitter = JITTER + options.time_offset / (OFFSETS - 1)
         self._wrong = np.zeros(OFFSETS, dtype=np.int64)
         """so many images in a row disagree with each offset"""
@@ -173,7 +178,9 @@ class ImageWatch:
             return np.zeros(OFFSETS, dtype=np.bool_), ""
         expected, by_place, moved = expected[:, known], by_place[:, known], moved[known]
         length = np.linalg.norm(expected, axis=2)
-        wrong = self._beyond(moved, expected, by_place, length / (now.time - before.time))
+        gap = moved - expected
+        gap -= self._common(gap, before, now)
+        wrong = self._beyond(gap, expected, by_place, length / (now.time - before.time))
         if not moved.any():
             wrong |= length > SAME_PX
         if before is self._still:
@@ -190,14 +197,22 @@ class ImageWatch:
             f"{now.time - before.time:.2f} s they are {off:.1f} px off where the joints have them"
         )
 
+    def _common(self, gap: FloatArray, before: _Seen, now: _Seen) -> FloatArray:
+        """Return what all gaps (offsets, n, 2) [px] have in common, (offsets, 1, 2), where an axis brings it."""
+        across = np.eye(2) - np.einsum("oji,ojk->oik", before.turns, now.turns)[:, :2, :2]
+        most = self._axis_px * np.sqrt(0.5 * np.square(across).sum(axis=(1, 2)))
+        middle = np.median(gap, axis=1)
+        length = np.linalg.norm(middle, axis=1)
+        common: FloatArray = (middle * np.minimum(1.0, most / np.maximum(length, 1e-12))[:, None])[:, None]
+        return common
+
     def _beyond(
-        self, moved: FloatArray, expected: FloatArray, by_place: FloatArray, speed: FloatArray
+        self, gap: FloatArray, expected: FloatArray, by_place: FloatArray, speed: FloatArray
     ) -> BoolArray:
-        """Return which motions (offsets, n) no error within the bounds explains."""
+        """Return which gaps (offsets, n) between motion seen and expected no error in the bounds explains."""
         options = self._options
         shift = np.linalg.norm(by_place, axis=2)
         along = by_place / np.maximum(shift, 1e-12)[..., None]
-        gap = moved - expected
         on = np.sum(gap * along, axis=2)
         aside = np.linalg.norm(gap - on[..., None] * along, axis=2)
         turn = np.linalg.norm(expected - by_place, axis=2)
