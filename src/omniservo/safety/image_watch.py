@@ -198,7 +198,7 @@ class ImageWatch:
         )
 
     def _common(self, gap: FloatArray, before: _Seen, now: _Seen) -> FloatArray:
-        """Return what all gaps (offsets, n, 2) [px] have in common, (offsets, 1, 2), where an axis brings it."""
+        """Return what all gaps (offsets, n, 2) [px] have in common, (offsets, 1, 2), as an axis brings it."""
         across = np.eye(2) - np.einsum("oji,ojk->oik", before.turns, now.turns)[:, :2, :2]
         most = self._axis_px * np.sqrt(0.5 * np.square(across).sum(axis=(1, 2)))
         middle = np.median(gap, axis=1)
