@@ -1,5 +1,6 @@
 """What breaks while the arm moves is a stop by its name, and latches."""
 
+import itertools
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -609,6 +610,19 @@ def test_points_nearer_than_they_were_taken_for_move_farther_but_not_aside(run):
     for change, reason in ((1.3 * np.eye(2), "time_limit"), (aside, "inconsistent_image")):
         broken = pictured(lambda p, before, change=change: before + (p - before) @ change.T)
         stop, _ = run(lambda k: np.array([0.1, 0, 0, 0, 0, 0]), prepare=broken, time_limit=1.6)
+        assert stop.reason == reason
+
+
+def test_a_principal_point_that_is_off_shows_where_the_camera_rolls_and_is_no_wrong_image(run):  # noqa: F811
+    rolling, rate = 1.0, 30.0
+    for off, reason in ((18.0, "time_limit"), (90.0, "inconsistent_image")):
+        frames = itertools.count(1)
+
+        def beside(p, before, off=off, frames=frames):
+            angle = rolling * next(frames) / rate
+            return p + off * np.array([1.0 - np.cos(angle), np.sin(angle)])
+
+        stop, _ = run(lambda k: np.array([0, 0, 0, 0, 0, rolling]), prepare=pictured(beside), time_limit=1.5)
         assert stop.reason == reason
 
 

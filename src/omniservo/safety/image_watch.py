@@ -38,7 +38,8 @@ TURNED = 0.1
 """Share of a point's motion in the image by which rotation may be off: calibration and mount"""
 
 ASIDE = 0.15
-"""Share of the motion that comes of translation by which it may go aside: mount"""
+"""Share of the motion that comes of translation by which it may go aside: mount. An axis that is turned by so
+much [rad], or a principal point that is as far off, moves all points alike where the camera rolls."""
 
 JITTER = 0.01
 """Time stamps may be off from image to image by this [s]."""
@@ -79,7 +80,9 @@ class ImageWatch:
     rest. The motion seen, m, agrees if along e_t it is off by at most ``image_error`` + ε |e_t| + 0.1 |e_r|
     and across by at most ``image_error`` + 0.15 |e_t| + 0.1 |e_r|, both wider by what 10 ms, half of the step
     between two offsets and three standard deviations of the two time stamps make of it: ε is the share by
-    which distances may be wrong. Joints and images may
+    which distances may be wrong. Before, what all points have in common is left out, as far as an axis off by
+    0.15 rad explains it where the camera rolls: a principal point that is off moves all points by (I − R)
+    times that. Joints and images may
     be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
     the points disagree in any two images in a row of the last `MEMORY`. Where there is none, images or
     joints are wrong. What the points belong to must stand still.
@@ -101,6 +104,8 @@ class ImageWatch:
         self._first: _Seen | None = None
         self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
+        about = camera.project(np.array([[0.0, 0.0, 1.0], [1e-3, 0.0, 1.0]]))[0]
+        self._axis_px = ASIDE * float(np.linalg.norm(about[1] - about[0])) / 1e-3
         self._jitter = JITTER + options.time_offset / (OFFSETS - 1)
         self._wrong = np.zeros(OFFSETS, dtype=np.int64)
         """so many images in a row disagree with each offset"""
@@ -186,7 +191,9 @@ class ImageWatch:
         length = np.linalg.norm(expected, axis=2)
         jitter = self._jitter + STAMP * math.hypot(now.stamp, before.stamp)
         off_px = jitter * length / (now.time - before.time)
-        wrong = self._beyond(moved, expected, by_place, off_px)
+        gap = moved - expected
+        gap -= self._common(gap, before, now)
+        wrong = self._beyond(gap, expected, by_place, off_px)
         if not moved.any():
             wrong |= length > SAME_PX
         if before is self._still:
@@ -203,14 +210,25 @@ class ImageWatch:
             f"{now.time - before.time:.2f} s they are {off:.1f} px off where the joints have them"
         )
 
+    def _common(self, gap: FloatArray, before: _Seen, now: _Seen) -> FloatArray:
+        """Return what all gaps (offsets, n, 2) [px] have in common, (offsets, 1, 2), as an axis brings it."""
+        across = np.eye(2) - np.einsum("oji,ojk->oik", before.turns, now.turns)[:, :2, :2]
+        most = self._axis_px * np.sqrt(0.5 * np.square(across).sum(axis=(1, 2)))
+        middle = np.median(gap, axis=1)
+        length = np.linalg.norm(middle, axis=1)
+        common: FloatArray = (middle * np.minimum(1.0, most / np.maximum(length, 1e-12))[:, None])[:, None]
+        return common
+
     def _beyond(
-        self, moved: FloatArray, expected: FloatArray, by_place: FloatArray, off_px: FloatArray
+        self, gap: FloatArray, expected: FloatArray, by_place: FloatArray, off_px: FloatArray
     ) -> BoolArray:
-        """Return which motions (offsets, n) no error within the bounds explains; stamps make ``off_px``."""
+        """Return which gaps (offsets, n) between motion seen and expected no error in the bounds explains.
+
+        Time stamps make ``off_px`` of them.
+        """
         options = self._options
         shift = np.linalg.norm(by_place, axis=2)
         along = by_place / np.maximum(shift, 1e-12)[..., None]
-        gap = moved - expected
         on = np.sum(gap * along, axis=2)
         aside = np.linalg.norm(gap - on[..., None] * along, axis=2)
         turn = np.linalg.norm(expected - by_place, axis=2)

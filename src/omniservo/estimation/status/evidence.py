@@ -233,9 +233,9 @@ def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
     """Return "ambiguous" where leaving out other matches explains them nearly as well by another motion."""
     if fit.instead is None or not fit.instead.minima:
         return None
-    turn, swing = separation(fit.minima[0], fit.instead.minima[0])
-    if turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION:
+    if is_one_answer(fit.minima[0], fit.instead.minima[0]):
         return None
+    turn, swing = separation(fit.minima[0], fit.instead.minima[0])
     one, other = (", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead))
     first = f"without the matches {one} or without {other}" if one else f"with all matches or without {other}"
     return "ambiguous", (
@@ -246,6 +246,12 @@ def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
 
 def _rms(cost: float, n: int) -> float:
     return math.sqrt(cost / (2 * n))
+
+
+def is_one_answer(one: Minimum, other: Minimum) -> bool:
+    """Tell whether two minima of different members are so near each other that it does not matter which."""
+    turn, swing = separation(one, other)
+    return turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION
 
 
 def separation(one: Minimum, other: Minimum) -> tuple[float, float]:
