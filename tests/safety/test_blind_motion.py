@@ -1,5 +1,6 @@
 """Images that are missing for a while: the arm slows down on its path, stands, and goes on."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,7 +70,9 @@ class Seen(Points):
 class Drive:
     """One servo along the path; what came of it."""
 
-    def __init__(self, written, scene, *spans, prepare=lambda drive: None, servoed="path", **options):
+    def __init__(
+        self, written, scene, *spans, prepare=lambda drive: None, servoed="path", seconds=4.0, **options
+    ):
         self.written, self.scene = written, scene
         written.robot.place(START)
         written.commands, written.joints, written.broken = [(0.0, np.zeros(6))], [], {}
@@ -83,7 +86,7 @@ class Drive:
                 path=bent_path(), problem=SimpleNamespace(points=points), status="certified"
             )
             delay = TrackerOptions(delay=0.02 + 0.5 * PERIOD)
-            self.controller = PathTracker(plan, scene.camera, options=delay, time_law=RestToRestLaw(4.0))
+            self.controller = PathTracker(plan, scene.camera, options=delay, time_law=RestToRestLaw(seconds))
         else:
             goal, _ = scene.camera.project(bent_path()(0.5).inv().apply(points))
             self.controller = GoalServo(
@@ -183,6 +186,19 @@ def test_while_it_slows_down_and_rises_again_the_joints_keep_their_accelerations
     stands = run.waits[0]
     slowing = (times > stands.since - 0.03) & (times < stands.stands_at + 0.05)
     assert (np.abs(np.diff(speeds[slowing], axis=0)).max(axis=0) / 1e-3 < arm.joint_acceleration).all()
+
+
+def test_what_moves_fast_takes_longer_to_slow_down(drive, arm):
+    run = drive((0.7, 1.7), seconds=1.4, blind_room=0.0)
+    assert run.stop is None
+    stands = run.waits[0]
+    before = next(v for t, v in run.moved if t > stands.since - 0.03)
+    braking = np.abs(before / arm.joint_acceleration).max()
+    assert 1.6 * braking < stands.stands_at - stands.since < 2.4 * braking
+    assert stands.stands_at - stands.since > 0.05
+    slowing = [v for t, v in run.moved if stands.since < t < stands.stands_at]
+    share = np.abs(slowing[30] - slowing[-30]) / (1e-3 * (len(slowing) - 60)) / arm.joint_acceleration
+    assert share.max() < 0.95
 
 
 def moved_blind(run, scene):
@@ -313,14 +329,14 @@ def test_without_a_path_it_is_braked_at_once_and_goes_on_all_the_same(drive, sce
     assert run.speed(stands.since + 0.25, waited.until - 0.01) < 1e-3
     after = [off for time, off in run.features.looked if time > 1.45]
     assert (
-        after[0] < 0.5
+        after[0] < 0.01
     )  # where it is looked for is where joints have the camera, not where the last twist led
 
 
 def test_points_are_looked_for_after_the_gap_where_the_joints_have_the_camera(drive):
     run = drive(SILENT)
     first = next(off for time, off in run.features.looked if time > SILENT[0] + 0.02)
-    assert first < 0.5
+    assert first < 0.01
 
 
 def test_several_gaps_are_several_waits(drive):
@@ -357,7 +373,7 @@ def test_what_was_seen_is_carried_by_what_the_joints_did_and_not_by_what_they_we
     del run.written.robot.command
     assert run.stop is None
     off = [off for time, off in run.features.looked if 1.0 < time < 3.0]
-    assert max(off) < 0.3  # [px]; by the plan they would be looked for where the reference is
+    assert max(off) < 1e-3  # [px]; 0.05 by the plan
     behind = [step for step in run.steps if 1.5 < step.time < 2.5]
     for step in behind:
         delay, carried = seen[run.steps.index(step)]
@@ -374,8 +390,9 @@ def nearest(robot, time):
     return sorted(t for t in robot._exposed if t >= time)[:2]
 
 
-def test_where_images_may_hardly_grow_old_it_slows_down_earlier(drive):
-    run = drive(SILENT, image_age=0.13)
+@pytest.mark.parametrize("age", [0.13, 0.1])  # of the younger it has to brake at once
+def test_where_images_may_hardly_grow_old_it_slows_down_earlier(drive, age):
+    run = drive(SILENT, image_age=age)
     assert run.stop is None
     stands, _ = run.waits
     assert stands.since < SILENT[0] + 1.8 * PERIOD  # the last image came up to a period before the gap
@@ -401,6 +418,28 @@ def test_points_that_were_lost_and_found_are_not_the_reason_of_a_later_silence(d
     run = drive((1.8, 9.0), prepare=prepare, patience=1.0)
     assert run.stop.reason == "stale_image"
     assert [wait.why[:6] for wait in run.waits[::2]] == ["3 of 9", "no new"]
+
+
+def test_the_tracker_is_given_how_uncertain_a_stamp_is(drive, monkeypatch):
+    sigmas = set()
+    plain = PathTracker.step
+
+    def watched(self, time, pixels, valid, acts_at=None, time_sigma=0.0):
+        sigmas.add(time_sigma)
+        return plain(self, time, pixels, valid, acts_at, time_sigma)
+
+    def prepare(run):
+        sound = run.line.image
+
+        def uncertain():
+            image = sound()
+            return None if image is None else replace(image, time_sigma=0.002)
+
+        run.line.image = uncertain
+
+    monkeypatch.setattr(PathTracker, "step", watched)
+    assert drive(prepare=prepare).stop is None
+    assert sigmas == {0.002}
 
 
 def test_a_gap_is_no_period_of_the_camera(drive, monkeypatch):

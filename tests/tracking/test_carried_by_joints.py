@@ -103,11 +103,10 @@ def test_what_is_not_sent_yet_is_as_planned():
 
 
 def test_a_reading_that_is_older_than_the_image_carries_nothing():
-    _, twist = at(1.5, Joints(lambda time: planned(min(time, 1.5)), until=1.5), 0.1)
-    older = Joints(planned, until=1.5)
-    older.until = 1.4
-    older.__class__ = type("Older", (Joints,), {"__call__": lambda self, time: row(planned(time))})
-    np.testing.assert_allclose(at(1.5, older, 0.1)[1], twist, atol=1e-6)
+    joints = Joints(half)
+    joints.until = 1.4
+    joints.__class__ = type("Backwards", (Joints,), {"__call__": lambda self, time: row(half(time + 0.05))})
+    np.testing.assert_allclose(at(1.5, joints, 0.1)[1], at(1.5, None, 0.1)[1], atol=1e-6)
 
 
 @pytest.mark.parametrize("did", [half, standing])
