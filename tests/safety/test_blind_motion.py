@@ -169,9 +169,12 @@ def test_it_takes_as_much_longer_as_it_was_silent_and_slowed(drive):
     assert 1.0 < longer < 1.5
 
 
-def test_standing_is_commanded_again_and_again(drive):
-    run = drive(SILENT)
+@pytest.mark.parametrize("age", [0.25, 5.0])  # of an image; it stands where the reference does
+def test_standing_is_commanded_again_and_again(drive, age):
+    run = drive(SILENT, image_age=age)
     stands, waited = run.waits
+    later = [v for t, v in run.written.commands if stands.stands_at + 0.1 < t < waited.until]
+    assert not np.any(later)
     times = [t for t, v in run.written.commands if stands.stands_at + 0.1 < t < waited.until and not v.any()]
     assert len(times) > 40
     assert np.diff(times).max() < 0.03
@@ -390,7 +393,7 @@ def nearest(robot, time):
     return sorted(t for t in robot._exposed if t >= time)[:2]
 
 
-@pytest.mark.parametrize("age", [0.13, 0.1])  # of the younger it has to brake at once
+@pytest.mark.parametrize("age", [0.13, 0.085])  # of the younger it has to brake at once
 def test_where_images_may_hardly_grow_old_it_slows_down_earlier(drive, age):
     run = drive(SILENT, image_age=age)
     assert run.stop is None
