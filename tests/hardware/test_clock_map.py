@@ -1,5 +1,6 @@
 """Stamps of another clock, by their arrivals alone: offset, drift, jitter, loss, steps."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -121,6 +122,26 @@ def test_a_clock_that_is_set_back_by_less_than_a_period_breaks_the_beat(rate, st
     with pytest.raises(ClockFault, match="went back by 0."):
         for true, stamp, arrival in messages(faults, rate, 20.0):
             clocks.monotonic(stamp + step * (true > 1010.0), arrival)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_line_of_stamps_that_keep_no_beat_may_become_slower(seed):
+    clocks, rng, true = ClockMap(), np.random.default_rng(seed), 0.0
+    for _ in range(300):
+        true += rng.uniform(0.06, 0.14)
+        clocks.monotonic(true, 100.0 + true + 0.15 * (true > 20.0))
+    assert clocks.later == pytest.approx(0.15, abs=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.0, -0.15])
+def test_messages_that_were_held_up_before_say_nothing_of_what_comes_later(step):
+    clocks, last = ClockMap(), 0.0
+    with pytest.raises(ClockFault, match="went back") if step else contextlib.nullcontext():
+        for k in range(900):
+            slower = 0.1 * (k >= 600 and not step)
+            last = max(last, 100.0 + k / 30 + 0.2 * (k in (100, 300)) + slower)
+            clocks.monotonic(k / 30 + step * (k >= 600), last)
+    assert clocks.later == pytest.approx(0.0 if step else 0.1, abs=1e-3)
 
 
 def test_a_clock_that_is_set_back_in_a_slower_line_is_a_fault_too():
