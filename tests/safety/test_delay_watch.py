@@ -76,11 +76,11 @@ def test_what_was_measured_wrong_is_noticed_on_the_way_with_the_offset_that_woul
 
 
 @pytest.mark.parametrize(
-    ("noise", "drift", "off_by", "most"),
-    [(0.1, 0.0, 1.0, 0.01), (0.1, 5.0, 0.0, 0.06)],
-    ids=["mount and structure", "tracks that drift"],
+    ("noise", "drift", "off_by", "seconds", "most"),
+    [(0.1, 0.0, 1.0, 0.6, 0.01), (0.1, 0.0, 1.0, 1.5, 0.002), (0.1, 5.0, 0.0, 0.6, 0.06)],
+    ids=["mount and structure", "farther", "tracks that drift"],
 )
-def test_estimates_differ_by_the_deviation_that_is_stated(arm, scene, noise, drift, off_by, most):
+def test_estimates_differ_by_the_deviation_that_is_stated(arm, scene, noise, drift, off_by, seconds, most):
     shares, sigmas = [], []
     for seed in range(16):
         rng = np.random.default_rng(seed)
@@ -89,7 +89,7 @@ def test_estimates_differ_by_the_deviation_that_is_stated(arm, scene, noise, dri
         structure = np.exp(0.2 * off_by * rng.standard_normal())
         watch, _ = looked(
             arm, scene, 0.0, seed=seed, mount=mount, structure=structure, noise=noise, drift=drift,
-            seconds=0.6, offset_sigma=10.0,
+            seconds=seconds, offset_sigma=10.0,
         )  # fmt: skip
         shares.append(watch.offset / watch.sigma)
         sigmas.append(watch.sigma)

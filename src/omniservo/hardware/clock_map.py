@@ -21,8 +21,8 @@ STEP = 0.05
 """An arrival earlier by this than the least delay allows is a clock that was set ahead [s]."""
 
 LATER = 0.5
-"""Arrivals that for so long [s] are all later by `STEP`, and by the spread, are a clock that was set back,
-or a line that became slower: neither can be distinguished from the other."""
+"""Arrivals that for so long [s] are all later by `STEP`, and by the spread, are a clock that was set back, or
+a line that became slower; see `ClockMap`."""
 
 LEAST_LATER = 10
 """and so many of them"""
@@ -30,8 +30,14 @@ LEAST_LATER = 10
 SET_BACK = 2.0
 """A single stamp older by this than explained [s] is no late message."""
 
+OFF_BEAT = 0.25
+"""A stamp that is off the others' beat by this share of a period, and by four times as much as they are, is
+of a clock that was set."""
+
 SMOOTHING = 0.1
 """share by which the spread of one bin counts"""
+
+_STEPS = 64
 
 _BIN = 0.1
 """Of the arrivals in so much time the earliest one counts [s]."""
@@ -44,6 +50,18 @@ class ClockMap:
     these differences of the last ``window``, as near to them as can be (the edge of their lower hull under
     the mean), is offset and drift with the least delay: what every message needed at least is not seen here.
     So a mapped stamp is never later than its arrival, and later stamps never map to earlier times.
+
+    A clock that is set ahead brings arrivals that are too early for any delay: a fault at once. One that is
+    set back, and a line that becomes slower, both make all arrivals later. What distinguishes them are the
+    stamps: those that a slower line brings are newer than all before, at the sender's beat; of a clock that
+    was set back they begin before the last one that came in time, or off the beat. The first is a fault; the
+    other is not, and moves no stamp: `later` says by how much all arrivals are late, until some are not.
+
+    Three things cannot be distinguished. A clock that is set back by whole periods while at least as many
+    messages are lost, or one whose stamps keep no beat, set back by less than the time between two of them,
+    looks like a slower line: its data look too old by that. A clock that is set ahead by no more than `later`
+    looks like a line that is fast again: its data look too fresh by that. Steps below `STEP` and the spread
+    look like jitter.
 
     Args:
         window: how long arrivals count [s].
@@ -66,6 +84,11 @@ class ClockMap:
         self._mapped = -math.inf
         self._level, self._slope = math.nan, 0.0
         self._spread = math.nan
+        self._later = 0.0
+        self._steps: deque[float] = deque(maxlen=_STEPS)
+        """from each newest stamp to the next [s]"""
+        self._in_time, self._late = -math.inf, math.inf
+        """the newest stamp that came in time, and the oldest late one since, both since the first [s]"""
         self._fault: ServoStop | None = None
 
     @property
@@ -84,6 +107,11 @@ class ClockMap:
     def spread(self) -> float:
         """Nine tenths of the last arrivals are no later than the least delay by more [s]; NaN before."""
         return self._spread
+
+    @property
+    def later(self) -> float:
+        """All arrivals are so much later than they were [s]: the line is slower; 0: it is not."""
+        return self._later
 
     def monotonic(self, stamp: float, arrival: float) -> float:
         """Return the sender's ``stamp`` [s] on this machine's clock.
@@ -104,10 +132,11 @@ class ClockMap:
             self._first = stamp, arrival
             self._level, self._spread = 0.0, 0.0
         x = stamp - self._first[0]
-        y = arrival - self._first[1] - x
+        y = self._of_faster_line(x, arrival - self._first[1] - x)
         if stamp != self._newest:  # a state that is read twice says nothing new
             settled = arrival - self._first[1] > SETTLING
             self._refuse_steps(x, y, settled)
+            self._note(x, y)
             if arrival >= self._bin_end:
                 self._refuse_later(arrival, settled)
             self._take_in(x, y, arrival)
@@ -123,6 +152,31 @@ class ClockMap:
 
     def _line(self, x: float) -> float:
         return self._level + self._slope * x
+
+    def _of_faster_line(self, x: float, y: float) -> float:
+        """Return what arrival − stamp were had the line not become slower; it may be fast again by now."""
+        y -= self._later
+        regained = min(max(self._line(x) - y, 0.0), self._later)
+        self._later -= regained
+        return y + regained
+
+    def _note(self, x: float, y: float) -> None:
+        """Keep in mind what tells a clock that was set back from a slower line."""
+        if x + self._first_stamp > self._newest > -math.inf:
+            self._steps.append(x + self._first_stamp - self._newest)
+        if y - self._line(x) > STEP + self._spread:
+            self._late = min(self._late, x)
+        else:
+            self._in_time, self._late = max(self._in_time, x), math.inf
+
+    def _was_set_back(self, step: float) -> bool:
+        """Return whether stamps say that the sender's clock was set back by ``step`` [s]."""
+        since = self._late - self._in_time
+        steps = np.array(self._steps)
+        period = float(np.median(steps))
+        own = float(np.median(_off_beat(steps, period)))
+        if_slower, if_set = _off_beat(np.array([since, since + step]), period)
+        return bool(if_slower > max(OFF_BEAT * period, 4.0 * own) and if_slower > 2.0 * if_set)
 
     def _refuse_steps(self, x: float, y: float, settled: bool) -> None:
         excess = y - self._line(x)
@@ -145,10 +199,10 @@ class ClockMap:
         seconds = arrival - self._least[0][0]
         early = min(least for _, least, _ in self._least)
         if settled and early > STEP + self._spread and seconds >= LATER and self._enough(0):
-            self._fail(
-                f"for {seconds:.1f} s all stamps came {early:.3f} s later than before: the sender's clock "
-                "was set back, or its line became slower"
-            )
+            if self._was_set_back(early):
+                self._fail(f"the sender's clock went back by {early:.3f} s, {seconds:.1f} s ago")
+            self._later += early
+            self._in_time, self._late = self._newest - self._first_stamp, math.inf
 
     def _enough(self, without: int) -> bool:
         """Return whether the bins, but for the oldest, hold `LEAST_LATER` arrivals."""
@@ -182,6 +236,11 @@ class ClockMap:
             slope = float((y1 - y0) / (x1 - x0)) if x1 > x0 else 0.0
         self._slope = float(np.clip(slope, -MOST_DRIFT, MOST_DRIFT))
         self._level = float((points[:, 1] - self._slope * points[:, 0]).min())
+
+
+def _off_beat(steps: FloatArray, period: float) -> FloatArray:
+    """Return how far steps are off a positive whole number of periods [s]."""
+    return np.asarray(np.abs(steps - period * np.maximum(np.round(steps / period), 1.0)))
 
 
 def _lower_hull(points: FloatArray) -> FloatArray:
