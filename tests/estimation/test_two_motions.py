@@ -1,11 +1,13 @@
 """Scenes with two motions in them: none of the two is answered as if it were the camera's."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from benchmarks.tempting_scenes import (
     KINDS,
+    Scene,
     answered,
     cloud,
     estimate,
@@ -16,6 +18,7 @@ from benchmarks.tempting_scenes import (
 )
 from scipy.spatial.transform import Rotation
 
+from benchmarks import tempting_scenes
 from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
@@ -127,3 +130,55 @@ def test_noise_that_pixels_do_not_have_averages_out_only_where_it_is_stated():
         ratios.append(np.trace(unstated.covariance[3:, 3:]) / np.trace(stated.covariance[3:, 3:]))
     assert 0.5 < ratios[0] < 2.0
     assert ratios[1] > 20.0
+
+
+@pytest.mark.parametrize("k", [27, 33, 104, 176])
+def test_a_motion_that_bends_to_a_lattice_matched_one_period_off_is_ambiguous(k):
+    """It leaves 0.5 to 0.9 px of all matches; the part that is off is nearly a plane and moves by itself."""
+    scene, found = answered(3, k, 1)
+    assert found.status == "ambiguous"
+    assert "nearly a plane" in found.message
+    assert min(max(angles_to(pose, scene.initial_T_goal)) for pose in found.alternatives) < 15.0
+
+
+@pytest.mark.parametrize("k", [33, 176])
+def test_a_lattice_matched_one_period_off_is_ambiguous_where_noise_is_stated_too(k, monkeypatch):
+    stated = (0.3, 0.5)[k % 2]
+    monkeypatch.setattr(tempting_scenes, "estimate_two_view", partial(estimate_two_view, noise=stated))
+    _, found = answered(3, k, 1)
+    assert found.status == "ambiguous"
+    assert "nearly a plane" in found.message
+
+
+def half_plane(rng, off):
+    """Two planes: 20 points on one and 16 on the other, which moves by itself by ``off`` [m]."""
+    flat = np.column_stack([rng.uniform(-0.15, 0.15, (36, 2)), np.zeros(36)])
+    flat[:20, 2] = 0.5 - 0.6 * flat[:20, 0]
+    flat[20:, 2] = 0.62 + 0.4 * flat[20:, 1]
+    after = flat.copy()
+    after[20:] += off
+    return Scene(flat, after, motion(rng), 36)
+
+
+@pytest.mark.parametrize("noise", [None, 0.3])
+def test_a_plane_moves_by_itself_only_where_it_does(noise):
+    answers = {}
+    for off in (0.0, 0.012):
+        answers[off] = 0
+        for seed in range(20):
+            rng = np.random.default_rng([5, seed])
+            scene = half_plane(rng, np.array([off, 0.0, 0.0]))
+            images = [CAMERA.project(scene.before)[0]]
+            images.append(CAMERA.project(scene.initial_T_goal.inv().apply(scene.after))[0])
+            pixels = [p + 0.3 * rng.normal(size=p.shape) for p in images]
+            answers[off] += estimate_two_view(CAMERA, *pixels, noise=noise).status == "ok"
+    assert answers[0.0] >= 18, answers
+    assert answers[0.012] <= 10, answers
+
+
+@pytest.mark.parametrize("k", [102, 252])
+def test_a_rival_in_the_opposite_direction_that_no_ellipsoid_holds_is_given(k):
+    """It is 3 to 20 times less likely, and the right one."""
+    scene, found = answered(1, k, 5)
+    assert found.status == "ambiguous"
+    assert min(max(angles_to(pose, scene.initial_T_goal)) for pose in found.alternatives) < 6.0

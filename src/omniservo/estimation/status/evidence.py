@@ -77,6 +77,14 @@ NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
 With σ unknown that is (S/S_rival)^((n−5)/2), else exp((S − S_rival)/2σ²)."""
 
+BEYOND_ELLIPSOID = math.radians(60.0)
+UNLIKELY = 0.01
+"""Nearer rivals are held by the covariance, which they stretch. One whose direction is farther off no
+ellipsoid about the best direction can hold: then it must be less likely than this,"""
+
+MANY = 2 * EIGHT_POINTS
+"""where there are so many members. Of fewer most have such a rival, and the law's long tails reach it."""
+
 FAR_ROTATION = math.radians(5.0)
 FAR_DIRECTION = math.radians(20.0)
 """Minima nearer than both are one answer with an uncertainty."""
@@ -212,14 +220,15 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
     n, best = members.size, fit.minima[0]
     freedom = n - MOTION_PARAMETERS
     floor = LEAST_NOISE_PX**2 * freedom
+    least = UNLIKELY if n >= MANY else NEARLY_AS_LIKELY
     for rival in fit.minima[1:]:
         if members.noise_px > 0.0:
             odds = math.exp(0.5 * (best.cost - rival.cost) / variance)
         else:
             odds = math.pow(max(best.cost, floor) / max(rival.cost, floor), 0.5 * freedom)
-        if odds <= NEARLY_AS_LIKELY:
-            continue
         turn, swing = separation(best, rival)
+        if odds <= (NEARLY_AS_LIKELY if swing < BEYOND_ELLIPSOID else least):
+            continue
         if turn > FAR_ROTATION or swing > FAR_DIRECTION:
             return "ambiguous", (
                 f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
