@@ -155,6 +155,16 @@ class RecordedJob:
                 return None
         return self._ahead.popleft() if self._ahead else None
 
+    def read_to_end(self) -> None:
+        """Read what is behind the servo's end: whether images are missing is known then.
+
+        Raises:
+            InputError: what is read is not legal.
+        """
+        for entry in self._entries:
+            if isinstance(entry, Parameters):
+                self._take_in(entry)
+
     def limits(self) -> dict[str, float]:
         """Return the numbers within which the arm was led, as far as that was read.
 

@@ -251,6 +251,7 @@ class _Replayed:
         end = self._job.end
         if robot.lost is not None:
             self.left = left
+            self._job.read_to_end()
             if not self._job.dropped:
                 found.differ("images", f"that of {robot.lost:.6f} s is missing, which the file does not say")
         elif left:
