@@ -120,7 +120,7 @@ class BlindMotion:
             self._waiting = None
 
     def _go_on(self, now: float) -> None:
-        """Let the reference go on; as it did, where that was recorded."""
+        """Let the reference go on."""
         if self._waiting is None or self._path is None:
             return
         resumed, rising = now + self._options.command_lag - self.start, max(RISING, self._braking)
