@@ -26,7 +26,8 @@ from omniservo.tasks import load_task
 
 def patient(task):
     """For machines that do much besides; that the limits hold is shown in simulated time."""
-    return dataclasses.replace(safety_of_task(task), joint_age=1.0, reaction=1.0, image_age=2.0)
+    limits = {"joint_age": 1.0, "reaction": 1.0, "image_age": 2.0, "following_error": 1.0}
+    return dataclasses.replace(safety_of_task(task), **limits)
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +84,16 @@ def run_on(there, out, *more):
 
 @pytest.fixture(scope="module")
 def recording(job):
-    """Of one run, whatever it came to on a busy machine."""
-    with served(job) as folder:
-        run_on(folder, job / "result")
-        shutil.copy(job / "robot.yaml", job / "result" / "robot.yaml")
-    return job / "result" / "recording.mcap"
+    """Of one run, whatever it came to on a busy machine, which may end it before it has begun."""
+    for number in range(5):
+        result = job / f"result-{number}"
+        with served(job) as folder:
+            run_on(folder, result)
+            if result.exists():
+                shutil.copy(job / "robot.yaml", result / "robot.yaml")
+        if result.exists() and len(messages(result / "recording.mcap", topics.STEP)) > 5:
+            return result / "recording.mcap"
+    raise AssertionError("no run had more than five steps")
 
 
 def test_a_replay_is_equal_bit_by_bit(recording):
@@ -194,25 +200,48 @@ def test_what_is_not_legal_is_refused_by_name(recording, tmp_path, name):
     assert str(file) in str(told.value)
 
 
-def test_a_recording_survives_the_run_that_is_interrupted(there, tmp_path, monkeypatch, capsys):
-    from omniservo.runs import recorder
+def interrupted_at(count):
+    """A recorder's step that is Ctrl-C the so-manieth time."""
+    from omniservo.runs.recorder import Recorder
 
-    steps = []
-    step = recorder.Recorder.step
+    steps, step = [], Recorder.step
 
     def interrupted(self, each):
         step(self, each)
         steps.append(each)
-        if len(steps) == 3:
+        if len(steps) == count:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(recorder.Recorder, "step", interrupted)
+    return interrupted
+
+
+def test_an_interrupted_run_leaves_its_recording_beside_the_folder(there, tmp_path, monkeypatch, capsys):
+    from omniservo.cli.robot_file import Approval
+
+    def interrupted(self, motion):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Approval, "__call__", interrupted)
     (tmp_path / "out.mcap").write_bytes(b"another run's")
     assert run_on(there, tmp_path / "out") == 130
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out-2.mcap", "out.mcap"]
     assert "out-2.mcap" in capsys.readouterr().out
     found = replay_run(tmp_path / "out-2.mcap")
-    assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 3, False)
+    assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 0, False)
+
+
+def test_a_servo_that_is_broken_off_is_recorded_and_replayed_up_to_there(tmp_path, monkeypatch):
+    from omniservo.runs.recorder import Recorder
+
+    monkeypatch.setattr(Recorder, "step", interrupted_at(7))
+    left = []
+    task = load_task("paper-example-1")
+    with pytest.raises(KeyboardInterrupt), recording_beside(tmp_path / "r", tmp_path, left.append) as file:
+        run_task(task, PlainCell, filmed=False, recording=file)
+    monkeypatch.undo()
+    assert left == [tmp_path / "r.mcap"]
+    found = replay_run(left[0])
+    assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 7, False)
 
 
 def test_a_killed_run_leaves_a_file_that_is_read_and_replayed_to_its_end(there, tmp_path):
