@@ -1,12 +1,9 @@
 """A whole job whose camera falls silent on the way: it waits, says so everywhere, and arrives."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from omniservo.errors import InputError
-from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording, topics
+from omniservo.recording import Recorded, RecordedRun, RunRecording, topics
 from omniservo.reporting.waits_section import waits_section
 from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import safety_of_task
@@ -109,24 +106,6 @@ def test_a_recording_has_the_wait_and_is_replayed_bit_by_bit(recorded):
     assert replay.differences == ()
     assert replay.largest == 0.0
     assert replay.steps == len(result.log.rows)
-
-
-@pytest.mark.parametrize(
-    "fields", [{"since": 9.0}, {"resumed": 0.0}, {"rising": -1.0}, {"until": np.nan}, {"stands_at": 1.0}]
-)
-def test_a_recorded_wait_that_is_none_is_refused_by_its_topic(recorded, tmp_path, fields):
-    with RunRecording(tmp_path / "c.mcap") as copy:
-        for entry in RecordedRun(recorded[2]):
-            if isinstance(entry, Attachment):
-                copy.attach(entry.name, "", entry.data)
-            elif isinstance(entry, Parameters):
-                copy.parameters({k: v for k, v in entry.values.items() if k != "format"})
-            else:
-                message = entry.message
-                changed = dataclasses.replace(message, **fields) if entry.topic == topics.WAIT else message
-                copy.write(entry.topic, changed, entry.time)
-    with pytest.raises(InputError, match=topics.WAIT):
-        replay_run(tmp_path / "c.mcap")
 
 
 def test_a_run_without_a_gap_says_nothing_of_waiting(run):

@@ -122,7 +122,8 @@ def test_a_recording_holds_every_image_of_the_servo_and_what_was_made_of_it(reco
     assert [end.x, end.y, end.z] == pytest.approx(goal, abs=1e-8)
     names = {e.name for e in RecordedRun(recording) if isinstance(e, Attachment)}
     assert names == {
-        "files/task.yaml", "run.json", "goal.json", "estimate.json", "plan.json", "metrics.json",
+        "files/task.yaml", "run.json", "goal.json", "estimate.json", "plan.json", "safety.json",
+        "metrics.json",
     }  # fmt: skip
     (end,) = messages(recording, topics.END)
     assert end.reason == ""

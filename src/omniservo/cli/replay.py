@@ -38,6 +38,8 @@ def replay(file: Path, allow_outside: bool, output: Output) -> None:
     equal = not found.differences
     exact = "bit by bit" if not found.largest else f"within {found.largest:.1g}"
     output.line(f"{found.task}, recorded by version {found.version}: {found.steps} steps replayed")
+    if found.dropped:
+        output.line(f"{found.dropped} images are missing, as it says: {found.left} steps were not replayed")
     if found.cut:
         output.line("the file is cut off: what is before was replayed")
     elif found.ended:
@@ -54,6 +56,8 @@ def replay(file: Path, allow_outside: bool, output: Output) -> None:
             "steps": found.steps,
             "largest_difference": found.largest,
             "differences": found.differences,
+            "images_missing": found.dropped,
+            "steps_left": found.left,
             "cut": found.cut,
             "ended": found.ended,
         }

@@ -124,7 +124,7 @@ def run(
     _refuse_early(call, robot)
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
-        folder, found = _done(call, robot, progress)
+        folder, found = _done(call, robot, progress, output)
     _say(output, folder, found)
 
 
@@ -142,9 +142,11 @@ def _refuse_early(call: _Call, robot: OnRobot) -> None:
         require_file(call.goal)
 
 
-def _done(call: _Call, robot: OnRobot, progress: Progress) -> tuple[Path, dict[str, dict[str, object]]]:
+def _done(
+    call: _Call, robot: OnRobot, progress: Progress, output: Output
+) -> tuple[Path, dict[str, dict[str, object]]]:
     """Do the job; return where its results are, and the metrics by method."""
-    from omniservo.runs import NoPath, run_into
+    from omniservo.runs import NoPath, recording_beside, run_into, run_recorded_into
     from omniservo.runs.compile_ahead import compiling_ahead
     from omniservo.tasks import TaughtGoal, load_task
 
@@ -160,10 +162,17 @@ def _done(call: _Call, robot: OnRobot, progress: Progress) -> tuple[Path, dict[s
             whole_folder(folder, force=call.force, room=room) as work,
             robot.cell_of(loaded, progress) as (begun, open_cell),
         ):
-            found = run_into(
-                work, begun, open_cell, method=call.method, goal=taught, seed=call.seed, filmed=call.film,
-                progress=progress,
-            )  # fmt: skip
+            if robot.file is None or taught is None:
+                found = run_into(
+                    work, begun, open_cell, method=call.method, goal=taught, seed=call.seed,
+                    filmed=call.film, progress=progress,
+                )  # fmt: skip
+            else:
+                with recording_beside(folder, work, output.written) as recording:
+                    found = run_recorded_into(
+                        work, begun, open_cell, recording, goal=taught, seed=call.seed, filmed=call.film,
+                        progress=progress,
+                    )  # fmt: skip
     except NoPath as refused:
         progress("drawing why", 0.9)
         raise NoSolutionError(f"{refused}{_drawn(refused, call.out)}") from None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from omniservo.cli.camera_options import size_from_text
 from omniservo.cli.output import ForceOption, Output, QuietOption, SeedOption
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import InputError
@@ -16,14 +17,27 @@ from omniservo.geometry.arrays import finite_number
 from omniservo.shipped_tasks import task_file
 
 if TYPE_CHECKING:
+    from omniservo.simulation import RealTimeRobot
     from omniservo.tasks import Task
 
 app = typer.Typer(
     help="Rehearse: the simulated arm and camera in the place of real ones.", no_args_is_help=True
 )
 
+_SQUEEZED = 0.02
+"""Sides may differ so much from the image's before: whole pixels."""
+
 _SAID_AGAIN = 10.0
 """That rendering is too slow is said so often [s]."""
+
+
+RateOption = Annotated[float | None, typer.Option("--rate", help="Frames a second; replaces the task's.")]
+ServedSizeOption = Annotated[
+    str | None, typer.Option("--size", help="WIDTHxHEIGHT of images; the task's camera, smaller.")
+]
+ProjectedOption = Annotated[
+    bool, typer.Option("--projected", help="Images show the dots alone, drawn at once: for tests of time.")
+]
 
 
 @app.callback()
@@ -48,9 +62,9 @@ def serve(
     loss: Annotated[float, typer.Option("--loss", min=0, max=1, help="Share of messages lost.")] = 0.0,
     clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock [s].")] = 0.0,
     drift: Annotated[float, typer.Option("--drift", help="Of its clock [ppm].")] = 0.0,
-    rate: Annotated[
-        float | None, typer.Option("--rate", help="Frames a second; replaces the task's.")
-    ] = None,
+    rate: RateOption = None,
+    size: ServedSizeOption = None,
+    projected: ProjectedOption = False,
     seconds: Annotated[float | None, typer.Option("--seconds", min=0, help="End after so long.")] = None,
     free_ports: Annotated[bool, typer.Option("--free-ports", help="Any ports that are free.")] = False,
     package: PackageOption = None,
@@ -64,6 +78,7 @@ def serve(
     It goes on until Ctrl-C. omniservo run TASK --on ROBOT.yaml then works on it as on a real robot.
     """
     task_file(task)
+    sides = None if size is None else size_from_text("--size", size)
     if robot_file is not None:
         writable(robot_file, force=force)
     output = Output(as_json=False, quiet=quiet)
@@ -75,20 +90,49 @@ def serve(
         faults = LinkFaults(latency, jitter, loss, clock_offset, drift, seed)
         loaded = load_task(task, packages=packages_of(package), allow_outside=allow_outside)
         progress("starting")
-        if rate is not None:
-            loaded = _at_rate(loaded, rate)
-    with served(loaded, interface, at=at, faults=faults, free_ports=free_ports, seed=seed) as there:
+        loaded = loaded if rate is None else _at_rate(loaded, rate)
+        loaded = loaded if sides is None else _of_size(loaded, *sides)
+    with served(
+        loaded, interface, at=at, faults=faults, free_ports=free_ports, seed=seed, projected=projected
+    ) as there:
         if robot_file is not None:
             write_whole(robot_file, there.robot_file, force=force)
             output.written(robot_file)
         output.line(f"serving {loaded.name}, the arm at its {at}: {there.where}; Ctrl-C ends it")
-        end, said = float("inf") if seconds is None else time.monotonic() + seconds, float("-inf")
-        while time.monotonic() < end:
-            time.sleep(0.2)
-            behind = there.robot.behind
-            if behind is not None and time.monotonic() - said > _SAID_AGAIN:
-                said = time.monotonic()
-                output.line(behind)
+        _watch(there.robot, seconds, output)
+
+
+def _watch(robot: RealTimeRobot, seconds: float | None, output: Output) -> None:
+    """Say where it is too slow, until the end."""
+    end, said = float("inf") if seconds is None else time.monotonic() + seconds, float("-inf")
+    while time.monotonic() < end:
+        time.sleep(0.2)
+        behind = robot.behind
+        if behind is not None and time.monotonic() - said > _SAID_AGAIN:
+            said = time.monotonic()
+            output.line(behind)
+
+
+def _of_size(task: Task, width: int, height: int) -> Task:
+    """Return the task with images of another size, of the same lens.
+
+    Raises:
+        InputError: of other sides, or a lens that is not stated by focal lengths and centre.
+    """
+    from omniservo.cameras.models import camera_from_dict
+
+    camera, truth = task.camera, task.simulation.true_camera
+    if truth is not None or not all(hasattr(camera, name) for name in ("fx", "fy", "cx", "cy")):
+        raise InputError(f"--size: the camera of {task.name} cannot be scaled; --rate can be lower")
+    across, down = width / camera.width, height / camera.height
+    if not 0 < width <= camera.width or abs(down / across - 1.0) > _SQUEEZED:
+        legal = f"at most {camera.width}x{camera.height}, and of its shape"
+        raise InputError(f"--size: {width}x{height} given; legal: {legal}")
+    lens = camera.to_dict() | {"width": width, "height": height}
+    for focal, centre, share in (("fx", "cx", across), ("fy", "cy", down)):
+        lens[focal] = share * getattr(camera, focal)
+        lens[centre] = share * (getattr(camera, centre) + 0.5) - 0.5
+    return task.model_copy(update={"camera": camera_from_dict(lens)})
 
 
 def _at_rate(task: Task, rate: float) -> Task:

@@ -97,6 +97,8 @@ class DriveClient:
         """the stop that was raised already"""
         self._number, self._seen_at = 0, -np.inf
         self._history: MotionHistory | None = None
+        self._state = RobotState(-np.inf, np.zeros(arm.dof), np.zeros(arm.dof))
+        """as taken in"""
         self._line, self._process = _started(DriveSetup(opener, arm, flange_T_camera, self.options))
         self._thread = Thread(target=self._listen, daemon=True)
         self._thread.start()
@@ -174,8 +176,9 @@ class DriveClient:
         """
         self._take_in()
         self._raise_news()
-        status = self._until(lambda status: not np.isnan(status.state_time), _ANSWERED, "read a joint")
-        return _state(status)
+        self._until(lambda status: not np.isnan(status.state_time), _ANSWERED, "read a joint")
+        self._take_in()
+        return self._state
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame, and inform the drive; None before the first one arrives.
@@ -372,7 +375,7 @@ class DriveClient:
         for status in news:
             if np.isnan(status.state_time):
                 continue
-            state = _state(status)
+            self._state = state = _state(status)
             if self._history is None:
                 least = self.options.least_acceleration * self.arm.joint_acceleration
                 self._history = MotionHistory(state, least)

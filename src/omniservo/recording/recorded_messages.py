@@ -220,6 +220,18 @@ class WaitMessage(RosMessage, ros_type="omniservo_msgs/msg/Wait"):
 
 
 @dataclass(eq=False)
+class CallsMessage(RosMessage, ros_type="omniservo_msgs/msg/Calls"):
+    """The loop's calls to the supervised robot, in their order, since the last of these messages."""
+
+    header: HeaderMessage = field(default_factory=HeaderMessage)
+    """when"""
+    calls: Octets = field(default_factory=lambda: np.zeros(0, np.uint8))
+    """a `Call` each"""
+    values: Floats = field(default_factory=_numbers)
+    """the numbers that belong to them, one call's after the other's"""
+
+
+@dataclass(eq=False)
 class EndMessage(RosMessage, ros_type="omniservo_msgs/msg/End"):
     """How the servo ended; the arm stands."""
 

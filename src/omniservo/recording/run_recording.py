@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -11,13 +12,35 @@ from mcap.writer import Writer
 
 from omniservo.errors import NotWritten
 from omniservo.files import writable
-from omniservo.recording.topics import FORMAT, PARAMETERS, TYPES
+from omniservo.recording.topics import DROPPED, FORMAT, PARAMETERS, TYPES
 from omniservo.ros_messages import RosMessage, definition, encode
 
 _CHUNK = 2**17
 """[bytes] of messages that are compressed and written together: what a crash loses, or one image"""
 
 _LIBRARY = "omniservo"
+
+
+@dataclass(frozen=True)
+class RecordedAs:
+    """How much of a run its recording has."""
+
+    images: int
+    """that were taken in; 0: not counted, all of them"""
+    dropped: int
+    """images that were not: the disk was too slow"""
+    failure: NotWritten | None
+    """why nothing more was written; None: everything was"""
+
+    @property
+    def notice(self) -> str:
+        """What a person must know of it; empty: nothing."""
+        if self.failure is not None:
+            return f"the recording ends early, the run went on: {self.failure}"
+        if self.dropped:
+            whole = self.images + self.dropped
+            return f"the recording lacks {self.dropped} of {whole} images: the disk was too slow"
+        return ""
 
 
 class RunRecording:
@@ -58,6 +81,12 @@ class RunRecording:
         self._writer.add_metadata(PARAMETERS, {"format": FORMAT, **values})
         self._flush()
 
+    def note_dropped(self, images: int) -> None:
+        """Note, under the name `DROPPED`, that so many images are missing here."""
+        self._writer.flush()
+        self._writer.add_metadata(DROPPED, {"images": str(images)})
+        self._flush()
+
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file in, at the time of the last message.
 
@@ -82,12 +111,19 @@ class RunRecording:
         Raises:
             InputError: a value does not fit its field.
         """
+        self._add(topic, encode(message), time, time if stamp is None else stamp)
+
+    def _add(self, topic: str, data: bytes, time: float, stamp: float) -> None:
+        """Add a message that is encoded."""
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schema(TYPES[topic]))
         self._time = nanoseconds(time)
-        about = self._time if stamp is None else nanoseconds(stamp)
-        self._writer.add_message(self._channels[topic], self._time, encode(message), about)
+        self._writer.add_message(self._channels[topic], self._time, data, nanoseconds(stamp))
         self._flush()
+
+    def settle(self) -> RecordedAs:
+        """Have written what was given so far, and say how much of it was."""
+        return RecordedAs(0, 0, None)
 
     def close(self) -> None:
         """End the file and give it its name; a second call does nothing.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from omniservo.recording.recorded_messages import (
+    CallsMessage,
     EndMessage,
     FramesMessage,
     LogMessage,
@@ -26,6 +27,9 @@ FORMAT = "omniservo.recording/1"
 PARAMETERS = "omniservo"
 """The name of the metadata that say what was run."""
 
+DROPPED = "omniservo.dropped"
+"""The name of the metadata that say how many images are missing where they stand."""
+
 IMAGE = "/camera/image"
 CAMERA_INFO = "/camera/camera_info"
 JOINT_STATES = "/joint_states"
@@ -39,6 +43,7 @@ LOOK = "/omniservo/look"
 MATCH = "/omniservo/match"
 STEP = "/omniservo/step"
 WAIT = "/omniservo/wait"
+CALLS = "/omniservo/calls"
 END = "/omniservo/end"
 
 TYPES: dict[str, type[RosMessage]] = {
@@ -55,6 +60,7 @@ TYPES: dict[str, type[RosMessage]] = {
     MATCH: MatchMessage,
     STEP: StepMessage,
     WAIT: WaitMessage,
+    CALLS: CallsMessage,
     END: EndMessage,
 }
 """By topic."""

@@ -51,6 +51,8 @@ _MEANINGS = {
     "path_deviation_m": Meaning("Largest deviation from the planned path", "m"),
     "servo_seconds": Meaning("Duration of the motion", "s"),
     "frames": Meaning("Images used by the controller", ""),
+    "recorded_images": Meaning("Images in the recording", ""),
+    "recorded_images_dropped": Meaning("… missing, because the disk was too slow", ""),
     "lost_points": Meaning("Points not found, over all images", ""),
     "filtered_frames": Meaning(
         "Commands that the visibility filter changed, so that points stay in view", ""

@@ -9,6 +9,7 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
+from omniservo.recording.run_recording import RecordedAs
 from omniservo.results.run_log import RunLog
 from omniservo.results.taken_look import TakenLook
 from omniservo.results.whole_arm import WholeArm
@@ -96,12 +97,16 @@ class RunResult:
     looks: tuple[TakenLook, ...] = ()
     """small moves before the plan; the task, and its initial camera frame, begin after the last of them"""
 
+    recorded: RecordedAs | None = None
+    """how much of it a recording has; None: it has none"""
+
     @property
     def notices(self) -> tuple[str, ...]:
         """What a person must know of camera and problem, and of how fast the plan is followed."""
         problem = () if self.plan is None else self.plan.problem.notices
         motion = () if self.motion is None else self.motion.notices
-        return (*filter(None, [to_unified(self.task.camera).cost]), *problem, *motion)
+        recorded = "" if self.recorded is None else self.recorded.notice
+        return (*filter(None, [to_unified(self.task.camera).cost, recorded]), *problem, *motion)
 
     @property
     def is_filmed(self) -> bool:

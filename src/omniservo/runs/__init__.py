@@ -7,9 +7,10 @@ from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.export_run import Exported, export_run
 from omniservo.runs.ground_truth import GroundTruth
 from omniservo.runs.no_path import NoPath
+from omniservo.runs.recording_beside import recording_beside
 from omniservo.runs.replay_run import Replay, replay_run
 from omniservo.runs.robot_cell import OpenCell, RobotCell
-from omniservo.runs.run_into import run_into
+from omniservo.runs.run_into import run_into, run_recorded_into
 from omniservo.runs.run_task import run_task
 from omniservo.runs.see import see
 from omniservo.runs.teach_goal import teach_goal, teach_here
@@ -28,8 +29,10 @@ __all__ = [
     "estimate_many_images",
     "estimate_task",
     "export_run",
+    "recording_beside",
     "replay_run",
     "run_into",
+    "run_recorded_into",
     "run_task",
     "see",
     "teach_goal",

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from array import array
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import InputError, ServoStop
+from omniservo.errors import InputError, NoSolutionError, ServoStop
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import CameraPath, Plan
-from omniservo.recording import RunRecording, topics
+from omniservo.recording import Call, RunRecording, topics
 from omniservo.recording.camera_info import camera_info
 from omniservo.recording.recorded_messages import (
+    CallsMessage,
     EndMessage,
     FramesMessage,
     LogMessage,
@@ -42,7 +45,7 @@ from omniservo.ros_messages.messages import (
 )
 from omniservo.runs.planned_job import Method
 from omniservo.runs.run_inputs import RunInputs
-from omniservo.safety import Step, Waiting
+from omniservo.safety import SafetyOptions, Step, Waiting
 from omniservo.safety.closed_loop import ControllerReport
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
@@ -53,18 +56,28 @@ GOAL = "goal.json"
 """The attachment with the taught goal."""
 ESTIMATE = "estimate.json"
 """The attachment with motion and structure."""
+LIMITS = "safety.json"
+"""The attachment with the numbers within which the arm is led."""
 PLAN = "plan.json"
 """The attachment with the plan."""
 METRICS = "metrics.json"
 """The attachment with what the run came to."""
 FILES = "files/"
 """Attachments whose names begin so are the task's."""
+ROBOT_FILES = "robot/"
+"""and these the robot file's, where the job is done on a real robot."""
 
 REFUSED = "refused"
 """The reason of an end before the servo: nothing could be planned."""
 
+BROKEN_OFF = "broken_off"
+"""The reason of an end that no part of the job brought about: Ctrl-C, an error of the program."""
+
 _PLACES = 101
 """of a path that are shown"""
+
+_CALLS = 256
+"""are written together, at most"""
 
 _INFORMATION, _WARNING = 20, 30
 _JSON = "application/json"
@@ -81,7 +94,9 @@ class JobRecording:
         self._recording = recording
         self._names: list[str] = []
         self._time = 0.0
-        self._legs = 0
+        self._legs, self._has_ended = 0, False
+        self._read_at = self._shown = np.nan
+        self._calls, self._values = bytearray(), array("d")
 
     def begin(self, task: Task, goal: TaughtGoal, scene: Scene, method: Method, seed: int) -> None:
         """Say what is going to be done: the task with its files, the goal, the parameters.
@@ -93,12 +108,15 @@ class JobRecording:
             raise InputError(f"{task.name}: it was not loaded from a file, so that no recording can keep it")
         kept = task.sources.kept(task)
         self._names = list(scene.arm.joint_names)
-        inputs = RunInputs.now(method, seed, kept, scene.start_joints)
+        robot = task.sources.kept_robot()
+        inputs = RunInputs.now(method, seed, kept, scene.start_joints, robot)
         self._recording.parameters(
             {"version": inputs.version, "task": task.name, "method": method, "seed": str(seed)}
         )
         for name, data in kept.files.items():
             self._recording.attach(FILES + name, "application/octet-stream", data)
+        for name, data in ({} if robot is None else robot.files.files).items():
+            self._recording.attach(ROBOT_FILES + name, "application/octet-stream", data)
         self._recording.attach(ASKED, _JSON, inputs.to_json().encode())
         self._document(GOAL, goal.to_dict())
         info = camera_info(task.camera, _header(0.0, topics.CAMERA))
@@ -107,7 +125,10 @@ class JobRecording:
         self._say(f"{task.name}, {method}, seed {seed}: {task.summary}")
 
     def image(self, image: CameraImage) -> None:
-        """Add an image that the job was given."""
+        """Add an image that the job was given, unless it is the last one."""
+        if image.time == self._shown:
+            return
+        self._shown = image.time
         rows, columns = image.pixels.shape
         header = _header(image.time, topics.CAMERA)
         message = ImageMessage(header, rows, columns, "mono8", 0, columns, image.pixels.ravel())
@@ -115,7 +136,10 @@ class JobRecording:
         self._recording.write(topics.IMAGE, message, self._time, stamp=image.time)
 
     def state(self, state: RobotState) -> None:
-        """Add a reading of the joints."""
+        """Add a reading of the joints, unless it is the last one."""
+        if state.time == self._read_at:
+            return
+        self._read_at = state.time
         self._time = max(self._time, state.time)
         message = JointStateMessage(
             _header(state.time), self._names, state.joint_positions, state.joint_velocities
@@ -126,6 +150,19 @@ class JobRecording:
         """Add joint velocities (n,) [rad/s] that were sent after the last reading."""
         message = JointStateMessage(_header(self._time), self._names, velocity=velocities)
         self._recording.write(topics.JOINT_COMMANDS, message, self._time)
+
+    def call(self, call: Call, *values: float) -> None:
+        """Add a call to the robot that is led, or what it took in meanwhile."""
+        self._calls.append(call)
+        self._values.extend(values)
+        if call is Call.IMAGE or len(self._calls) >= _CALLS:
+            self._write_calls()
+
+    def led_within(self, options: SafetyOptions) -> None:
+        """Note within which limits the arm is led."""
+        fields = dataclasses.asdict(options)
+        numbers = {name: value for name, value in fields.items() if isinstance(value, int | float)}
+        self._document(LIMITS, numbers)
 
     def looked(self, image: CameraImage, scene: Scene, joints: FloatArray, motion_seconds: float) -> None:
         """Note that the newest image is one to plan from, taken in ``joints`` (n,) [rad]."""
@@ -140,6 +177,7 @@ class JobRecording:
 
     def planned(self, matched: MatchedPoints, estimate: TwoViewEstimate, plan: Plan | None) -> None:
         """Note what is known and what is planned."""
+        self._write_calls()
         header = _header(self._time, topics.CAMERA)
         match = MatchMessage(header, matched.initial.ravel(), matched.goal.ravel())
         self._recording.write(topics.MATCH, match, self._time)
@@ -161,6 +199,7 @@ class JobRecording:
 
     def step(self, step: Step, report: ControllerReport, leg: int, scene: Scene) -> None:
         """Note a control step."""
+        self._write_calls()
         header = _header(step.image.time, topics.CAMERA)
         pose, twist = report.initial_T_camera, step.filtered.twist
         message = StepMessage(
@@ -212,11 +251,24 @@ class JobRecording:
         """Add what the run came to, as in metrics.json."""
         self._document(METRICS, metrics)
 
-    def refused(self, error: Exception) -> None:
-        """Note that there was nothing to follow."""
-        self._end(REFUSED, str(error))
+    def broken_off(self, error: BaseException) -> None:
+        """Note what ended the job before its time; nothing where the servo had ended."""
+        if self._has_ended:
+            return
+        refused = isinstance(error, InputError | NoSolutionError | ServoStop)
+        words = str(error) if refused else f"{type(error).__name__}: {error}".removesuffix(": ")
+        self._end(REFUSED if refused else BROKEN_OFF, words)
+
+    def _write_calls(self) -> None:
+        if self._calls:
+            calls, values = np.frombuffer(bytes(self._calls), np.uint8), np.array(self._values)
+            message = CallsMessage(_header(self._time), calls, values)
+            self._recording.write(topics.CALLS, message, self._time)
+            self._calls, self._values = bytearray(), array("d")
 
     def _end(self, reason: str, words: str) -> None:
+        self._has_ended = True
+        self._write_calls()
         self._recording.write(topics.END, EndMessage(_header(self._time), reason, words), self._time)
         if reason:
             self._say(f"{reason}: {words}", _WARNING)

@@ -12,7 +12,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm
 from omniservo.runs.begun_elsewhere import begun_at
 from omniservo.scenes import Scene, scene_of_task
-from omniservo.tasks import RobotFile, Task
+from omniservo.tasks import RobotFile, Task, TaskOnRobot
 from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
 
@@ -60,4 +60,7 @@ def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tupl
             "servo": task.servo.model_copy(update={"time_limit": task.servo.time_limit / robot.speed}),
         }
     )
+    if task.sources is not None:
+        sources = task.sources
+        begun = begun.read_from(TaskOnRobot(sources.path, sources.read, sources.packages, task, robot))
     return begun, replace(scene_of_task(begun), arm=arm, start_joints=joints)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,21 +13,19 @@ import numpy as np
 
 from omniservo.errors import InputError, NoSolutionError, spelled
 from omniservo.files import parse_document
-from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array
+from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, finite_number
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, topics
 from omniservo.recording.recorded_messages import EndMessage, LookMessage, MatchMessage, StepMessage
 from omniservo.robots import JointPath, RobotState
 from omniservo.ros_messages.messages import ImageMessage, JointStateMessage
-from omniservo.runs.job_recording import ASKED, ESTIMATE, FILES, GOAL, PLAN
+from omniservo.runs.job_recording import ASKED, ESTIMATE, FILES, GOAL, LIMITS, PLAN, ROBOT_FILES
 from omniservo.runs.run_inputs import RunInputs
+from omniservo.safety import SafetyOptions
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 
 MOST_FILES = 2**28
 """Attachments of a recording come to so many bytes at most."""
-
-_MOST_WAITING = 4096
-"""So many images may come between two steps of a servo, which waits for points."""
 
 
 @dataclass
@@ -50,9 +50,11 @@ class RecordedJob:
         """as given"""
         self._entries = iter(run)
         self._known = _Known()
-        self._ahead: list[Recorded] = []
+        self._ahead: deque[Recorded] = deque()
         self.fault: InputError | None = None
         """what is not legal in it, once that was met: whoever caught it as another's"""
+        self.dropped = 0
+        """images that are missing, as far as it was read and as the file says"""
         self._state: RobotState | None = None
         self._size = 0
 
@@ -88,9 +90,13 @@ class RecordedJob:
                 missing = next(name for name in (ASKED, GOAL) if name not in self._known.files)
                 raise self._missing(missing)
             self._take_in(entry)
-        files = {n.removeprefix(FILES): d for n, d in self._known.files.items() if n.startswith(FILES)}
-        inputs = RunInputs.from_fields(self._fields(ASKED), files, f"{self.run.path}: {ASKED}")
+        place, files, robot = f"{self.run.path}: {ASKED}", self._below(FILES), self._below(ROBOT_FILES)
+        inputs = RunInputs.from_fields(self._fields(ASKED), files, place, robot)
         return inputs, TaughtGoal.from_dict(self._fields(GOAL), f"{self.run.path}: {GOAL}")
+
+    def _below(self, folder: str) -> dict[str, bytes]:
+        known = self._known.files
+        return {name.removeprefix(folder): known[name] for name in known if name.startswith(folder)}
 
     def look(self) -> tuple[float, ByteArray, FloatArray] | None:
         """Go on to the next look; return how long the move to it took [s], its image and joints.
@@ -138,24 +144,41 @@ class RecordedJob:
             self._fields(PLAN) if PLAN in there else None,
         )
 
-    def up_to_step(self) -> list[Recorded]:
-        """Return the messages up to and with the next step; without one, those up to the end.
+    def next_message(self) -> Recorded | None:
+        """Return the next message after the plan; None at the servo's end, or where the file is cut off.
 
         Raises:
-            InputError: what is read is not legal, or more images than a servo can have passed over.
+            InputError: what is read is not legal.
         """
-        found, images = list(self._ahead), 0
-        self._ahead.clear()
-        while self._known.end is None and not isinstance(_last(found), StepMessage):
-            message = self._advance()
-            found += self._ahead
-            self._ahead.clear()
-            if message is None:
-                break
-            images += isinstance(message, ImageMessage)
-            if images > _MOST_WAITING:
-                raise InputError(f"{self.run.path}: {topics.STEP}: none among {images} images")
-        return found
+        while not self._ahead and self._known.end is None:
+            if self._advance() is None:
+                return None
+        return self._ahead.popleft() if self._ahead else None
+
+    def read_to_end(self) -> None:
+        """Read what is behind the servo's end: whether images are missing is known then.
+
+        Raises:
+            InputError: what is read is not legal.
+        """
+        for entry in self._entries:
+            if isinstance(entry, Parameters):
+                self._take_in(entry)
+
+    def limits(self) -> dict[str, float]:
+        """Return the numbers within which the arm was led, as far as that was read.
+
+        Raises:
+            InputError: they are none.
+        """
+        if LIMITS not in self._known.files:
+            return {}
+        fields, place = self._fields(LIMITS), f"{self.run.path}: {LIMITS}"
+        if not isinstance(fields, dict):
+            raise InputError(f"{place}: legal: {{NAME: NUMBER, …}}")
+        known = {field.name for field in dataclasses.fields(SafetyOptions)}
+        found = {str(name): finite_number(f"{place}: {name}", value) for name, value in fields.items()}
+        return {name: value for name, value in found.items() if name in known}
 
     @property
     def _planned(self) -> bool:
@@ -185,7 +208,10 @@ class RecordedJob:
             if self._size > MOST_FILES:
                 raise InputError(f"{self.run.path}: attachments of more than {MOST_FILES} bytes")
             self._known.files[entry.name] = entry.data
-        elif isinstance(entry, Recorded):
+        elif isinstance(entry, Parameters):
+            if entry.name == topics.DROPPED:
+                self.dropped += _whole(f"{self.run.path}: {entry.name}", entry.values.get("images"))
+        else:
             message = entry.message
             if isinstance(message, ImageMessage):
                 self._known.image = message
@@ -224,6 +250,12 @@ class RecordedJob:
         return InputError(f"{self.run.path}: no {name}: {why}")
 
 
+def _whole(place: str, text: str | None) -> int:
+    if text is None or not text.isascii() or not text.isdigit() or len(text) > 9:
+        raise InputError(f"{place}: images: {spelled(text)} given; legal: a whole number")
+    return int(text)
+
+
 def pixels_of(place: str, message: ImageMessage) -> ByteArray:
     """Return an image's grey values (height, width)."""
     if message.encoding != "mono8" or message.step != message.width:
@@ -233,15 +265,3 @@ def pixels_of(place: str, message: ImageMessage) -> ByteArray:
             f"{place}: {len(message.data)} bytes given; legal: {message.height} × {message.width}"
         )
     return np.array(message.data, dtype=np.uint8).reshape(message.height, message.width)
-
-
-def steps_left(job: RecordedJob) -> int:
-    """Return how many steps the rest of the recording has."""
-    count = 0
-    while isinstance(_last(job.up_to_step()), StepMessage):
-        count += 1
-    return count
-
-
-def _last(messages: list[Recorded]) -> object:
-    return messages[-1].message if messages else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
+from omniservo.recording import Call
 from omniservo.results import LogRow, RunLog
 from omniservo.robots import CameraImage
 from omniservo.runs.job_recording import JobRecording
@@ -52,6 +53,11 @@ class Recorder:
         self._log = RunLog()
         self.images: list[CameraImage] = []
         """what the camera saw, one per row"""
+
+    def warmed(self, image: CameraImage) -> None:
+        """Note that the points were looked for in an image before the servo."""
+        if self._recording is not None:
+            self._recording.call(Call.WARMED, image.time)
 
     def step(self, step: Step) -> None:
         """Add a row."""

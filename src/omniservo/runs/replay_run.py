@@ -20,6 +20,7 @@ from omniservo.planning import Plan
 from omniservo.recording import RecordedRun
 from omniservo.recording.recorded_messages import StepMessage
 from omniservo.risk import RiskPlan
+from omniservo.robots import Arm
 from omniservo.runs.comparison import Comparison
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
@@ -28,14 +29,15 @@ from omniservo.runs.job_recording import REFUSED, pose_numbers
 from omniservo.runs.joined_views import Job
 from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.moves import Moves
+from omniservo.runs.on_robot import on_robot
 from omniservo.runs.planned_job import first_job, planned_job
-from omniservo.runs.recorded_job import RecordedJob, steps_left
+from omniservo.runs.recorded_job import RecordedJob
 from omniservo.runs.recorded_robot import RecordedRobot, RecordingEnds
 from omniservo.runs.replanner_of import replanner_of
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import Controller, Step, VisibilityFilter, servo
-from omniservo.scenes.scene_of_task import scene_of_task
+from omniservo.scenes import Scene, scene_of_task
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
 from omniservo.tracking.planned_motion import PlannedMotion
@@ -59,6 +61,10 @@ class Replay:
     """what differs, in words; empty: nothing"""
     largest: float
     """difference of what counts as equal; 0: equal bit by bit"""
+    dropped: int
+    """images that are missing, as the file says; what is before the first was replayed"""
+    left: int
+    """control steps behind it"""
     cut: bool
     """the file ends before the run does; what is there was replayed"""
     ended: str
@@ -85,12 +91,11 @@ def replay_run(
     job = RecordedJob(run)
     inputs, goal = job.inputs()
     with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
-        inputs.task.write(Path(folder))
         try:
-            task = inputs.task.load(Path(folder), goal.camera, allow_outside=allow_outside)
+            begun = _begun(inputs, goal, Path(folder), allow_outside=allow_outside)
         except InputError as error:
-            raise InputError(f"{path}: {str(error).replace(folder, 'files')}") from None
-        found, replayed = Comparison(), _Replayed(job, inputs, (task, goal), progress)
+            raise InputError(f"{path}: {str(error).replace(f'{folder}/', '')}") from None
+        found, replayed = Comparison(), _Replayed(job, inputs, (*begun, goal), progress)
         try:
             replayed.go(found)
         finally:
@@ -98,33 +103,53 @@ def replay_run(
                 raise job.fault
     reached = "cut" if job.end is None else job.end.reason
     return Replay(
-        task.name, inputs.version, replayed.steps, found.differences, found.largest, job.end is None, reached
-    )
+        begun[0].name, inputs.version, replayed.steps, found.differences, found.largest, job.dropped,
+        replayed.left, job.end is None, reached,
+    )  # fmt: skip
+
+
+def _begun(inputs: RunInputs, goal: TaughtGoal, folder: Path, *, allow_outside: bool) -> tuple[Task, Scene]:
+    """Return task and scene as they were begun with; their files go into a folder."""
+    here, there, robot = folder / "files", folder / "robot", inputs.robot
+    for place in (here, there):
+        place.mkdir()
+    inputs.task.write(here)
+    task = inputs.task.load(here, goal.camera, allow_outside=allow_outside)
+    if robot is None:
+        scene = scene_of_task(task)
+        start = scene.start_joints if inputs.start_joints is None else inputs.start_joints
+        _refuse_other_joints(scene.arm, start)
+        return task, replace(scene, start_joints=start)
+    robot.files.write(there)
+    file = robot.load(there, allow_outside=allow_outside)
+    arm = file.loaded_arm()
+    start = np.zeros(0) if inputs.start_joints is None else inputs.start_joints
+    _refuse_other_joints(arm, start)
+    return on_robot(task, file, arm, start)
+
+
+def _refuse_other_joints(arm: Arm, start: FloatArray) -> None:
+    if start.shape != (arm.dof,):
+        raise InputError(f"start_joints: {len(start)} numbers given; {arm.name} has {arm.dof} joints")
 
 
 class _Replayed:
     """One replay."""
 
     def __init__(
-        self, job: RecordedJob, inputs: RunInputs, task: tuple[Task, TaughtGoal], progress: Progress
+        self, job: RecordedJob, inputs: RunInputs, begun: tuple[Task, Scene, TaughtGoal], progress: Progress
     ) -> None:
         self._job, self._asked, self._progress = job, inputs, progress
-        self._task, self._goal = task
+        self._task, self._scene, self._goal = begun
         self._kind: FeatureKind = feature_kind_of(self._task)
         self.steps = 0
         """that were replayed"""
+        self.left = 0
+        """steps behind an image that is missing"""
 
     def go(self, found: Comparison) -> None:
         """Do all of it."""
-        job, inputs, task = self._job, self._asked, self._task
-        scene = scene_of_task(task)
-        start = scene.start_joints if inputs.start_joints is None else inputs.start_joints
-        if start.shape != scene.start_joints.shape:
-            raise InputError(
-                f"{job.run.path}: start_joints: {len(start)} numbers given; {scene.arm.name} "
-                f"has {scene.arm.dof} joints"
-            )
-        scene = replace(scene, start_joints=start)
+        job, inputs, task, scene = self._job, self._asked, self._task, self._scene
         unified_image(task.camera)
         first = job.look()
         if first is None:
@@ -181,6 +206,10 @@ class _Replayed:
         robot = RecordedRobot(self._job, scene.arm, scene.flange_T_camera, options)
         moves = Moves(task, _nobody_moves, replanner)
 
+        warmed, (predicted, expected) = robot.warmed(), controller.predict(0.0)
+        if warmed is not None:
+            tracker.update(warmed.pixels, np.where(expected[:, None], predicted, np.nan))
+
         def after(step: Step) -> None:
             moves.at(step.time)
             self._compare_step(found, robot, step, controller, replanner)
@@ -196,7 +225,7 @@ class _Replayed:
             time_limit=task.servo.time_limit,
             posture=None if replanner is None else replanner.posture,
         )
-        self._compare_ends(found, stop)
+        self._compare_ends(found, stop, robot)
 
     def _compare_step(
         self,
@@ -206,8 +235,8 @@ class _Replayed:
         controller: Controller,
         replanner: Replanner | None,
     ) -> None:
-        report, then = controller.report, robot.step
-        if report is None or then is None:
+        report, then = controller.report, robot.recorded_step()
+        if report is None:
             raise AssertionError("a step without a report")
         self.steps += 1
         place = f"step {self.steps} ({step.time:.3f} s): "
@@ -216,11 +245,16 @@ class _Replayed:
             found.numbers(name, place, recorded, replayed)
         self._progress("following the path", 0.0 if np.isnan(report.w) else float(report.w))
 
-    def _compare_ends(self, found: Comparison, stop: ServoStop | None) -> None:
+    def _compare_ends(self, found: Comparison, stop: ServoStop | None, robot: RecordedRobot) -> None:
         """Compare how the two servos ended; what stopped the arm itself is not replayed."""
-        left = steps_left(self._job)
+        left = robot.steps_left()
         end = self._job.end
-        if left:
+        if robot.lost is not None:
+            self.left = left
+            self._job.read_to_end()
+            if not self._job.dropped:
+                found.differ("images", f"that of {robot.lost:.6f} s is missing, which the file does not say")
+        elif left:
             words = "the goal was reached" if stop is None else str(stop)
             found.differ("end", f"{left} more steps recorded; replayed: {words}")
         elif end is not None and stop is None and end.reason:

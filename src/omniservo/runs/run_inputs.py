@@ -6,14 +6,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, cast, get_args
 
 import omniservo
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_bytes, read_document, write_whole
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.runs.planned_job import Method
-from omniservo.tasks import KeptTask
+from omniservo.tasks import KeptRobot, KeptTask
 
 FORMAT = "omniservo.run/1"
 """The format of the document."""
@@ -39,12 +40,20 @@ class RunInputs:
     start_joints: FloatArray | None = None
     """(n,) where the scene has the arm at first [rad]; None: where the task says"""
 
+    robot: KeptRobot | None = None
+    """that it was done on; None: the task's"""
+
     @classmethod
     def now(
-        cls, method: Method, seed: int, task: KeptTask, start_joints: FloatArray | None = None
+        cls,
+        method: Method,
+        seed: int,
+        task: KeptTask,
+        start_joints: FloatArray | None = None,
+        robot: KeptRobot | None = None,
     ) -> RunInputs:
         """Return the inputs of a run of this version."""
-        return cls(omniservo.__version__, method, seed, task, start_joints)
+        return cls(omniservo.__version__, method, seed, task, start_joints, robot)
 
     def to_json(self) -> str:
         """Return the document; the files are kept beside it."""
@@ -57,12 +66,23 @@ class RunInputs:
                 "task": self.task.task,
                 "packages": dict(self.task.packages),
                 "start_joints": None if self.start_joints is None else self.start_joints.tolist(),
+                "robot": None
+                if self.robot is None
+                else {"file": self.robot.files.task, "speed": self.robot.speed},
             }
         )
 
     @classmethod
-    def from_fields(cls, fields: Any, files: Mapping[str, bytes], place: str) -> RunInputs:
+    def from_fields(
+        cls,
+        fields: Any,
+        files: Mapping[str, bytes],
+        place: str,
+        robot_files: Mapping[str, bytes] = MappingProxyType({}),
+    ) -> RunInputs:
         """Return it from the fields of a document, which need not be trusted; ``place`` names it.
+
+        ``files`` are the task's, ``robot_files`` those of the robot file.
 
         Raises:
             InputError: a field that is not legal.
@@ -83,6 +103,7 @@ class RunInputs:
             seed,
             KeptTask.of_fields(place, fields.get("task"), fields.get("packages"), files),
             None if start is None else finite_array(f"{place}: start_joints", start, (None,)),
+            _robot(fields.get("robot"), robot_files, f"{place}: robot"),
         )
 
     def write(self, run: Path) -> None:
@@ -112,3 +133,12 @@ class RunInputs:
             if file.is_file()
         }
         return cls.from_fields(read_document(folder / _DOCUMENT), files, str(folder / _DOCUMENT))
+
+
+def _robot(fields: Any, files: Mapping[str, bytes], place: str) -> KeptRobot | None:
+    if fields is None:
+        return None
+    if not isinstance(fields, dict):
+        raise InputError(f"{place}: {spelled(fields)} given; legal: {{file: PATH, speed: NUMBER}}")
+    speed = finite_number(f"{place}: speed", fields.get("speed"), above=0.0, maximum=1.0)
+    return KeptRobot(KeptTask.of_fields(place, fields.get("file"), {}, files), speed)

@@ -8,6 +8,7 @@ from typing import Literal, cast
 
 from omniservo.files import write_whole
 from omniservo.files.image_files import write_png
+from omniservo.recording import RunRecording
 from omniservo.reporting.animation import animation_bytes
 from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings
@@ -66,6 +67,31 @@ def run_into(
     job.report()
     write_report(folder, results, pictures)
     return {result.method: result.metrics for result in results}
+
+
+def run_recorded_into(
+    folder: Path,
+    task: Task,
+    open_cell: OpenCell,
+    recording: RunRecording,
+    *,
+    goal: TaughtGoal,
+    seed: int = 0,
+    filmed: bool = True,
+    progress: Progress = lambda stage, done: None,
+) -> dict[str, dict[str, object]]:
+    """Do the certified run alone, as `run_into`; ``recording`` takes it in.
+
+    Raises:
+        InputError, NoSolutionError: as `run_task`.
+    """
+    job = JobProgress(progress, METHODS[:1], filmed=filmed)
+    job.begin_run(0)
+    result = run_task(task, open_cell, goal=goal, seed=seed, filmed=filmed, progress=job, recording=recording)
+    pictures = _write(result, folder, job)
+    job.report()
+    write_report(folder, [result], [pictures])
+    return {result.method: result.metrics}
 
 
 def _write(result: RunResult, folder: Path, progress: Progress) -> RunPictures:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
-from omniservo.errors import InputError, NoSolutionError, ServoStop
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import FeatureTracker
 from omniservo.planning import Plan
@@ -90,11 +90,13 @@ def run_task(
                 told.begin(task, goal, cell.scene, method, seed)
                 cell = RecordedCell(cell, told)
             result = _run_in(cell, task, method, goal, seed, (filmed, told), progress)
-        except (InputError, NoSolutionError, ServoStop) as refused:
+        except BaseException as error:
             if told is not None:
-                told.refused(refused)
+                told.broken_off(error)
             raise
     result.seconds["whole"] = perf_counter() - started
+    if recording is not None:
+        result = replace(result, recorded=recording.settle())
     result = replace(result, metrics=_metrics(result, seed))
     if told is not None:
         told.finished(result.metrics)
@@ -250,7 +252,9 @@ def _drive(
     if cell.clock is not None:  # time does not wait for code to be loaded: the arm stands until it is
         predicted, expected = controller.predict(0.0)
         there = np.where(expected[:, None], predicted, np.nan)
-        tracker.update(next_image(cell.camera, cell.wait).pixels, there)
+        warmed = next_image(cell.camera, cell.wait)
+        tracker.update(warmed.pixels, there)
+        recorder.warmed(warmed)
     stop = servo(
         supervisor_of(cell, options),
         controller,
@@ -320,6 +324,7 @@ def _metrics(result: RunResult, seed: int) -> dict[str, object]:
         **_replanning_metrics(result),
         **_look_metrics(result),
         **_wait_metrics(result),
+        **_recording_metrics(result),
         "planning_seconds": None,  # unless planned
         **seconds,
     }
@@ -353,6 +358,14 @@ def _wait_metrics(result: RunResult) -> dict[str, object]:
         "waited_seconds": sum(wait.until - wait.since for wait in waits),
         "moved_blind_m": max(blind, default=None),
     }
+
+
+def _recording_metrics(result: RunResult) -> dict[str, object]:
+    """Return nothing for a run whose recording waits for the disk: it has everything."""
+    recorded = result.recorded
+    if recorded is None or not recorded.images:
+        return {}
+    return {"recorded_images": recorded.images, "recorded_images_dropped": recorded.dropped}
 
 
 def _replanning_metrics(result: RunResult) -> dict[str, object]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from omniservo.runs.recorded_cell import RecordedCell
+from omniservo.runs.recorded_supervision import RecordedSupervision
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.safety import SafetyOptions, SupervisedRobot, Supervisor
 
@@ -11,6 +13,8 @@ def supervisor_of(cell: RobotCell, options: SafetyOptions) -> SupervisedRobot:
 
     A cell whose arm another process drives has its own, with its own options.
     """
+    if isinstance(cell, RecordedCell):
+        return RecordedSupervision(supervisor_of(cell.cell, options), cell.recording)
     drive = cell.drive
     if drive is not None:
         return drive

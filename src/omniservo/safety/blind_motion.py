@@ -119,19 +119,12 @@ class BlindMotion:
             self._told(replace(self._waiting, until=self._supervisor.time - self.start))
             self._waiting = None
 
-    def repeat(self, waiting: Waiting) -> None:
-        """Be in the state in which it was at the end of a waiting that was recorded."""
-        if self._path is not None:
-            self._path.slow_down(waiting.since, waiting.stands_at - waiting.since)
-        self._waiting = waiting
-
     def _go_on(self, now: float) -> None:
-        """Let the reference go on; as it did, where that was recorded."""
+        """Let the reference go on."""
         if self._waiting is None or self._path is None:
             return
-        if np.isnan(self._waiting.resumed):
-            resumed, rising = now + self._options.command_lag - self.start, max(RISING, self._braking)
-            self._waiting = replace(self._waiting, resumed=resumed, rising=rising)
+        resumed, rising = now + self._options.command_lag - self.start, max(RISING, self._braking)
+        self._waiting = replace(self._waiting, resumed=resumed, rising=rising)
         self._path.go_on(self._waiting.resumed, self._waiting.rising)
 
     def pass_time(self, why: ServoStop | None, wish: Wish | None) -> None:

@@ -318,9 +318,6 @@ class _Loop:
                 age = supervisor.read().time - image.earliest
                 if age <= limit:
                     self._begin(image.time)
-                    recorded = getattr(supervisor, "waited", None)
-                    if recorded is not None:
-                        self.blind.repeat(recorded)
                     return image
                 self._wrong = StaleImage(
                     f"the newest image is {age:.3f} s old; at most {limit:g} s is acted on"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
@@ -30,6 +32,8 @@ class MotionHistory:
 
     def __init__(self, state: RobotState, acceleration: FloatArray) -> None:
         self._acceleration = acceleration
+        self.told: Callable[[RobotState | FloatArray], None] | None = None
+        """called with every reading, and with what is sent, as they are taken in"""
         self._times = np.empty(_ROWS)
         self._rows = np.empty((_ROWS, 3, len(acceleration)))
         self._velocities, self._slowest = np.zeros((2, len(acceleration)))
@@ -48,6 +52,8 @@ class MotionHistory:
 
     def measured(self, state: RobotState) -> None:
         """Take a reading in; of a clock set back, begin anew. Times count to the nanosecond, as recorded."""
+        if self.told is not None:
+            self.told(state)
         last, time = self._count - 1, round(state.time, _DIGITS)
         elapsed = time - self._times[last]
         if elapsed < 0.0:
@@ -68,6 +74,8 @@ class MotionHistory:
     def sent(self, velocities: FloatArray) -> None:
         """Take in what is sent from the last reading on: velocities (n,) [rad/s]."""
         self._velocities = velocities
+        if self.told is not None:
+            self.told(velocities)
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return q, S and D, (…, n) [rad] each, at times (…) [s]; after the last reading, those of then."""

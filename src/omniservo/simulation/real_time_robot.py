@@ -15,6 +15,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import JointHistory
 from omniservo.robots import ArmMode, CameraImage, RobotState
 from omniservo.scenes import Scene
+from omniservo.simulation.projected_dots import ProjectedDots
 from omniservo.simulation.simulated_robot import Exposure, SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import TICK
@@ -40,12 +41,16 @@ class RealTimeRobot:
         scene: the world.
         seed: of the sensor's noise.
         rendered: False: frames come empty, (0, 0), and in time; `joints_at` says where points are then.
+        projected: frames are not rendered, but show the scene's dots alone; see `ProjectedDots`.
 
     Raises:
         InputError: as `SimulatedRobot`.
     """
 
-    def __init__(self, scene: Scene, seed: int = 0, *, rendered: bool = True) -> None:
+    def __init__(
+        self, scene: Scene, seed: int = 0, *, rendered: bool = True, projected: bool = False
+    ) -> None:
+        self._dots = ProjectedDots(scene) if projected else None
         soonest = replace(scene.sensor, latency=min(scene.sensor.half_span, scene.sensor.latency))
         self._robot = SimulatedRobot(replace(scene, sensor=soonest), seed, rendered=False)
         self._scene, self._rendered = scene, rendered
@@ -165,7 +170,9 @@ class RealTimeRobot:
             if exposure is None or exposure.time == last:
                 continue
             last, pixels = exposure.time, np.zeros((0, 0), dtype=np.uint8)
-            if self._rendered:
+            if self._dots is not None:
+                pixels = self._dots.drawn(exposure)
+            elif self._rendered:
                 if renderer is None or renderer.world is not exposure.world:
                     renderer = UnifiedRenderer(exposure.world)
                 pixels = exposure.photographed(renderer)

@@ -52,6 +52,7 @@ def serve(
     faults: LinkFaults | None = None,
     free_ports: bool = False,
     seed: int = 0,
+    projected: bool = False,
 ) -> Iterator[Served]:
     """Have a task's arm and camera served while the block runs.
 
@@ -63,9 +64,11 @@ def serve(
         faults: of states, commands and images.
         free_ports: not those that such controllers have, but any that are free.
         seed: of the camera's noise.
+        projected: images show the target's dots alone, which takes next to no time.
 
     Raises:
-        InputError: the arm has another number of joints than the interface, or a port cannot be had.
+        InputError: the arm has another number of joints than the interface, a port cannot be had, or there
+            are no dots to project.
     """
     scene = scene_of_task(task)
     if at == "goal":
@@ -80,7 +83,7 @@ def serve(
         raise InputError(f"--as rtde: arms of {len(UR_JOINTS)} joints; {scene.arm.name} has {len(names)}")
     faults = faults or LinkFaults()
     with ExitStack() as stack:
-        robot = RealTimeRobot(truth, seed)
+        robot = RealTimeRobot(truth, seed, projected=projected)
         stack.callback(robot.close)
         served = _as_ros2 if interface == "ros2" else _as_rtde
         fields, images, where = served(stack, robot, scene.arm, faults, free_ports=free_ports)

@@ -8,12 +8,13 @@ from typing import Annotated, Any
 from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError, field_validator
 
 from omniservo.errors import InputError
-from omniservo.files import read_document, require_file, stated_units
+from omniservo.files import noting_reads, read_document, require_file, stated_units
 from omniservo.robots import Arm, load_arm
 from omniservo.tasks.load_task import first_problem, found_arm, found_camera, found_mount
 from omniservo.tasks.section import Section
 from omniservo.tasks.task import ArmMount, WorkspaceSection
 from omniservo.tasks.task_files import TaskFiles
+from omniservo.tasks.task_sources import TaskSources
 
 FORMAT = "omniservo.robot/1"
 """The format of robot files that this version reads."""
@@ -60,6 +61,12 @@ class RobotFile(Section):
     """a box that the camera's centre must not leave, in the arm's base frame"""
 
     _source: str = PrivateAttr("robot")
+    _sources: TaskSources | None = PrivateAttr(None)
+
+    @property
+    def sources(self) -> TaskSources | None:
+        """The files that it was read from; None where it was made otherwise."""
+        return self._sources
 
     @field_validator("arm", mode="before")
     @classmethod
@@ -112,8 +119,17 @@ def load_robot(
     Raises:
         InputError: not a valid robot file; the message names file, field, value and what is legal.
     """
+    with noting_reads() as read:
+        robot = _from_file(Path(path), camera_source, speed, allow_outside=allow_outside)
+    robot._sources = TaskSources(Path(path), read, {})
+    return robot
+
+
+def _from_file(
+    path: Path, camera_source: str | None, speed: float | None, *, allow_outside: bool
+) -> RobotFile:
     require_file(path)
-    files = TaskFiles(str(path), Path(path).parent, allow_outside)
+    files = TaskFiles(str(path), path.parent, allow_outside)
     document, source = read_document(path), files.source
     if not isinstance(document, dict):
         raise InputError(f"{source}: a robot is a mapping of fields, not {type(document).__name__}")

@@ -1,4 +1,4 @@
-"""A task's file and all that it names, kept as they were read: the same task can be loaded elsewhere."""
+"""The file of a task or a robot, and all that it names, kept as they were read: to be loaded elsewhere."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from omniservo.files import noting_reads, write_whole
 from omniservo.robots import load_arm, shipped_arms
 
 if TYPE_CHECKING:
+    from omniservo.tasks.robot_file import RobotFile
     from omniservo.tasks.task import Task
 
 _PACKAGE = Path(__file__).parents[1]
@@ -24,21 +25,25 @@ MOST_FILES = 2000
 
 @dataclass(frozen=True)
 class TaskSources:
-    """What a task was read from. Any two are equal: a task is what it says, not where it stood."""
+    """What a task or a robot was read from. Any two are equal: they are what they say, not where it stood."""
 
     path: Path = field(compare=False)
-    """of the task's file"""
+    """of the file"""
     read: Mapping[Path, bytes] = field(compare=False)
     """what was read for it, by absolute paths"""
     packages: Mapping[str, str | Path] = field(compare=False)
     """folders of ROS packages by name, as given beside the task"""
 
-    def kept(self, task: Task) -> KeptTask:
+    def kept_robot(self) -> KeptRobot | None:
+        """Return the robot on which the task is done; None: that of the task."""
+        return None
+
+    def kept(self, whose: Task | RobotFile) -> KeptTask:
         """Return all of it with the arm's files, by paths from the folder that all of them lie in."""
-        read = dict(self.read)
-        if task.arm.model not in shipped_arms():
+        read, arm = dict(self.read), whose.arm
+        if arm.model not in shipped_arms():
             with noting_reads() as of_arm:
-                load_arm(task.arm.model, flange=task.arm.flange, packages=task.arm.packages)
+                load_arm(arm.model, flange=arm.flange, packages=arm.packages)
             read |= of_arm
         own = self.path.absolute()
         given = {name: Path(folder).absolute() for name, folder in self.packages.items()}
@@ -53,8 +58,47 @@ class TaskSources:
 
 
 @dataclass(frozen=True)
+class TaskOnRobot(TaskSources):
+    """What a task was read from that is done on a real robot."""
+
+    task: Task = field(compare=False)
+    """as it was read"""
+    robot: RobotFile = field(compare=False)
+    """the robot"""
+
+    def kept(self, whose: Task | RobotFile) -> KeptTask:
+        """Return the task's files, as it was read, and not as it is done on the robot."""
+        return super().kept(self.task)
+
+    def kept_robot(self) -> KeptRobot | None:
+        """Return the robot with its files; None where it was not read from a file."""
+        sources = self.robot.sources
+        return None if sources is None else KeptRobot(sources.kept(self.robot), self.robot.speed)
+
+
+@dataclass(frozen=True)
+class KeptRobot:
+    """A robot file with its files, which need not be trusted."""
+
+    files: KeptTask
+    """the robot file's path in the place of the task's"""
+    speed: float
+    """share of the joints' speeds that was used"""
+
+    def load(self, folder: Path, *, allow_outside: bool = False) -> RobotFile:
+        """Return the robot from the folder that ``files`` were written to.
+
+        Raises:
+            InputError: as `load_robot`.
+        """
+        from omniservo.tasks.robot_file import load_robot
+
+        return load_robot(folder / self.files.task, speed=self.speed, allow_outside=allow_outside)
+
+
+@dataclass(frozen=True)
 class KeptTask:
-    """A task with its files, which need not be trusted."""
+    """A task, or a robot file, with its files, which need not be trusted."""
 
     task: str
     """the path of the task's file"""
