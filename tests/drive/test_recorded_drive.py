@@ -43,7 +43,7 @@ def seen_by(robot, steps):
         now = robot.time
         yield now, robot.history.expected(np.array(now + 0.02)).tolist()
         yield robot.history.at(np.array([image.time, now]))[1].tolist()
-        twist = np.array([0.03 * np.cos(step), 0.02 * np.sin(step), 0, 0, 0, 0])
+        twist = np.array([0.03 * np.cos(step), 0.02 * np.sin(step), 0, 0, 0, 5.0 if step == 5 else 0.0])
         passed = robot.carry(twist)
         yield passed.wanted.tolist(), passed.target.tolist()
         yield robot.history.time, robot.time
@@ -60,6 +60,8 @@ def recorded(tmp_path):
         with QueuedRecording(tmp_path / "r.mcap") as file:
             file.write(topics.MATCH, MatchMessage(), 0.0)
             client.enable()
+            assert list(seen_by(client, 8))  # what was before is not in it
+            client.stop()
             recording = JobRecording(file)
             robot = RecordedSupervision(client, recording)
             since = time.monotonic()
