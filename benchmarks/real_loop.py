@@ -17,10 +17,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 from benchmarks.mapped_arm import (
@@ -38,14 +37,16 @@ from benchmarks.mapped_arm import (
     scene,
     targets,
 )
+from benchmarks.pictured_run import pictured_row
 from scipy.spatial.transform import Rotation
 
+from omniservo.cameras import preset
 from omniservo.drive import COMMAND_LIFE, ArmOpener, DriveClient
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.hardware import ClockMap, FaultyLine, LinkFaults
-from omniservo.planning import CameraPath
+from omniservo.planning import CameraPath, Plan, PlanningProblem
 from omniservo.robots import Arm, CameraImage
-from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
+from omniservo.safety import SafetyOptions, Step, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import RestToRestLaw, TimeLaw
 from omniservo.simulation import SimulatedRobot
 from omniservo.tracking import PathTracker, TrackerOptions
@@ -74,11 +75,13 @@ class Points:
         self.joints = self._world.start_joints
         self.points = self._world.world_T_camera(self.joints).inv().apply(targets())
 
-    def update(self, _: object, there: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def update(self, image: ByteArray, predicted_pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the points' pixels and which there are."""
         camera = self._world.world_T_camera(self.joints)
         pixels, valid = self._world.camera.project(camera.inv().apply(targets()))
-        return pixels + NOISE * self._random.standard_normal(pixels.shape), valid & np.isfinite(there[:, 0])
+        return pixels + NOISE * self._random.standard_normal(pixels.shape), valid & np.isfinite(
+            predicted_pixels[:, 0]
+        )
 
 
 class MappedCamera:
@@ -131,9 +134,10 @@ def tracker_of(points: Points, stated: float, law: TimeLaw = PACE) -> PathTracke
     rotation = np.column_stack((turn - still, still))
     rotation = np.column_stack((np.zeros(4), rotation))
     path = CameraPath(rotation, np.column_stack((bend, np.array([0.06, -0.08, 0.1]) - bend, np.zeros(3))))
-    plan = SimpleNamespace(path=path, problem=SimpleNamespace(points=points.points), status="certified")
+    problem = PlanningProblem(preset("fe185"), points.points, path(1.0))
+    plan = Plan(problem, "undecided", path, None, 0.0, "certified", "it was made by hand")
     options = TrackerOptions(delay=stated + 0.5 / RATE)
-    return PathTracker(plan, scene().camera, options=options, time_law=law)  # type: ignore[arg-type]
+    return PathTracker(plan, scene().camera, options=options, time_law=law)
 
 
 def distances(tracker: PathTracker, frames: list[tuple[float, FloatArray]], start: float) -> FloatArray:
@@ -158,11 +162,12 @@ def in_simulated_time(latency: float, stated: float) -> FloatArray:
         robot, Arm.rx60(), MOUNT, camera=SimulatedCamera(robot, points), wait=robot.advance, options=OPTIONS
     )
     robot.advance(latency + 0.1)
-    tracker, starts, frames = tracker_of(points, stated), [], []
+    tracker, starts = tracker_of(points, stated), list[float]()
+    frames: list[tuple[float, FloatArray]] = []
 
-    def note(step: object) -> None:
-        starts.append(step.image.time - step.time)  # type: ignore[attr-defined]
-        frames.append((step.image.time, robot.exposure(step.image.time)[0]))  # type: ignore[attr-defined]
+    def note(step: Step) -> None:
+        starts.append(step.image.time - step.time)
+        frames.append((step.image.time, robot.exposure(step.image.time)[0]))
 
     stop = servo(
         supervisor,
@@ -170,7 +175,7 @@ def in_simulated_time(latency: float, stated: float) -> FloatArray:
         points,
         VisibilityFilter(scene().camera),
         time_limit=8.0,
-        on_step=note,  # type: ignore[arg-type]
+        on_step=note,
     )
     assert stop is None, stop
     return distances(tracker, frames, starts[0])
@@ -193,10 +198,10 @@ def served() -> Iterator[tuple[FloatArray, str]]:
             process.wait(30.0)
 
 
-def until(holds: object, seconds: float) -> bool:
+def until(holds: Callable[[], bool], seconds: float) -> bool:
     """Wait until something holds, or for so long [s]; return whether it does."""
     end = time.monotonic() + seconds
-    while not holds():  # type: ignore[operator]
+    while not holds():
         if time.monotonic() > end:
             return False
         time.sleep(1e-3)
@@ -218,7 +223,7 @@ def over_processes(faults: LinkFaults, stated: float, life: float) -> tuple[Floa
             tracker, starts, first = tracker_of(points, stated), [], int(shared[NEWEST])
             begin, late = time.monotonic(), client.status.late_ticks
             stop = servo(
-                client, tracker, points, VisibilityFilter(scene().camera), time_limit=8.0,  # type: ignore[arg-type]
+                client, tracker, points, VisibilityFilter(scene().camera), time_limit=8.0,
                 on_step=lambda step: starts.append(step.image.time - step.time),
             )  # fmt: skip
             ended = time.monotonic() - 0.5  # in which it settles
@@ -283,6 +288,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--faults", type=int, default=3)
     parser.add_argument("--life", type=float, default=COMMAND_LIFE, help="of a command [s]")
+    parser.add_argument("--pictured", metavar="TASK", help="a row of rendered pictures, all sent as MJPEG")
     parser.add_argument("--lead")
     asked = parser.parse_args()
     if asked.lead:
@@ -302,6 +308,11 @@ def main() -> None:
                     f"| {name} | {1e3 * stated:.0f} ms | {figures} | {100 * late:.2f}% | {end} | "
                     f"{os.getloadavg()[0]:.0f} |", flush=True,
                 )  # fmt: skip
+    if asked.pictured:
+        print("\n| pictures by MJPEG | images | simulated rms / max [mm] | rms / max [mm] | end | load |")
+        print("|---|---|---|---|---|---|")
+        for _ in range(asked.runs):
+            print(pictured_row(asked.pictured), flush=True)
     print("\n| fault | runs | still moved, median / most [s] | at rest | commands after the stop | load |")
     print("|---|---|---|---|---|---|")
     kinds = ["leader SIGKILL", "leader SIGSTOP", "drive SIGKILL", "drive SIGSTOP", *FAULTS]

@@ -1,0 +1,109 @@
+"""A whole job on rendered pictures, all of them sent through the interface, against the true camera.
+
+Three processes: the simulated arm and its camera behind RTDE and MJPEG, the drive, and this one, which sees,
+plans and tracks. What is measured is the distance of the true camera at each image's exposure to the place on
+the plan's way where the reference then was, beside the same job in simulated time.
+``python -m benchmarks.real_loop --pictured TASK`` prints it; ``--serve`` is the first process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.recording import RecordedRun, RunRecording
+from omniservo.recording.recorded_messages import StepMessage
+from omniservo.results import RunResult
+from omniservo.runs import open_hardware as opening
+from omniservo.runs import run_task, teach_goal
+from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.safety import SafetyOptions
+from omniservo.simulation import SimulatedCell
+from omniservo.simulation.sim_server import serve
+from omniservo.tasks import Task, load_robot, load_task
+
+LOOK = 2e-3
+"""The true joints are noted so often [s]."""
+
+
+def patient(task: Task) -> SafetyOptions:
+    """Return the limits of a machine that does much besides, as in `benchmarks.real_loop`."""
+    limits = safety_of_task(task)
+    return replace(limits, image_age=max(limits.image_age, 0.4), joint_age=0.25, reaction=0.25)
+
+
+def serve_until(file: Path, task: Task) -> None:
+    """Serve a task until the file ``end`` is there; then leave times and true joints."""
+    noted = []
+    with serve(task, "rtde", free_ports=True) as there:
+        (file / "robot.tmp").write_text(there.robot_file)
+        (file / "robot.tmp").rename(file / "robot.yaml")
+        while not (file / "end").exists():
+            state = there.robot.read()
+            noted.append([state.time, *state.joint_positions])
+            time.sleep(LOOK)
+    np.save(file / "truth.tmp.npy", np.array(noted))
+    (file / "truth.tmp.npy").rename(file / "truth.npy")
+
+
+def off_the_way(result: RunResult, places: FloatArray) -> FloatArray:
+    """Return how far the camera's places (n, 3) [m], initial frame, were from the reference [mm]."""
+    if result.plan is None or result.plan.path is None:
+        raise AssertionError("no path")
+    path = result.plan.path
+    wanted = np.array([path(float(w)).translation for w in result.log.column("w")])
+    distances: FloatArray = 1e3 * np.linalg.norm(places - wanted, axis=1)
+    return distances
+
+
+def on_the_wall_clock(name: str) -> tuple[FloatArray, RunResult]:
+    """Return the distances [mm] of a job over processes, and what it came to."""
+    task = load_task(name)
+    with closing(SimulatedCell(task, 1)) as taught:
+        goal = teach_goal(task, taught)
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        server = subprocess.Popen([sys.executable, "-m", "benchmarks.pictured_run", "--serve", folder, name])
+        while not (place / "robot.yaml").exists():
+            time.sleep(0.05)
+        with patch.object(opening, "safety_of_task", patient):
+            begun, cell = opening.open_hardware(task, load_robot(place / "robot.yaml"), lambda motion: None)
+        with closing(cell), RunRecording(place / "r.mcap") as recording:
+            result = run_task(begun, lambda task, seed: cell, goal=goal, filmed=False, recording=recording)
+        (place / "end").touch()
+        server.wait()
+        truth = np.load(place / "truth.npy")
+        steps = [e.message for e in RecordedRun(place / "r.mcap") if hasattr(e, "message")]
+        times = [m.image_time for m in steps if isinstance(m, StepMessage)]
+    joints = np.column_stack([np.interp(times, truth[:, 0], column) for column in truth[:, 1:].T])
+    initial = cell.scene.world_T_camera(cell.scene.start_joints).inv()
+    places = np.array([(initial * cell.scene.world_T_camera(q)).translation for q in joints])
+    return off_the_way(result, places), result
+
+
+def pictured_row(name: str) -> str:
+    """Return a row of the table."""
+    reference = run_task(load_task(name), SimulatedCell, filmed=False)
+    simulated = off_the_way(reference, reference.log.column("true_position"))
+    found, result = on_the_wall_clock(name)
+    figures = " | ".join(f"{np.sqrt((x**2).mean()):.2f} / {x.max():.2f}" for x in (simulated, found))
+    end = result.log.stop_reason or "goal"
+    return f"| {name} | {len(found)} | {figures} | {end} | {os.getloadavg()[0]:.0f} |"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--serve", nargs=2, metavar=("FOLDER", "TASK"))
+    asked = parser.parse_args()
+    serve_until(Path(asked.serve[0]), load_task(asked.serve[1]))
