@@ -1,11 +1,12 @@
 """The loop over real processes on the wall clock: tracking error, late ticks, and what faults do.
 
-Run: ``python -m benchmarks.real_loop [--runs N] [--faults N] [--life S]``. Three processes: this one looks
-at projected points (0.03 px of noise) and tracks a path of 4 s; the drive process commands; the arm is
-simulated in the third (`benchmarks.mapped_arm`). The error is the distance of the true camera, at the
-exposures of all frames until it was stopped, to the plan at the same time, beside the same loop in simulated
-time. The least delay of the images' line is taken as known, as `robot delay` finds it; offset, drift and
-jitter are not. The machine's load is printed with every row: on a busy machine all of it is worse.
+Run: ``python -m benchmarks.real_loop [--runs N] [--faults N] [--life S] [--pictured TASK]``. Three processes:
+this one looks at projected points (0.03 px of noise) and tracks a path of 4 s; the drive process commands;
+the arm is simulated in the third (`benchmarks.mapped_arm`). The error is the distance of the true camera, at
+the exposures of all frames until it was stopped, to the plan at the same time, beside the same loop in
+simulated time. The least delay of the images' line is taken as known, as `robot delay` finds it; offset,
+drift and jitter are not. `benchmarks.pictured_run` is a job on rendered pictures. The
+machine's load is printed with every row: on a busy machine all of it is worse.
 """
 
 from __future__ import annotations
