@@ -303,3 +303,11 @@ def test_clocks_of_both_lines_are_told(monkeypatch):
     assert found.arm_clock.offset == pytest.approx(7.001, abs=1e-3)
     assert found.arm_clock.drift == pytest.approx(1e-4, abs=3e-5)
     assert found.arm_clock.spread == pytest.approx(2e-3, abs=1e-3)
+
+
+def test_room_is_proven_again_where_an_answer_left_the_arm():
+    arm = WiredArm(START + np.deg2rad([357.5, 0, 0, 0, 0, 0]), wired(r0=unit(0) + 1.8 * unit(5)))
+    answers, findings = trial(arm).run(lambda motion: None)
+    assert [answer.joint for answer in answers] == list(reversed(ARM.joint_names[1:]))
+    assert re.search("wrist_3 .*, and shoulder_pan by .*: names swapped", findings[0])
+    assert re.search("shoulder_pan has no 2 deg of room either way: it would leave", findings[-1])
