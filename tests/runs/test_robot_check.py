@@ -10,8 +10,8 @@ from tests.hardware.wall_clock_arm import WallClockArm
 from omniservo.hardware import ClockMap
 from omniservo.hardware.rtde import RtdeArm
 from omniservo.hardware.rtde.server import UrStandIn
-from omniservo.robots import ArmMode, CameraImage, load_arm
-from omniservo.runs import joint_trial, robot_check
+from omniservo.robots import ArmMode, CameraImage, RobotState, load_arm
+from omniservo.runs import robot_check
 from omniservo.runs.joint_trial import JointTrial
 from omniservo.runs.robot_check import check_robot, watchdog_proof
 from omniservo.tasks import RobotFile, load_task
@@ -136,20 +136,48 @@ def test_rates_and_ages_are_those_of_the_streams(monkeypatch):
     assert found.self_clearance > 0.0
 
 
-class WiredArm(WallClockArm):
-    """An arm whose joints turn by a matrix times what they are sent."""
+class WiredArm:
+    """An arm on a time of its own whose joints turn by a matrix times what they are sent."""
 
-    def __init__(self, joints=START, wires=None, kept=np.inf):
-        super().__init__(joints, kept)
+    watchdog = 0.1
+
+    def __init__(self, joints=START, wires=None):
+        self.joints, self.speeds = np.array(joints), np.zeros(6)
         self.wires, self.farthest = np.eye(6) if wires is None else np.array(wires), np.zeros(6)
+        self.time, self.commands = 100.0, 0
+
+    def clock(self):
+        return self.time
+
+    def sleep(self, duration):
+        self.time += duration
+        self.joints = self.joints + duration * self.speeds
+        self.farthest = np.maximum(self.farthest, np.abs(self.joints - START))
+
+    def read(self):
+        return RobotState(self.time, self.joints.copy(), self.speeds.copy(), ArmMode.READY)
+
+    def command(self, joint_velocities):
+        self.speeds = self.wires @ np.array(joint_velocities, dtype=float)
+        self.commands += 1
+
+    def stop(self):
+        self.command(np.zeros(6))
+
+
+class WiredOnTheWall(WallClockArm):
+    """The same on the wall clock."""
+
+    def __init__(self, wires):
+        super().__init__(START)
+        self.wires = wires
 
     def command(self, joint_velocities):
         super().command(self.wires @ np.array(joint_velocities, dtype=float))
 
-    def read(self):
-        state = super().read()
-        self.farthest = np.maximum(self.farthest, np.abs(state.joint_positions - START))
-        return state
+
+def trial(arm, box=None):
+    return JointTrial(ARM, arm, MOUNT, box, arm.clock, arm.sleep)
 
 
 def wired(**changed):
@@ -160,25 +188,20 @@ def wired(**changed):
     return wires
 
 
-@pytest.fixture
-def quick(monkeypatch):
-    monkeypatch.setattr(joint_trial, "SECONDS", 0.2)
-
-
 def unit(joint, size=1.0):
     return size * np.eye(6)[joint]
 
 
-def test_every_joint_of_a_sound_arm_answers_and_is_brought_back(quick):
+def test_every_joint_of_a_sound_arm_answers_and_is_brought_back():
     asked, arm = [], WiredArm()
-    answers, findings = JointTrial(ARM, arm, MOUNT).run(asked.append)
+    answers, findings = trial(arm).run(asked.append)
     assert findings == []
     assert [answer.joint for answer in answers] == list(reversed(ARM.joint_names))
     for answer in answers:
-        assert np.rad2deg(answer.sent) == pytest.approx(0.5, abs=0.2)
-        assert answer.turned == pytest.approx(answer.sent, rel=0.3)
-    assert (np.rad2deg(arm.farthest) > 0.3).all()
-    assert np.abs(np.rad2deg(arm.joints - START)).max() < 0.3
+        assert np.rad2deg(answer.sent) == pytest.approx(0.5, abs=0.02)
+        assert answer.turned == pytest.approx(answer.sent, rel=0.05)
+    assert (np.rad2deg(arm.farthest) > 0.45).all()
+    assert np.abs(np.rad2deg(arm.joints - START)).max() < 0.02
     assert not arm.speeds.any()
     assert asked == ["turn each of 6 joints in turn by 0.5 deg and back, wrist_3 first"]
 
@@ -200,21 +223,21 @@ def test_every_joint_of_a_sound_arm_answers_and_is_brought_back(quick):
         (wired(r5=unit(5) + unit(3)), "wrist_1 .*, and wrist_3 by .*: names swapped"),
     ],
 )
-def test_a_joint_that_answers_otherwise_is_named(quick, wires, finding):
+def test_a_joint_that_answers_otherwise_is_named(wires, finding):
     arm = WiredArm(wires=wires)
-    answers, findings = JointTrial(ARM, arm, MOUNT).run(lambda motion: None)
+    answers, findings = trial(arm).run(lambda motion: None)
     assert findings
     assert re.search(finding, findings[0]), findings
     assert not arm.speeds.any()
     sound = [name for name in ARM.joint_names if not any(name in each for each in findings)]
     for answer in answers:
         if answer.joint in sound:
-            assert answer.turned == pytest.approx(answer.sent, rel=0.3)
+            assert answer.turned == pytest.approx(answer.sent, rel=0.05)
 
 
-def test_a_joint_that_runs_away_ends_the_trial(quick):
+def test_a_joint_that_runs_away_ends_the_trial():
     arm = WiredArm(wires=wired(r3=unit(3, 180 / np.pi)))
-    answers, findings = JointTrial(ARM, arm, MOUNT).run(lambda motion: None)
+    answers, findings = trial(arm).run(lambda motion: None)
     assert [answer.joint for answer in answers] == ["wrist_3", "wrist_2", "wrist_1"]
     assert len(findings) == 1
     assert (arm.farthest[:3] == 0.0).all()
@@ -230,27 +253,28 @@ def box_round(joints, room):
     [
         (START + np.deg2rad([359.0, 0, 0, 0, 0, 0]), None, "shoulder_pan has no 2 deg.*file's range"),
         (START + np.deg2rad([0, 0, 70.5, 0, 0, 0]), None, "elbow has no 2 deg .* apart|overlap"),
+        (START - np.deg2rad([359.0, 0, 0, 0, 0, 0]), None, "shoulder_pan has no 2 deg.*file's range"),
         (START, 0.004, "shoulder_pan has no 2 deg of room.*the camera's centre would leave the work"),
     ],
-    ids=["range", "own parts", "workspace"],
+    ids=["range", "own parts", "range below", "workspace"],
 )
-def test_without_room_nothing_moves(quick, joints, room, finding):
+def test_without_room_nothing_moves(joints, room, finding):
     arm = WiredArm(joints)
     box = None if room is None else box_round(joints, room)
-    answers, findings = JointTrial(ARM, arm, MOUNT, box).run(refused)
+    answers, findings = trial(arm, box).run(refused)
     assert answers == ()
     assert re.search(finding, findings[0]), findings
     assert arm.commands == 0
 
 
-def test_a_workspace_with_room_is_none_to_stay_for(quick):
-    answers, findings = JointTrial(ARM, WiredArm(), MOUNT, box_round(START, 0.1)).run(lambda motion: None)
+def test_a_workspace_with_room_is_none_to_stay_for():
+    answers, findings = trial(WiredArm(), box_round(START, 0.1)).run(lambda motion: None)
     assert (len(answers), findings) == (6, [])
 
 
-def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tried(quick, monkeypatch):
+def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tried(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
-    asked, arm = [], WiredArm(wires=wired(r0=unit(0, -1.0)))
+    asked, arm = [], WiredOnTheWall(wired(r0=unit(0, -1.0)))
     found = check_robot(ROBOT, ARM, arm, Frames(), asked.append)
     assert len(found.answers) == 6
     assert re.search("shoulder_pan .*: it turns the other way", found.findings[0])
@@ -258,17 +282,17 @@ def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tr
     assert len(asked) == 1
 
 
-def test_the_workspace_of_the_robot_file_is_kept(quick, monkeypatch):
+def test_the_workspace_of_the_robot_file_is_kept(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     low, high = box_round(START, 0.004)
     robot = ROBOT.model_copy(
         update={"workspace": WorkspaceSection(min=tuple(low.tolist()), max=tuple(high.tolist()))}
     )
-    found = check_robot(robot, ARM, WiredArm(), Frames(), refused)
+    found = check_robot(robot, ARM, WallClockArm(START), Frames(), refused)
     assert "the camera's centre would leave the workspace" in found.findings[0]
 
 
-def test_clocks_of_both_lines_are_told(quick, monkeypatch):
+def test_clocks_of_both_lines_are_told(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     arm, frames = in_protective_stop(), Frames()
     arm.clock = ClockMap()
@@ -279,3 +303,11 @@ def test_clocks_of_both_lines_are_told(quick, monkeypatch):
     assert found.arm_clock.offset == pytest.approx(7.001, abs=1e-3)
     assert found.arm_clock.drift == pytest.approx(1e-4, abs=3e-5)
     assert found.arm_clock.spread == pytest.approx(2e-3, abs=1e-3)
+
+
+def test_room_is_proven_again_where_an_answer_left_the_arm():
+    arm = WiredArm(START + np.deg2rad([357.5, 0, 0, 0, 0, 0]), wired(r0=unit(0) + 1.8 * unit(5)))
+    answers, findings = trial(arm).run(lambda motion: None)
+    assert [answer.joint for answer in answers] == list(reversed(ARM.joint_names[1:]))
+    assert re.search("wrist_3 .*, and shoulder_pan by .*: names swapped", findings[0])
+    assert re.search("shoulder_pan has no 2 deg of room either way: it would leave", findings[-1])

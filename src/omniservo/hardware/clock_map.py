@@ -202,7 +202,6 @@ class ClockMap:
             if self._was_set_back(early):
                 self._fail(f"the sender's clock went back by {early:.3f} s, {seconds:.1f} s ago")
             self._later += early
-            self._in_time, self._late = self._newest - self._first_stamp, math.inf
 
     def _enough(self, without: int) -> bool:
         """Return whether the bins, but for the oldest, hold `LEAST_LATER` arrivals."""

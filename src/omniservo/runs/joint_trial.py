@@ -68,12 +68,16 @@ class JointTrial:
         connection: to it.
         flange_T_camera: the mount.
         workspace: (2, 3) lowest and highest of the box for the camera's centre, base frame [m]; None: any.
+        clock: the connection's time [s].
+        sleep: lets the given time pass [s].
     """
 
     arm: Arm
     connection: ArmConnection
     flange_T_camera: RigidTransform
     workspace: FloatArray | None = None
+    clock: Callable[[], float] = time.monotonic
+    sleep: Callable[[float], None] = time.sleep
 
     def run(self, approve: Callable[[str], None]) -> tuple[tuple[JointAnswer, ...], list[str]]:
         """Turn every joint a little and back, the last one first; return the answers, and what is wrong.
@@ -140,19 +144,19 @@ class JointTrial:
         connection = self.connection
         before = connection.read().joint_positions
         speeds, sent, speed = np.zeros(self.arm.dof), 0.0, 0.0
-        begin = last = time.monotonic()
+        begin = last = self.clock()
         try:
-            while (passed := time.monotonic() - begin) < SECONDS:
+            while (passed := self.clock() - begin) < SECONDS:
                 if np.abs(connection.read().joint_positions - before).max() > FAR * TURN:
                     break
                 speeds[joint] = sign * (2.0 * TURN / SECONDS) * math.sin(math.pi * passed / SECONDS) ** 2
                 connection.command(speeds)
-                now = time.monotonic()
+                now = self.clock()
                 sent, last, speed = sent + speed * (now - last), now, float(speeds[joint])
-                time.sleep(_PERIOD)
+                self.sleep(_PERIOD)
         finally:
             connection.stop()
-        sent += speed * (time.monotonic() - last)
+        sent += speed * (self.clock() - last)
         return sent, self._standing() - before
 
     def _standing(self) -> FloatArray:
@@ -161,12 +165,12 @@ class JointTrial:
         Raises:
             ServoStop: they do not.
         """
-        stopped = time.monotonic()
-        while time.monotonic() < stopped + PATIENCE:
+        stopped = self.clock()
+        while self.clock() < stopped + PATIENCE:
             state = self.connection.read()
             if state.time > stopped and (np.abs(state.joint_velocities) < STILL).all():
                 return state.joint_positions
-            time.sleep(_PERIOD)
+            self.sleep(_PERIOD)
         raise ServoStop(f"the arm was stopped, and does not stand {PATIENCE:g} s later")
 
 
