@@ -88,7 +88,10 @@ def test_sharp_points_count_more_than_blurred_ones(make_scene):
         pixels = uneven(scene, rng, sigmas)
         blind = estimate_two_view(scene.camera, *pixels, robust=False)
         told = estimate_two_view(scene.camera, *pixels, robust=False, noise=sigmas)
-        ratios.append(errors(told, scene)[0] / errors(blind, scene)[0])
+        assert told.status == "ok"
+        if blind.status == "ok":
+            ratios.append(errors(told, scene)[0] / errors(blind, scene)[0])
+    assert len(ratios) >= 25
     assert np.median(ratios) < 0.4
 
 

@@ -158,7 +158,7 @@ def test_only_the_simulator_and_who_reads_tasks_know_of_what_is_true():
     knowing = {"scenes/scene.py", "scenes/lens_error.py", "scenes/__init__.py", "tasks/task.py"}
     knowing |= {"tasks/simulation.py", "tasks/load_task.py", "simulation/true_scene.py"}
     knowing |= {"simulation/true_lens.py", "simulation/simulated_cell.py"}
-    knowing |= {"simulation/sim_server.py"}  # serves the simulator's truth
+    knowing |= {"simulation/sim_server.py", "simulation/projected_dots.py", "cli/sim.py"}  # serve the truth
     knowing |= {"runs/on_robot.py"}  # drops it: there is none on a real robot
     package = Path(omniservo.__file__).parent
     words = re.compile(r"true_camera|lens_error|\.simulation\b(?!\.)|goal_light")

@@ -70,11 +70,11 @@ class RunLog:
     rows: list[LogRow] = field(default_factory=list)
     contacts: set[tuple[str, str]] = field(default_factory=set)
     """truth: pairs of bodies that touched"""
-    waits: list[Waiting] = field(default_factory=list)
-    """when images were missing and the arm slowed down, stood and waited"""
     stop_reason: str = ""
     """empty: converged; else one word, as in `omniservo.errors`"""
     stop_message: str = ""
+    waits: list[Waiting] = field(default_factory=list)
+    """when images were missing and the arm slowed down, stood and waited"""
 
     def column(self, name: str) -> FloatArray:
         """Return one field of all rows, stacked: (steps, …)."""

@@ -154,7 +154,7 @@ class BlindMotion:
         """Return whether to slow down after so long without an image [s]."""
         period = self._delays.period
         if np.isnan(period):  # after the first image
-            return waited > 0.5 * self._options.image_age
+            return now - self._exposed > self._options.image_age - STANDS_BEFORE
         if waited > OVERDUE * period:
             return True
         if not waited > LATE * period:

@@ -249,7 +249,9 @@ class _Loop:
         supervisor, time = self._supervisor, image.time - self.start
         pixels, valid = self._found(image, time)
         state = supervisor.read()
-        self._delays.seen(image.time, supervisor.time, regular=not self.blind.waiting)
+        self._delays.seen(
+            image.time, supervisor.time, regular=not self.blind.waiting or np.isnan(self._delays.period)
+        )
         before = perf_counter()
         try:
             filtered = self._twist(image, time, pixels, valid)

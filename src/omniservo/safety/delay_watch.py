@@ -212,8 +212,8 @@ class DelayWatch:
         known = valid & np.isfinite(pixels[..., 0]) & np.isfinite(expected).all(axis=2)
         slopes = np.where(known[..., None, None], slopes, 0.0)
         out = np.where(known[..., None], expected - self._centre, 0.0)
-        rest = np.where(known[..., None], pixels - self._centre, 0.0) - (1.0 + shared[7]) * out
-        slopes = (1.0 + shared[7]) * slopes
+        rest = np.where(known[..., None], pixels - self._centre, 0.0) - (1.0 + shared[-1]) * out
+        slopes = (1.0 + shared[-1]) * slopes
         by_turn = np.cross(there[..., None, :], np.eye(3)).swapaxes(-1, -2)  # ∂(y × m)/∂m
         shared_slopes = np.concatenate(
             (

@@ -43,6 +43,8 @@ STATED = 2.0
 LEAST = 6
 """Matches of a homography that say something about it"""
 LEAST_SHARE = 0.15
+LEAST_REST = 0.25
+"""of the matches must agree with the rest's motion: a few, left over, agree with one that is chance's"""
 EXPECTED = 0.05
 """What one motion leaves is nothing to explain where chance leaves more of what is stated by this;"""
 SHARP_PX = 0.2
@@ -72,7 +74,9 @@ def bent_to_plane(
     for gate in GATES:
         for plane, cost in flat_groups(matches, sampled, gate * max(1.0, STATED * matches.noise_px), least):
             rest = _rest(matches, fit, kind, ~plane)
-            if rest is None or is_one_answer(fit.minima[0], rest.minima[0]):
+            if rest is None or rest.members.sum() < LEAST_REST * matches.size:
+                continue
+            if is_one_answer(fit.minima[0], rest.minima[0]):
                 continue
             here = _chance(matches, fit, rest, plane, _own_costs(matches, plane, kind, cost), error_px)
             if here < chance:
