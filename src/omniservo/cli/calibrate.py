@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from omniservo.cli.live_views import (
+    LiveSourceOption,
+    SaveOption,
+    SecondsOption,
+    folder_of_images,
+    take_images,
+)
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import NoSolutionError
 
@@ -19,8 +26,10 @@ _BOARD = "checkerboard:8x6:0.042 (inner corners, square in m), charuco:…, apri
 
 
 def calibrate(
-    images: Annotated[list[Path], typer.Argument(help="Images of the board, all of one size.")],
     board: Annotated[str, typer.Option("--board", help=_BOARD)],
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="Images of the board, all of one size; or --camera-source.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the camera here.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
     distortion: Annotated[
@@ -30,11 +39,14 @@ def calibrate(
     mirror: Annotated[
         bool | None, typer.Option("--mirror/--no-mirror", help="The camera looks into a mirror.")
     ] = None,
+    camera_source: LiveSourceOption = None,
+    save: SaveOption = None,
+    seconds: SecondsOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Calibrate a camera from images of a board."""
+    """Calibrate a camera from images of a board: files, or taken live while the board is held before it."""
     from omniservo.calibration import board_from_text, calibrate_images
     from omniservo.camera_files import save_camera
     from omniservo.files import writable
@@ -44,9 +56,13 @@ def calibrate(
         if path is not None:
             writable(path, force=force)
     output = Output(as_json, quiet)
+    folder = folder_of_images(images, camera_source, save, out)
     target = board_from_text(board)
+    files = images or []
+    if folder is not None and camera_source is not None:
+        files = take_images(camera_source, target, folder, output, seconds=seconds, force=force)
     with output.working("looking for the board") as say:
-        result = calibrate_images(images, target, distortion=distortion, mirrored=mirror, progress=say)
+        result = calibrate_images(files, target, distortion=distortion, mirrored=mirror, progress=say)
     if report is not None:
         write_calibration_report(result, report, force=force)
         output.written(report)

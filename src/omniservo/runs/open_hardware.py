@@ -88,14 +88,28 @@ def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> ShiftedCamera:
 
 def _camera_at(robot: RobotFile) -> CameraSource:
     """Return the camera at the file's URI."""
-    scheme, _, topic = robot.camera.source.partition(":")
-    if scheme != "ros2":
-        return open_camera(robot.camera.source)
-    from omniservo.hardware.ros2.open_ros2 import open_ros2_camera
-
     ros = robot.driver == "ros2"
     states = str(robot.options.get("joint_states", "/joint_states")) if ros else ""
-    return open_ros2_camera(topic, robot.address if ros else "", states)
+    return camera_at(robot.camera.source, robot.address if ros else "", states)
+
+
+def camera_at(uri: str, network: str = "", joint_states: str = "") -> CameraSource:
+    """Connect to a camera by its URI, ROS 2 topics (``ros2:TOPIC``) included.
+
+    Args:
+        uri: see `open_camera`.
+        network: of ROS 2: DOMAIN, or DOMAIN@INTERFACE.
+        joint_states: of ROS 2: the topic whose clock the camera has; empty: its own.
+
+    Raises:
+        InputError: no one there, or no such camera.
+    """
+    scheme, _, topic = uri.partition(":")
+    if scheme != "ros2":
+        return open_camera(uri)
+    from omniservo.hardware.ros2.open_ros2 import open_ros2_camera
+
+    return open_ros2_camera(topic, network, joint_states)
 
 
 def open_hardware(

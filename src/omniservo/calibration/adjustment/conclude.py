@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -32,6 +31,7 @@ from omniservo.calibration.adjustment.uncertainty import (
     theta_covariance,
 )
 from omniservo.calibration.adjustment.views import Views, flatness
+from omniservo.calibration.outlines import inside_outlines
 from omniservo.cameras import UnifiedCamera
 from omniservo.geometry.arrays import BoolArray, FloatArray, owned
 
@@ -216,14 +216,9 @@ def _seen_from(views: Views, state: State) -> Side:
 
 
 def _covered(views: Views, keep: BoolArray, size: tuple[int, int]) -> float:
-    """Return the part of the image inside at least one view's outline, on a raster of at most 512 px."""
-    shrink = min(1.0, 512.0 / max(size))
-    raster = np.zeros((max(1, round(size[1] * shrink)), max(1, round(size[0] * shrink))), dtype=np.uint8)
-    for i in range(views.count):
-        rows = views.rows(i)
-        corners = (views.pixels[rows][keep[rows]] * shrink).round().astype(np.int32)
-        cv2.fillConvexPoly(raster, cv2.convexHull(corners), 1)
-    return float(raster.mean())
+    """Return the part of the image inside at least one view's outline."""
+    rows = (views.rows(i) for i in range(views.count))
+    return float(inside_outlines((views.pixels[r][keep[r]] for r in rows), size).mean())
 
 
 def _poses(views: Views, state: State) -> dict[int, RigidTransform]:

@@ -81,6 +81,11 @@ class NewestFrame:
         return self._size or (0, 0)
 
     @property
+    def over(self) -> bool:
+        """Whether no frame comes after the newest: what was recorded is at its end."""
+        return not self._thread.is_alive()
+
+    @property
     def notice(self) -> str | None:
         """What is assumed, in one line; None where nothing is."""
         return "; ".join(self.notices) or None
