@@ -172,7 +172,7 @@ def test_ctrl_c_with_too_few_views_writes_nothing(images, monkeypatch, tmp_path,
     [
         ([], "give image files or --camera-source"),
         (["a.png", "--camera-source", "0"], "give image files or --camera-source"),
-        (["--camera-source", "0"], "give --out or --save"),
+        (["--camera-source", "0"], "live images: give --out or --save"),
         (["a.png", "--save", "kept"], "--save: goes with --camera-source"),
         (["--camera-source", "folder:nowhere?rate=3", "--save", "kept"], "nowhere: no such folder"),
     ],

@@ -146,18 +146,13 @@ class ViewChoice:
         if not news:
             return Judgement(False, "board: like a view that is kept; move, tilt, or bring it nearer")
         motion = math.inf if before is None else moved(before, view)
-        if motion > self.still_px:
+        if motion > still_px(self.size):
             by = "" if math.isinf(motion) else f" (it moves by {motion:.1f} px between images)"
             return Judgement(False, f"board: {news}; hold it still{by}")
         self.kept.append(view)
         self._looks.append(look)
         self._covered = covered
         return Judgement(True, f"kept: {news}")
-
-    @property
-    def still_px(self) -> float:
-        """So far a board that stands still may move from image to image [px]."""
-        return max(1.0, _STILL * max(self.size))
 
     def _news(self, look: Appearance, covered: BoolArray) -> str:
         """Say what is new about a view; nothing: empty."""
@@ -213,6 +208,26 @@ class ViewChoice:
         if (more := ENOUGH - len(self.kept)) > 0:
             words.append(f"{more} more view{'s' * (more > 1)}")
         return tuple(words)
+
+    def summary(self) -> tuple[str, ...]:
+        """Say what is kept and covered, a line each."""
+        least, most = (f"{100 * size:.0f}%" for size in self.sizes)
+        vertical, horizontal = (f"{math.degrees(tilt):.0f}°" for tilt in self.tilts)
+        rows = [" ".join(_spelled_share(share) for share in row) for row in self.covered_thirds]
+        return (
+            f"{len(self.kept)} kept; the board {least} to {most} of the image's longer side, tilted by up to"
+            f" {vertical} about the vertical and {horizontal} about the horizontal",
+            *(f"{name:<14}{row}" for name, row in zip(("covered", "by thirds", ""), rows, strict=True)),
+        )
+
+
+def _spelled_share(share: float) -> str:
+    return "dark" if math.isnan(share) else f"{100 * share:3.0f}%"
+
+
+def still_px(size: tuple[int, int]) -> float:
+    """Return how far points of what stands still may move between images of ``size`` [px]."""
+    return max(1.0, _STILL * max(size))
 
 
 def missing_thirds(covered: FloatArray) -> list[str]:

@@ -12,27 +12,40 @@ import typer
 
 from omniservo.cli.camera_options import (
     CameraErrorOption,
+    CameraOptions,
     MaxAngleOption,
     ModelOption,
     SizeOption,
-    open_model,
 )
+from omniservo.cli.hand_eye_live import POSES, take_views
+from omniservo.cli.live_views import SaveOption, SecondsOption, live_folder
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.robot_file import CameraSourceOption, DriverOption, OnRobot
+from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
 
+    from omniservo.calibration.boards import Board
     from omniservo.calibration.hand_eye import ImageHandEye
+    from omniservo.cameras.models import CentralModel
+    from omniservo.targets import Target
 
 _BOARD = "checkerboard:9x6:0.0236 (inner corners, square in m), charuco:…, aprilgrid:…, circles:…"
 _POSES = "The robot's poses base_T_flange (YAML, JSON, CSV), or ViSP's files with %d for the number."
 
+_ON = "A robot file (YAML): take the views live, while you move the arm by hand or pendant."
+
 
 def calibrate_hand_eye(
-    images: Annotated[list[Path], typer.Argument(help="One image at each pose of the robot.")],
-    poses: Annotated[str, typer.Option("--poses", help=_POSES)],
-    camera: Annotated[str, typer.Option("--camera", help="The camera's calibration, or a preset.")],
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="One image at each pose of the robot; or --on.")
+    ] = None,
+    poses: Annotated[str | None, typer.Option("--poses", help=_POSES)] = None,
+    camera: Annotated[
+        str | None, typer.Option("--camera", help="The camera's calibration, or a preset.")
+    ] = None,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
@@ -44,28 +57,70 @@ def calibrate_hand_eye(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write flange_T_camera here (JSON).")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
+    on: Annotated[Path | None, typer.Option("--on", help=_ON)] = None,
+    camera_source: CameraSourceOption = None,
+    driver: DriverOption = None,
+    allow_outside: AllowOutsideOption = False,
+    save: SaveOption = None,
+    seconds: SecondsOption = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Eye-in-hand calibration: the camera's pose on the flange, from images of a fixed board."""
-    from omniservo.calibration import board_from_text
+    """Eye-in-hand calibration: the camera's pose on the flange, from images of a fixed board.
+
+    With --on the images are taken live and the joints read with each; nothing is commanded.
+    """
     from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
     from omniservo.files import writable
-    from omniservo.reporting import write_hand_eye_report
-    from omniservo.targets import Target
 
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
+    looked_for = _looked_for(board, target)
+    output = Output(as_json, quiet)
+    lens = CameraOptions(camera, camera_name, size, model, max_angle, None, camera_error).opened()
+    robot = OnRobot(on, camera_source, driver, None, yes=False, allow_outside=allow_outside)
+    if on is None:
+        robot.refuse_mixed()
+        files, opened, poses = _given(images, lens, poses, save)
+    else:
+        if images or poses or lens or target:
+            raise InputError("--on: goes without images, --poses, --camera and --target; it has its own")
+        opened, files = take_views(
+            robot, looked_for, live_folder(save, out), output, seconds=seconds, force=force
+        )
+        poses = str(files[0].parent / POSES)
+    base_T_flange = load_robot_poses(poses).of_images(files)
+    with output.working("looking for the board") as say:
+        found = calibrate_hand_eye_images(opened, base_T_flange, files, looked_for, progress=say)
+    _deliver(found, out, report, output, force=force)
+
+
+def _looked_for(board: str | None, target: Path | None) -> Board | Target:
+    """Return what the images show.
+
+    Raises:
+        InputError: none of both is given, or both, or one is wrong.
+    """
+    from omniservo.calibration import board_from_text
+    from omniservo.targets import Target
+
     if (board is None) == (target is None):
         raise InputError("calibrate-hand-eye: give --board or --target, one of them")
-    looked_for = Target.load(target) if target is not None else board_from_text(board or "")
-    base_T_flange = load_robot_poses(poses).of_images(images)
-    output = Output(as_json, quiet)
-    with output.working("looking for the board") as say:
-        opened = open_model(camera, camera_name, size, model, max_angle, camera_error)
-        found = calibrate_hand_eye_images(opened, base_T_flange, images, looked_for, progress=say)
+    return Target.load(target) if target is not None else board_from_text(board or "")
+
+
+def _deliver(
+    found: ImageHandEye, out: Path | None, report: Path | None, output: Output, *, force: bool
+) -> None:
+    """Write what was found, and say it.
+
+    Raises:
+        NoSolutionError: nothing was.
+    """
+    from omniservo.reporting import write_hand_eye_report
+
     if report is not None:
         write_hand_eye_report(found, report, force=force)
         output.written(report)
@@ -78,6 +133,21 @@ def calibrate_hand_eye(
     for line in _lines(found, result.flange_T_camera):
         output.line(line)
     output.result(_fields(found))
+
+
+def _given(
+    images: list[Path] | None, lens: CentralModel | None, poses: str | None, save: Path | None
+) -> tuple[list[Path], CentralModel, str]:
+    """Return image files, the camera and the file of poses.
+
+    Raises:
+        InputError: one is not given, or what goes with a robot is.
+    """
+    if not images or lens is None or poses is None:
+        raise InputError("calibrate-hand-eye: give images, --poses and --camera, or --on ROBOT.yaml")
+    if save is not None:
+        raise InputError("--save: goes with --on ROBOT.yaml")
+    return images, lens, poses
 
 
 def _lines(found: ImageHandEye, flange_T_camera: RigidTransform) -> Iterator[str]:

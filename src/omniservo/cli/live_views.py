@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import signal
 import sys
 import threading
@@ -22,7 +21,8 @@ from omniservo.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
     from omniservo.calibration.boards import Board
-    from omniservo.runs.watch_board import Watch
+    from omniservo.robots import CameraSource
+    from omniservo.runs.watch_board import Choice, Watch
 
 LiveSourceOption = Annotated[
     str | None,
@@ -54,9 +54,20 @@ def folder_of_images(
         if save is not None:
             raise InputError("--save: goes with --camera-source")
         return None
-    if save is None and out is None:
-        raise InputError("--camera-source: give --out or --save, where the images that are kept go, too")
-    return save if save is not None or out is None else out.with_name(f"{out.stem}-images")
+    return live_folder(save, out)
+
+
+def live_folder(save: Path | None, out: Path | None) -> Path:
+    """Return the folder for live images: ``--save``, or one beside the result.
+
+    Raises:
+        InputError: neither is given.
+    """
+    if save is not None:
+        return save
+    if out is None:
+        raise InputError("live images: give --out or --save, where those that are kept go, too")
+    return out.with_name(f"{out.stem}-images")
 
 
 def take_images(
@@ -73,29 +84,51 @@ def take_images(
     """
     from omniservo.calibration.view_choice import FEWEST
     from omniservo.files import whole_folder, writable
-    from omniservo.files.image_files import write_png
     from omniservo.runs.open_hardware import camera_at
-    from omniservo.runs.watch_board import watch_board
+    from omniservo.runs.watch_board import BoardViews
 
     writable(folder, force=force)
     with output.working(f"connecting to {source}"):
         camera = camera_at(source)
-    with closing(camera), _until_interrupt() as stopped, Preview(output) as preview:
-        watch = watch_board(camera, board, tell=preview, stopped=stopped, seconds=seconds)
-    missing = "; ".join(watch.choice.missing())
-    ended = f"{watch.ended}: {len(watch.images)} of {watch.looked_at} images kept"
-    if len(watch.images) < FEWEST:
-        last = "" if watch.last.kept else f"; the last image: {watch.last.words}"
-        raise NoSolutionError(
-            f"{ended}, at least {FEWEST} are needed; nothing was written; missing: {missing}{last}"
-        )
-    output.line(ended + (f"; still missing: {missing}" if missing else ""))
-    names = [f"{number:03d}.png" for number in range(len(watch.images))]
+    with closing(camera):
+        watch = watched(camera, BoardViews(board), output, seconds, FEWEST)
     with whole_folder(folder, force=force) as unfinished:
-        for name, image in zip(names, watch.images, strict=True):
-            write_png(image, unfinished / name)
+        names = write_images(watch, unfinished)
     output.written(folder)
     return [folder / name for name in names]
+
+
+def watched(
+    camera: CameraSource, choice: Choice, output: Output, seconds: float | None, fewest: int
+) -> Watch:
+    """Watch a camera until nothing is missing or Ctrl-C, and say how it ended.
+
+    Raises:
+        NoSolutionError: fewer images were kept than a calibration needs.
+    """
+    from omniservo.runs.watch_board import watch_camera
+
+    with until_interrupt() as stopped, Preview(output) as preview:
+        watch = watch_camera(camera, choice, tell=preview, stopped=stopped, seconds=seconds)
+    missing = "; ".join(choice.missing())
+    ended = f"{watch.ended}: {len(watch.images)} of {watch.looked_at} images kept"
+    if len(watch.images) < fewest:
+        last = "" if watch.last.kept else f"; the last image: {watch.last.words}"
+        raise NoSolutionError(
+            f"{ended}, at least {fewest} are needed; nothing was written; missing: {missing}{last}"
+        )
+    output.line(ended + (f"; still missing: {missing}" if missing else ""))
+    return watch
+
+
+def write_images(watch: Watch, folder: Path) -> list[str]:
+    """Write the images that were kept, and return their names, which sort as they were taken."""
+    from omniservo.files.image_files import write_png
+
+    names = [f"{number:03d}.png" for number in range(len(watch.images))]
+    for name, image in zip(names, watch.images, strict=True):
+        write_png(image, folder / name)
+    return names
 
 
 class Preview:
@@ -140,27 +173,17 @@ class Preview:
 
 def preview_lines(watch: Watch) -> list[str]:
     """Return the newest image's fate, what is kept, and what is missing."""
-    choice = watch.choice
-    rows = [" ".join(_share(share) for share in row) for row in choice.covered_thirds]
-    least, most = (f"{100 * size:.0f}%" for size in choice.sizes)
-    vertical, horizontal = (f"{math.degrees(tilt):.0f}°" for tilt in choice.tilts)
-    missing = choice.missing()
+    missing = watch.choice.missing()
     return [
         f"image {watch.looked_at}: {watch.last.words}",
-        f"  {len(choice.kept)} kept; the board {least} to {most} of the image's longer side, tilted by up to"
-        f" {vertical} about the vertical and {horizontal} about the horizontal",
-        *(f"  {name:<14}{row}" for name, row in zip(("covered", "by thirds", ""), rows, strict=True)),
+        *(f"  {line}" for line in watch.choice.summary()),
         f"  missing: {missing[0]}" if missing else "  nothing is missing",
         *(f"           {words}" for words in missing[1:]),
     ]
 
 
-def _share(share: float) -> str:
-    return "dark" if math.isnan(share) else f"{100 * share:3.0f}%"
-
-
 @contextmanager
-def _until_interrupt() -> Iterator[Callable[[], bool]]:
+def until_interrupt() -> Iterator[Callable[[], bool]]:
     """Have a first Ctrl-C end the watching alone; a second one ends the command."""
     ended = threading.Event()
     if threading.current_thread() is not threading.main_thread():

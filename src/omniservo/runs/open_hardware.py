@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scipy.spatial.transform import RigidTransform
 
@@ -51,6 +51,23 @@ def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConn
             "watchdog of your own that stops it, in seconds (watchdog: 0.1), or choose another driver"
         )
     return connection
+
+
+def listen_to_arm(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConnection:
+    """Connect to the arm of a robot file for its joints alone, while somebody else moves it.
+
+    Args:
+        robot: the file.
+        arm: as loaded of it.
+        driver: see `open_robot`.
+
+    Raises:
+        InputError, ConnectionLost: see `open_robot`; what would stop it does not matter.
+    """
+    where = _address(robot, arm, driver)
+    if where.driver == "rtde":  # a program of ours would take the arm from pendant and hand
+        where = replace(where, options={**where.options, "send_program": False})
+    return where.open()
 
 
 def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:

@@ -79,7 +79,7 @@ def calibrate_hand_eye_images(
             found.append(_look(read_grey_image(path), camera, target))
         except InputError as error:
             raise InputError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
-    turns = _turns(target) if isinstance(target, Board) and any(seen.turnable for seen in found) else ()
+    turns = turns_of(target) if isinstance(target, Board) and any(seen.turnable for seen in found) else ()
     progress(f"calibrating from {sum(len(seen.pixels) > 0 for seen in found)} views")
     result = calibrate_hand_eye(
         camera, poses, [seen.pixels for seen in found], [seen.points for seen in found], turns=turns
@@ -109,7 +109,7 @@ def _look(image: ByteArray, camera: CentralModel, target: Board | Target) -> _Fo
     )
 
 
-def _turns(board: Board) -> tuple[RigidTransform, ...]:
+def turns_of(board: Board) -> tuple[RigidTransform, ...]:
     """Return the quarter and half turns that bring a board's points onto themselves."""
     middle = 0.5 * (board.points.min(axis=0) + board.points.max(axis=0))
     turns = []

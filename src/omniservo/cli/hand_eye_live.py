@@ -1,0 +1,68 @@
+"""Views for a hand-eye calibration from a robot whose arm is moved by hand or pendant."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from omniservo.cli.live_views import watched, write_images
+from omniservo.cli.output import Output
+from omniservo.cli.robot_file import OnRobot, robot_of
+from omniservo.errors import InputError
+
+if TYPE_CHECKING:
+    from omniservo.calibration.boards import Board
+    from omniservo.cameras.models import CentralModel
+    from omniservo.targets import Target
+
+POSES = "poses.json"
+"""beside the images: the flange's poses"""
+
+
+def take_views(
+    on: OnRobot, board: Board | Target, folder: Path, output: Output, *, seconds: float | None, force: bool
+) -> tuple[CentralModel, list[Path]]:
+    """Watch a robot's camera and joints until nothing is missing or Ctrl-C; write images and poses.
+
+    Nothing is commanded.
+
+    Returns:
+        The robot's camera, and the images' files, in the order in which they were taken.
+
+    Raises:
+        InputError: no such robot, or the folder cannot be written.
+        NoSolutionError: too few were kept for a calibration; nothing is written.
+    """
+    from omniservo.calibration.hand_eye.pose_choice import FEWEST_POSES
+    from omniservo.files import whole_folder, writable, write_whole
+    from omniservo.runs.open_hardware import listen_to_arm, open_robot_camera
+    from omniservo.runs.watch_board import ArmViewsOfBoard
+    from omniservo.targets import Target
+
+    if on.file is None or isinstance(board, Target):
+        raise InputError("--on: a robot file and a board are needed")
+    writable(folder, force=force)
+    robot = robot_of(on.file, on.camera_source, None, allow_outside=on.allow_outside)
+    model = robot.loaded_arm()
+    with output.working("connecting to arm and camera"):
+        arm = listen_to_arm(robot, model, on.driver)
+    with closing(arm), closing(open_robot_camera(robot)) as camera:
+        choice = ArmViewsOfBoard(arm, robot.camera.calibration, board)
+        watch = watched(camera, choice, output, seconds, FEWEST_POSES)
+    poses = [model.base_T_flange(joints) for joints in choice.poses.joints]
+    with whole_folder(folder, force=force) as unfinished:
+        names = write_images(watch, unfinished)
+        entries = [
+            {
+                "image": name,
+                "translation": pose.translation.tolist(),
+                "quaternion": pose.rotation.as_quat().tolist(),
+            }
+            for name, pose in zip(names, poses, strict=True)
+        ]
+        document = {"format": "omniservo.robot_poses/1", "base_T_flange": entries}
+        write_whole(unfinished / POSES, json.dumps(document, indent=1))
+    output.written(folder)
+    return robot.camera.calibration, [folder / name for name in names]
