@@ -2,14 +2,17 @@
 
 import json
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 from tests.calibration.hand_eye_scenes import FLANGE_T_CAMERA, error_of, render_views
 from tests.hardware.wall_clock_arm import WallClockArm
 
-from omniservo.calibration import board_from_text, find_board
+from omniservo.calibration import board_from_text
+from omniservo.calibration.boards import BoardView
 from omniservo.calibration.hand_eye import load_hand_eye
 from omniservo.calibration.hand_eye.pose_choice import PoseChoice
 from omniservo.cameras import preset
@@ -82,25 +85,65 @@ def test_an_image_that_moves_though_the_arm_stands_is_not_kept(views):
     assert "moves though the arm stands" in watch.last.words
 
 
+def test_a_board_that_was_hidden_in_between_does_not_stand_still(views):
+    hidden = (np.full_like(views[0][0], 90), views[0][1])
+    watch, _ = watched(views[0], hidden, views[0])
+    assert watch.images == []
+    assert len(watched(views[0], hidden, views[0], views[0])[0].images) == 1
+
+
 def test_joints_from_before_the_image_are_not_taken(views):
     watch, _ = watched(views[0], views[0], views[0], late=0.5)
     assert watch.images == []
     assert "no joint state since" in watch.last.words
 
 
-def test_what_is_missing_shrinks_as_the_camera_turns(views):
-    board = board_from_text(BOARD)
-    choice = PoseChoice(preset("fe185"), board)
+def board_seen(lens, board, turn):
+    """The board's view in front of the camera, turned about the camera's z, then y, then x [deg]."""
+    turned = Rotation.from_euler("zyx", turn[::-1], degrees=True)
+    points = turned.apply(board.points - board.points.mean(axis=0))
+    pixels, seen = lens.project(points + np.array([0.0, 0.0, 0.4]))
+    assert seen.all()
+    return BoardView.of(board, np.arange(len(points)), pixels)
+
+
+@pytest.mark.parametrize("roll", [0.0, 80.0])
+@pytest.mark.parametrize(
+    ("axis", "name"), list(enumerate(["tilted up and down", "tilted left and right", "about its axis"]))
+)
+def test_a_turn_about_each_axis_of_the_camera_is_missing_until_it_was_made(axis, name, roll):
+    lens, board = preset("fe185"), board_from_text(BOARD)
+    choice, joints = PoseChoice(lens, board), np.zeros(6)
+
+    def show(turn):
+        view = board_seen(lens, board, turn)
+        choice.judge(view, joints)
+        assert choice.judge(view, joints).kept
+
+    start = np.array([0.0, 0.0, roll])
+    show(start)
     assert len(choice.missing()) == 4
-    assert choice.missing()[-1] == "10 more views"
-    for image, joints in views:
-        view = find_board(image, board, preset("fe185"))
+    for other in range(3):
+        if other != axis:
+            show(start + 32.0 * np.eye(3)[other])
+    assert [name in words for words in choice.missing()] == [True, False]
+    assert choice.missing()[-1] == "7 more views"
+    show(start - 32.0 * np.eye(3)[axis])
+    assert choice.missing() == ("6 more views",)
+
+
+def test_a_board_that_looks_the_same_turned_counts_as_turned_least():
+    lens, board = preset("fe185"), board_from_text("checkerboard:7x7:0.03")
+    choice, joints = PoseChoice(lens, board), np.zeros(6)
+    for turn in (0.0, 180.0, 90.0):
+        view = replace(board_seen(lens, board, [0.0, 0.0, turn]), turnable=True)
         choice.judge(view, joints)
         choice.judge(view, joints)
-    # render_views turns the camera by up to 35° either way about x and y, 70° about z
-    assert choice.missing()[-1] == "4 more views"
-    assert choice.spread[2] > np.radians(30.0)
-    assert not any("about its axis" in words for words in choice.missing())
+    assert len(choice.joints) == 1
+    turned = replace(board_seen(lens, board, [0.0, 0.0, 195.0]), turnable=True)
+    choice.judge(turned, joints)
+    assert choice.judge(turned, joints).kept
+    assert np.degrees(choice.spread[2]) == pytest.approx(15.0, abs=0.1)
 
 
 @pytest.fixture

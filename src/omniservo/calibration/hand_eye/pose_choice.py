@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.boards import Board, BoardView
 from omniservo.calibration.boards.board_pose import board_pose
@@ -84,12 +84,18 @@ class PoseChoice:
 
     @property
     def spread(self) -> FloatArray:
-        """(3,) by how much the camera was turned in all, about its x, y and z [rad]."""
+        """(3,) by how much the camera was turned in all [rad]; see `AXES`.
+
+        Tilts are of the board's normal about the camera's x and y, turns of the board about its z: unlike
+        rotation vectors from one view to the others they do not depend on how the first view was turned.
+        """
         if not self._poses:
             return np.zeros(3)
-        first = self._poses[0].rotation
-        turns = Rotation.concatenate([first * pose.rotation.inv() for pose in self._poses])
-        return np.asarray(np.ptp(turns.as_rotvec(), axis=0))
+        R = np.array([pose.rotation.as_matrix() for pose in self._poses])
+        tilts = np.arcsin(np.clip(R[:, 1::-1, 2], -1.0, 1.0))
+        about_axis = np.arctan2(R[:, 1, 0], R[:, 0, 0])
+        turned = np.angle(np.exp(1j * (about_axis - about_axis[0])))
+        return np.asarray(np.ptp(np.column_stack([tilts, turned]), axis=0))
 
     def missing(self) -> tuple[str, ...]:
         """Say what is still missing, each in words; nothing: empty."""
