@@ -178,6 +178,7 @@ def guided(monkeypatch, *views):
     both = Guided(*(view for view in views for _ in range(2)), end=end)
     monkeypatch.setattr("omniservo.runs.open_hardware.listen_to_arm", lambda robot, arm, driver: both)
     monkeypatch.setattr("omniservo.runs.open_hardware.open_robot_camera", lambda robot: both)
+    return both
 
 
 def test_live_finds_the_mount_and_files_repeat_it(views, robot, monkeypatch, tmp_path, capsys):
@@ -195,6 +196,15 @@ def test_live_finds_the_mount_and_files_repeat_it(views, robot, monkeypatch, tmp
     given = [*files, "--poses", folder / "poses.json", "--camera", "fe185", "--out", again]
     assert run(given, capsys)[0] == 0
     assert again.read_bytes() == out.read_bytes()
+
+
+def test_a_folder_that_is_there_is_kept_and_refused_at_once(views, robot, monkeypatch, tmp_path, capsys):
+    both = guided(monkeypatch, *views)
+    (tmp_path / "hand-eye-images").mkdir()
+    code, said = run(["--on", robot, "--out", tmp_path / "hand-eye.json"], capsys)
+    assert code == 2
+    assert "hand-eye-images: exists" in said.err
+    assert both.shown == 0
 
 
 def test_too_few_views_write_nothing(views, robot, monkeypatch, tmp_path, capsys):
