@@ -132,6 +132,16 @@ def test_a_turn_about_each_axis_of_the_camera_is_missing_until_it_was_made(axis,
     assert choice.missing() == ("6 more views",)
 
 
+def test_turns_about_the_axis_are_counted_across_half_a_turn():
+    lens, board = preset("fe185"), board_from_text(BOARD)
+    choice = PoseChoice(lens, board)
+    for turn in (170.0, 190.0):
+        view = board_seen(lens, board, [0.0, 0.0, turn])
+        choice.judge(view, np.zeros(6))
+        assert choice.judge(view, np.zeros(6)).kept
+    assert np.degrees(choice.spread) == pytest.approx([0.0, 0.0, 20.0], abs=0.1)
+
+
 def test_a_board_that_looks_the_same_turned_counts_as_turned_least():
     lens, board = preset("fe185"), board_from_text("checkerboard:7x7:0.03")
     choice, joints = PoseChoice(lens, board), np.zeros(6)
