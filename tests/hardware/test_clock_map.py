@@ -97,8 +97,8 @@ def slower(faults, rate, by, since, seconds):
         yield true, stamp, last
 
 
-@pytest.mark.parametrize("by", [0.09, 0.15, 0.6, 1.5])
-@pytest.mark.parametrize("rate", [500.0, 125.0, 30.0, 10.0, 5.0])
+@pytest.mark.parametrize("by", [0.09, 0.6, 1.5])
+@pytest.mark.parametrize("rate", [125.0, 30.0, 5.0])
 @pytest.mark.parametrize("loss", [0.0, 0.05])
 def test_a_line_that_becomes_slower_is_no_step_and_moves_no_stamp(by, rate, loss):
     faults, clocks, off, later = LinkFaults(0.02, 0.005, loss, 1.0, 50.0, seed=7), ClockMap(), [], []

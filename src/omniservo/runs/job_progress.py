@@ -30,7 +30,8 @@ _REPORT = 0.4
 _WITHIN = {"waiting for images": "following the path"}
 """what happens to a stage, and takes as long as it takes"""
 
-_OF_FILM = {"filming", "drawing the animation"}
+_OF_FILM = {"filming"}
+"""A run that was stopped before its first step is drawn standing still without."""
 
 
 class JobProgress:

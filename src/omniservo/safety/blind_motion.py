@@ -154,7 +154,8 @@ class BlindMotion:
         """Return whether to slow down after so long without an image [s]."""
         period = self._delays.period
         if np.isnan(period):  # after the first image
-            return now - self._exposed > self._options.image_age - STANDS_BEFORE
+            age = self._options.image_age
+            return waited > 0.5 * age and now - self._exposed > age - STANDS_BEFORE
         if waited > OVERDUE * period:
             return True
         if not waited > LATE * period:

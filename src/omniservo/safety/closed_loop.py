@@ -250,7 +250,7 @@ class _Loop:
         pixels, valid = self._found(image, time)
         state = supervisor.read()
         self._delays.seen(
-            image.time, supervisor.time, regular=not self.blind.waiting or np.isnan(self._delays.period)
+            image.time, supervisor.time, regular=not self.blind.waiting or self._is_first_period(image)
         )
         before = perf_counter()
         try:
@@ -309,6 +309,13 @@ class _Loop:
         if isinstance(controller, CarriedController):
             return controller.step(time, pixels, valid, acts_at, image.time_sigma)
         return controller.step(time, pixels, valid, acts_at)
+
+    def _is_first_period(self, image: CameraImage) -> bool:
+        """Whether the image tells the camera's period, for the first time, though it was waited for."""
+        return (
+            np.isnan(self._delays.period)
+            and self._delays.since(image.time) <= self._supervisor.options.image_age
+        )
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last, and not too old to be acted on."""

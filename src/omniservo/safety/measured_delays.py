@@ -39,6 +39,10 @@ class MeasuredDelays:
         """Between two images, in the median [s]; NaN before there were two."""
         return float(np.median(self._periods)) if self._periods else np.nan
 
+    def since(self, exposed: float) -> float:
+        """Return how long before an exposure the newest image's was [s]; NaN: there was none."""
+        return exposed - self._exposed
+
     def seen(self, exposed: float, now: float, *, regular: bool = True) -> None:
         """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s].
 
