@@ -15,9 +15,7 @@ import sys
 import tempfile
 import time
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
-from unittest.mock import patch
 
 import numpy as np
 
@@ -25,22 +23,14 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.recording import RecordedRun, RunRecording
 from omniservo.recording.recorded_messages import StepMessage
 from omniservo.results import RunResult
-from omniservo.runs import open_hardware as opening
 from omniservo.runs import run_task, teach_goal
-from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.safety import SafetyOptions
+from omniservo.runs.open_hardware import open_hardware
 from omniservo.simulation import SimulatedCell
 from omniservo.simulation.sim_server import serve
 from omniservo.tasks import Task, load_robot, load_task
 
 LOOK = 2e-3
 """The true joints are noted so often [s]."""
-
-
-def patient(task: Task) -> SafetyOptions:
-    """Return the limits of a machine that does much besides, as in `benchmarks.real_loop`."""
-    limits = safety_of_task(task)
-    return replace(limits, image_age=max(limits.image_age, 0.4), joint_age=0.25, reaction=0.25)
 
 
 def serve_until(file: Path, task: Task) -> None:
@@ -77,8 +67,7 @@ def on_the_wall_clock(name: str) -> tuple[FloatArray, RunResult]:
         server = subprocess.Popen([sys.executable, "-m", "benchmarks.pictured_run", "--serve", folder, name])
         while not (place / "robot.yaml").exists():
             time.sleep(0.05)
-        with patch.object(opening, "safety_of_task", patient):
-            begun, cell = opening.open_hardware(task, load_robot(place / "robot.yaml"), lambda motion: None)
+        begun, cell = open_hardware(task, load_robot(place / "robot.yaml"), lambda motion: None)
         with closing(cell), RunRecording(place / "r.mcap") as recording:
             result = run_task(begun, lambda task, seed: cell, goal=goal, filmed=False, recording=recording)
         (place / "end").touch()

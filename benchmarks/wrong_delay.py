@@ -18,13 +18,16 @@ import numpy as np
 from benchmarks.tables import print_table
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras.models import CentralModel
 from omniservo.errors import OmniservoError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.results import RunResult
-from omniservo.robots import CameraImage
+from omniservo.robots import Arm, CameraImage
 from omniservo.runs import run_task
 from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.safety import Supervisor, closed_loop, delay_watch
+from omniservo.safety import SafetyOptions, Supervisor, closed_loop, delay_watch
+from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.seen_points import SeenPoints
 from omniservo.simulation import SimulatedCell, SimulatedRobot
 from omniservo.simulation.simulated_cell import true_scene
 from omniservo.simulation.simulated_robot import TICK
@@ -42,16 +45,18 @@ WATCHES: list[delay_watch.DelayWatch] = []
 class NotedWatch(delay_watch.DelayWatch):
     """A watch that is looked at afterwards."""
 
-    def __init__(self, *given: object) -> None:
-        super().__init__(*given)  # type: ignore[arg-type]
+    def __init__(
+        self, camera: CentralModel, arm: Arm, flange_T_camera: RigidTransform, options: SafetyOptions
+    ) -> None:
+        super().__init__(camera, arm, flange_T_camera, options)
         self.seconds: list[float] = []
         WATCHES.append(self)
 
-    def check(self, *given: object) -> None:
+    def check(self, found: SeenPoints, history: MotionHistory) -> None:
         """Take an image in; note the processor's time."""
         before = process_time()
         try:
-            super().check(*given)  # type: ignore[arg-type]
+            super().check(found, history)
         finally:
             self.seconds.append(process_time() - before)
 

@@ -1,5 +1,7 @@
 """Whether a run notices that its images lie to the joints in time other than was measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -9,6 +11,7 @@ from omniservo.robots import RobotState
 from omniservo.safety import SafetyOptions
 from omniservo.safety.delay_watch import DelayWatch
 from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.seen_points import SeenPoints
 
 SECONDS = 4.0
 RIGHT = RigidTransform.identity()
@@ -45,7 +48,7 @@ def looked(
             pixels = pixels + noise * rng.standard_normal(pixels.shape) + frames[0] ** 2 * drifts
             stamp, frames = begin + frames[0] + off, frames[1:]
             try:
-                watch.check(stamp, pixels, valid, points, start.inv() * place, history)
+                watch.check(SeenPoints(stamp, pixels, valid, points, start.inv() * place), history)
             except ClockFault as fault:
                 return watch, (time, fault)
     return watch, None
@@ -116,11 +119,11 @@ def test_images_that_hardly_move_say_nothing(arm, scene):
 def test_points_that_are_lost_or_wrong_for_a_while_do_not_matter(arm, scene):
     rng, plain = np.random.default_rng(5), DelayWatch.check
 
-    def torn(self, time, pixels, valid, *rest):
-        pixels, valid = pixels.copy(), valid & (rng.random(len(valid)) < 0.8)
+    def torn(self, found, history):
+        pixels, valid = found.pixels.copy(), found.valid & (rng.random(len(found.valid)) < 0.8)
         pixels[0] += [25.0, -40.0]  # another dot
         pixels[~valid] = np.nan
-        plain(self, time, pixels, valid, *rest)
+        plain(self, replace(found, pixels=pixels, valid=valid), history)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(DelayWatch, "check", torn)

@@ -11,7 +11,7 @@ from omniservo.tracking import PathTracker, TrackerOptions
 
 
 def test_delays_are_those_of_the_last_images():
-    delays = MeasuredDelays(0.01)
+    delays = MeasuredDelays(0.01, 0.25)
     for k in range(20):
         delays.seen(0.1 * k, 0.1 * k + 0.06)
         delays.commanded(0.1 * k + 0.065)
@@ -21,17 +21,17 @@ def test_delays_are_those_of_the_last_images():
 
 
 def test_what_lies_between_images_round_a_gap_is_no_period():
-    delays = MeasuredDelays(0.0)
+    delays = MeasuredDelays(0.0, 0.25)
     assert np.isnan(delays.period)
     delays.seen(0.0, 0.0)
-    delays.seen(2.0, 2.0, regular=False)
+    delays.seen(2.0, 2.0)
     assert np.isnan(delays.period)
     delays.seen(2.1, 2.1)
     assert delays.period == pytest.approx(0.1)
 
 
 def test_the_first_image_has_no_period_and_an_image_of_the_future_no_negative_delay():
-    delays = MeasuredDelays(0.0)
+    delays = MeasuredDelays(0.0, 0.25)
     delays.seen(1.0, 1.02)
     assert delays.first == delays.mean == pytest.approx(0.02)
     delays.seen(2.0, 1.9)
@@ -39,7 +39,7 @@ def test_the_first_image_has_no_period_and_an_image_of_the_future_no_negative_de
 
 
 def test_one_late_image_does_not_change_what_computing_takes():
-    delays = MeasuredDelays(0.0)
+    delays = MeasuredDelays(0.0, 0.25)
     for k in range(9):
         delays.seen(0.1 * k, 0.1 * k)
         delays.commanded(0.1 * k + (0.5 if k == 5 else 0.004))

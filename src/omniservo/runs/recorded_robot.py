@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -73,8 +74,11 @@ class RecordedRobot:
         self._time, self._last = self._state.time, -math.inf
         self._peek()
         numbers = job.limits()
-        whole = {n: int(v) for n, v in numbers.items() if isinstance(getattr(options, n), int)}
-        self.options = replace(options, **{**numbers, **whole})  # type: ignore[arg-type]
+        limits: dict[str, Any] = {
+            name: int(value) if isinstance(getattr(options, name), int) else value
+            for name, value in numbers.items()
+        }
+        self.options = replace(options, **limits)
         """as they were"""
         self._history = MotionHistory(self._state, self.options.least_acceleration * arm.joint_acceleration)
 

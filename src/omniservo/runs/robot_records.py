@@ -102,9 +102,12 @@ def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
                 f"{beside}: measured with {name} {spelled(document.get(name))}; it is {spelled(now)} now; "
                 f"measure it again: omniservo robot delay {path}"
             )
-    names = ("camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s")
     try:
-        return StoredDelay(*(document.get(name) for name in names))  # type: ignore[arg-type]
+        return StoredDelay(
+            finite_number("camera_offset_s", document.get("camera_offset_s")),
+            finite_number("camera_offset_sigma_s", document.get("camera_offset_sigma_s")),
+            finite_number("actuation_lag_s", document.get("actuation_lag_s")),
+        )
     except InputError as error:
         raise InputError(f"{beside}: {error}") from None
 

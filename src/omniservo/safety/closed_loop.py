@@ -26,6 +26,7 @@ from omniservo.safety.image_watch import ImageWatch
 from omniservo.safety.measured_delays import MeasuredDelays
 from omniservo.safety.moving_image import MovingImage
 from omniservo.safety.path_controller import CarriedController, PathController
+from omniservo.safety.seen_points import SeenPoints
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Wish, as_stop
 from omniservo.safety.visibility_filter import FilteredTwist, VisibilityFilter
@@ -232,7 +233,7 @@ class _Loop:
         self._image_watch = ImageWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._delay_watch = DelayWatch(visibility.camera, supervisor.arm, supervisor.flange_T_camera, options)
         self._last = -np.inf
-        self._delays = MeasuredDelays(options.command_lag)
+        self._delays = MeasuredDelays(options.command_lag, options.image_age)
         path = controller if isinstance(controller, PathController) else None
         self.blind = BlindMotion(supervisor, path, self._delays, on_wait)
         """what is done without images"""
@@ -249,9 +250,7 @@ class _Loop:
         supervisor, time = self._supervisor, image.time - self.start
         pixels, valid = self._found(image, time)
         state = supervisor.read()
-        self._delays.seen(
-            image.time, supervisor.time, regular=not self.blind.waiting or self._is_first_period(image)
-        )
+        self._delays.seen(image.time, supervisor.time)
         before = perf_counter()
         try:
             filtered = self._twist(image, time, pixels, valid)
@@ -293,9 +292,9 @@ class _Loop:
         pose = report.initial_T_camera
         points = pose.inv().apply(controller.points)
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
-        seen = image.time, pixels, valid, controller.points, pose, supervisor.history
-        self._image_watch.check(*seen, alone=self.blind.waiting, time_sigma=image.time_sigma)
-        self._delay_watch.check(*seen)
+        seen = SeenPoints(image.time, pixels, valid, controller.points, pose, image.time_sigma)
+        self._image_watch.check(seen, supervisor.history, alone=self.blind.waiting)
+        self._delay_watch.check(seen, supervisor.history)
         delay = self._delays.first
         return self._visibility.step(
             points, pixels, valid, twist, delay, self._motion.mean_twist(time, time + delay)
@@ -309,13 +308,6 @@ class _Loop:
         if isinstance(controller, CarriedController):
             return controller.step(time, pixels, valid, acts_at, image.time_sigma)
         return controller.step(time, pixels, valid, acts_at)
-
-    def _is_first_period(self, image: CameraImage) -> bool:
-        """Whether the image tells the camera's period, for the first time, though it was waited for."""
-        return (
-            np.isnan(self._delays.period)
-            and self._delays.since(image.time) <= self._supervisor.options.image_age
-        )
 
     def next_image(self) -> CameraImage:
         """Wait for an image newer than the last, and not too old to be acted on."""

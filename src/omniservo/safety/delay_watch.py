@@ -9,10 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import ClockFault
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
+from omniservo.safety.seen_points import SeenPoints
 
 TOLERANCE = 0.01
 """An offset that is wrong by less does no harm [s]."""
@@ -120,24 +121,20 @@ class DelayWatch:
 
     def check(
         self,
-        time: float,
-        pixels: FloatArray,
-        valid: BoolArray,
-        points: FloatArray,
-        initial_T_camera: RigidTransform,
+        found: SeenPoints,
         history: MotionHistory,
     ) -> None:
-        """Take an image in; the arguments are those of `ImageWatch.check`.
+        """Take an image in, with the joints up to now.
 
         Raises:
             ClockFault: the images ask for another offset than the one that was measured.
         """
         measured = self._options.offset_sigma
-        if measured is None or (self._seen and time - self._seen[-1].time < self._spacing):
+        if measured is None or (self._seen and found.time - self._seen[-1].time < self._spacing):
             return
         if self._points is None:
-            self._begin(time, valid, points, initial_T_camera, history)
-        self._seen.append(_Seen(time, np.where(valid[:, None], pixels, np.nan)[self._rows]))
+            self._begin(found, history)
+        self._seen.append(_Seen(found.time, np.where(found.valid[:, None], found.pixels, np.nan)[self._rows]))
         for image in self._seen:
             if not image.located:
                 times = image.time + self._grid
@@ -151,16 +148,13 @@ class DelayWatch:
 
     def _begin(
         self,
-        time: float,
-        valid: BoolArray,
-        points: FloatArray,
-        initial_T_camera: RigidTransform,
+        found: SeenPoints,
         history: MotionHistory,
     ) -> None:
-        rows = np.flatnonzero(valid)
+        rows = np.flatnonzero(found.valid)
         self._rows = rows[np.unique(np.linspace(0, len(rows) - 1, MOST_POINTS).astype(np.intp))]
-        base_T_camera = self._arm.base_T_flange(history.expected(np.array(time))) * self._mount
-        seen_from = initial_T_camera.inv().apply(points[self._rows])
+        base_T_camera = self._arm.base_T_flange(history.expected(np.array(found.time))) * self._mount
+        seen_from = found.initial_T_camera.inv().apply(found.points[self._rows])
         self._points = base_T_camera.apply(seen_from)
         off = max(self._options.structure_error, 0.01) * np.linalg.norm(seen_from, axis=1)
         self._loose = 1.0 / np.maximum(off, 1e-6) ** 2

@@ -15,6 +15,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.robots import Arm
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
+from omniservo.safety.seen_points import SeenPoints
 
 BACK = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6)
 """An image is compared with the first, and with the newest that are older than these [s]."""
@@ -105,7 +106,9 @@ class ImageWatch:
         self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
         about = camera.project(np.array([[0.0, 0.0, 1.0], [1e-3, 0.0, 1.0]]))[0]
-        self._axis_px = ASIDE * float(np.linalg.norm(about[1] - about[0])) / 1e-3
+        scale = float(np.linalg.norm(about[1] - about[0])) / 1e-3
+        self._axis_px = ASIDE * scale if np.isfinite(scale) else 0.0
+        """what an axis that is off shifts the image by [px]; 0 where the camera does not see along its own"""
         self._jitter = JITTER + options.time_offset / (OFFSETS - 1)
         self._wrong = np.zeros(OFFSETS, dtype=np.int64)
         """so many images in a row disagree with each offset"""
@@ -114,41 +117,32 @@ class ImageWatch:
 
     def check(
         self,
-        time: float,
-        pixels: FloatArray,
-        valid: BoolArray,
-        points: FloatArray,
-        initial_T_camera: RigidTransform,
+        found: SeenPoints,
         history: MotionHistory,
         *,
         alone: bool = False,
-        time_sigma: float = 0.0,
     ) -> None:
         """Take an image in.
 
         Args:
-            time: of its exposure, on the robot's clock [s].
-            pixels: (n, 2) [px].
-            valid: (n,) the points seen.
-            points: (n, 3) in the initial camera frame, as estimated now [m].
-            initial_T_camera: the pose of this image; of the first, joints carry it on.
+            found: in it; joints carry the pose of the first image on.
             history: the joints up to now.
             alone: this image decides by itself, as after a gap.
-            time_sigma: standard deviation of ``time`` [s].
 
         Raises:
             InconsistentImage: points did not move with the camera, whatever the offset is.
         """
+        time = found.time
         if self._initial_T_base is None:
             there = self._base_T_camera(history.expected(np.array(time)))
-            self._initial_T_base = initial_T_camera.as_matrix() @ np.linalg.inv(there)
+            self._initial_T_base = found.initial_T_camera.as_matrix() @ np.linalg.inv(there)
         joints = history.expected(time + self._offsets)
         poses = np.array([self._initial_T_base @ self._base_T_camera(q) for q in joints])
-        seen = np.where(valid[:, None], pixels, np.nan)
-        now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3], time_sigma)
+        seen = np.where(found.valid[:, None], found.pixels, np.nan)
+        now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3], found.time_sigma)
         if self._still is None or not _stands_still(self._still, now):
             self._still = next((seen for seen in self._seen if _stands_still(seen, now)), now)
-        told = [self._disagreement(before, now, points) for before in self._before(now)]
+        told = [self._disagreement(before, now, found.points) for before in self._before(now)]
         self._first = self._first or now
         odd = np.zeros(OFFSETS, dtype=np.bool_)
         for wrong, _ in told:

@@ -15,10 +15,11 @@ class MeasuredDelays:
 
     Args:
         command_lag: from a command until the arm acts on it [s].
+        longest: what lies between two images that are farther apart than this [s] is a gap, no period.
     """
 
-    def __init__(self, command_lag: float) -> None:
-        self._lag = command_lag
+    def __init__(self, command_lag: float, longest: float) -> None:
+        self._lag, self._longest = command_lag, longest
         self._computing: deque[float] = deque(maxlen=_COUNTED)
         self._periods: deque[float] = deque(maxlen=_COUNTED)
         self._exposed = self._now = np.nan
@@ -39,16 +40,9 @@ class MeasuredDelays:
         """Between two images, in the median [s]; NaN before there were two."""
         return float(np.median(self._periods)) if self._periods else np.nan
 
-    def since(self, exposed: float) -> float:
-        """Return how long before an exposure the newest image's was [s]; NaN: there was none."""
-        return exposed - self._exposed
-
-    def seen(self, exposed: float, now: float, *, regular: bool = True) -> None:
-        """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s].
-
-        What lies between it and the one before is not ``regular`` where images were missing.
-        """
-        if regular and np.isfinite(self._exposed):
+    def seen(self, exposed: float, now: float) -> None:
+        """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s]."""
+        if exposed - self._exposed <= self._longest:
             self._periods.append(exposed - self._exposed)
         self._exposed, self._now = exposed, now
 

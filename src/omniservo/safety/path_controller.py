@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.servoing import Where
+from omniservo.servoing import MeasuredPose
 
 
 @runtime_checkable
 class CarriedController(Protocol):
     """A controller that carries what it saw along the joints' own motion."""
 
-    def carried_by(self, where: Where) -> None:
+    def carried_by(self, where: MeasuredPose) -> None:
         """Take the camera's motion between two times from the joints from now on."""
         ...
 

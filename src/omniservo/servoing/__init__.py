@@ -10,12 +10,12 @@ from omniservo.servoing.features import (
 )
 from omniservo.servoing.image_servo import ImageServo, ImageServoOptions, ImageServoReport
 from omniservo.servoing.image_speed import image_speed
+from omniservo.servoing.measured_pose import MeasuredPose
 from omniservo.servoing.path_limits import PathLimits
 from omniservo.servoing.paused_law import Pause, PausedLaw
 from omniservo.servoing.rest_of_law import RestOfLaw
 from omniservo.servoing.time_law import ExponentialLaw, RestToRestLaw, TimeLaw
 from omniservo.servoing.time_optimal_law import TimeOptimalLaw
-from omniservo.servoing.where import Where
 
 __all__ = [
     "BearingFeatures",
@@ -25,6 +25,7 @@ __all__ = [
     "ImageServo",
     "ImageServoOptions",
     "ImageServoReport",
+    "MeasuredPose",
     "PathLimits",
     "Pause",
     "PausedLaw",
@@ -33,7 +34,6 @@ __all__ = [
     "TimeLaw",
     "TimeOptimalLaw",
     "VirtualPlaneFeatures",
-    "Where",
     "camera_twist",
     "feature_named",
     "image_speed",

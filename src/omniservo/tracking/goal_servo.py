@@ -12,7 +12,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss
 from omniservo.estimation import refine_pose
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.servoing import ImageServo, ImageServoOptions, Where
+from omniservo.servoing import ImageServo, ImageServoOptions, MeasuredPose
 
 LEAST_POINTS = 4
 """The pose needs four."""
@@ -71,7 +71,7 @@ class GoalServo:
         self._settled = 0
         self._time = 0.0
         self._twist = np.zeros(6)
-        self._where: Where | None = None
+        self._where: MeasuredPose | None = None
         self._initial_T_camera = RigidTransform.identity()
         self.report: GoalServoReport | None = None
         """of the last step"""
@@ -86,7 +86,7 @@ class GoalServo:
         """True once the goal image was met in `SETTLED_FRAMES` frames in a row."""
         return self._settled >= SETTLED_FRAMES
 
-    def carried_by(self, where: Where) -> None:
+    def carried_by(self, where: MeasuredPose) -> None:
         """Carry the pose along the camera's measured motion from now on, in place of the last twist.
 
         Args:

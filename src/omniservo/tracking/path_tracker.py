@@ -13,7 +13,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.planning import CameraPath, Plan
-from omniservo.servoing import RestToRestLaw, TimeLaw, Where, feature_named
+from omniservo.servoing import MeasuredPose, RestToRestLaw, TimeLaw, feature_named
 from omniservo.servoing.control_law import singular_message
 from omniservo.tracking import step_kernel as kernel
 from omniservo.tracking.gate import GATE
@@ -95,7 +95,7 @@ class PathTracker:
         self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options, self._camera)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
-        self._where: Where | None = None
+        self._where: MeasuredPose | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = None if wanted is None else self._refinement(initial_pixels)
         self._run_kernel(
@@ -145,7 +145,7 @@ class PathTracker:
         self._head_for(goal, leg.w(leg.time)[0])
         self._way.legs.append(leg)
 
-    def carried_by(self, where: Where) -> None:
+    def carried_by(self, where: MeasuredPose) -> None:
         """Carry what was seen along the camera's measured motion from now on, in place of the planned one.
 
         Args:

@@ -5,7 +5,7 @@ from typing import Protocol
 from omniservo.geometry.arrays import FloatArray
 
 
-class Where(Protocol):
+class MeasuredPose(Protocol):
     """Where the joints have the camera: as measured, and after the last reading as what was sent leads on."""
 
     def __call__(self, time: float, /) -> FloatArray:
