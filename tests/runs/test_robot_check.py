@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tests.hardware.wall_clock_arm import WallClockArm
 
+from omniservo.errors import ServoStop
 from omniservo.hardware import ClockMap
 from omniservo.hardware.rtde import RtdeArm
 from omniservo.hardware.rtde.server import UrStandIn
@@ -311,3 +312,35 @@ def test_room_is_proven_again_where_an_answer_left_the_arm():
     assert [answer.joint for answer in answers] == list(reversed(ARM.joint_names[1:]))
     assert re.search("wrist_3 .*, and shoulder_pan by .*: names swapped", findings[0])
     assert re.search("shoulder_pan has no 2 deg of room either way: it would leave", findings[-1])
+
+
+class GoingOn(WiredArm):
+    """After a stop it turns on, by a share of its speed each time that is waited."""
+
+    def __init__(self, share):
+        super().__init__()
+        self.share, self.stopped = share, False
+
+    def command(self, joint_velocities):
+        super().command(joint_velocities)
+        self.stopped = False
+
+    def stop(self):
+        self.speeds, self.stopped = np.sign(self.joints - START) * np.deg2rad(0.5), True
+
+    def sleep(self, duration):
+        super().sleep(duration)
+        if self.stopped:
+            self.speeds = self.share * self.speeds
+
+
+def test_how_far_a_joint_turned_is_read_once_it_stands():
+    arm = GoingOn(0.8)
+    answers, _ = trial(arm).run(lambda motion: None)
+    assert answers[0].turned == pytest.approx(arm.farthest[5], abs=2e-5)
+    assert answers[0].turned > answers[0].sent + 5e-5
+
+
+def test_an_arm_that_does_not_stand_after_a_stop_ends_the_trial():
+    with pytest.raises(ServoStop, match="does not stand 1 s later"):
+        trial(GoingOn(1.0)).run(lambda motion: None)

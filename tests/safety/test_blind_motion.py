@@ -13,6 +13,7 @@ from omniservo.planning import CameraPath
 from omniservo.robots import ArmMode
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
 from omniservo.safety.camera_motion import CameraMotion
+from omniservo.scenes import Sensor
 from omniservo.servoing import ImageServoOptions, RestToRestLaw
 from omniservo.simulation import SimulatedRobot
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
@@ -303,6 +304,13 @@ def test_points_that_stay_lost_are_a_stop_by_their_own_name(drive):
 def test_a_frame_lost_and_a_late_one_do_not_slow_it_down(drive):
     run = drive((1.5, 1.5 + 1.9 * PERIOD))
     assert (run.stop, run.waits) == (None, [])
+
+
+def test_a_slow_camera_is_no_gap(scene):
+    slow = replace(scene, sensor=Sensor(rate=6.0, latency=0.02))
+    run = Drive(WrittenDown(SimulatedRobot(slow, rendered=False)), slow)
+    assert run.stop is None
+    assert run.waits == []
 
 
 def test_old_images_are_not_acted_on_and_fresh_ones_after_them_are(drive):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -63,18 +63,16 @@ _GLOBALS = 8
 """the offset, the mount's six, the scale"""
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _Seen:
     """One image."""
 
     time: float
     pixels: FloatArray
     """(n, 2) [px], NaN where a point was not seen"""
-    flanges: FloatArray = field(default_factory=lambda: np.empty(0))
+    flanges: FloatArray
     """(_GRID, 3, 4) axes and place of the flange in the base frame, from ``time_offset`` before the stamp to
-    as long after"""
-    located: bool = False
-    """whether the joints were known for all of them"""
+    as long after; an image was exposed before it is here, so what is expected of later does not matter"""
 
 
 class DelayWatch:
@@ -134,13 +132,9 @@ class DelayWatch:
             return
         if self._points is None:
             self._begin(found, history)
-        self._seen.append(_Seen(found.time, np.where(found.valid[:, None], found.pixels, np.nan)[self._rows]))
-        for image in self._seen:
-            if not image.located:
-                times = image.time + self._grid
-                joints = history.expected(times)  # beyond the newest as they were sent
-                image.flanges = np.array([self._arm.locate(q)[0] for q in joints])
-                image.located = bool(times[-1] <= history.time)
+        pixels = np.where(found.valid[:, None], found.pixels, np.nan)[self._rows]
+        joints = history.expected(found.time + self._grid)
+        self._seen.append(_Seen(found.time, pixels, np.array([self._arm.locate(q)[0] for q in joints])))
         if len(self._seen) >= LEAST_KEPT:
             self._judge(measured)
         if len(self._seen) > KEPT:
