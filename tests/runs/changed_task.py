@@ -31,6 +31,14 @@ def shipped(name):
         return read_document(path)
 
 
+def short(rate, duration):
+    """The document of a task that is soon done: images a second, and seconds."""
+    document = shipped("paper-example-1")
+    document["sensor"] = document.get("sensor", {}) | {"rate": rate}
+    document["servo"] = document.get("servo", {}) | {"duration": duration, "time_law": "rest-to-rest"}
+    return document
+
+
 def written(folder, document):
     """A task file with this document."""
     path = folder / "task.yaml"

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from tests.runs.changed_task import PlainCell, shipped, written
+from tests.runs.changed_task import PlainCell, shipped, short, written
 from tests.runs.test_recordings import changed, messages, with_asked, with_message
 
 from omniservo.cli.main import main
@@ -34,10 +34,7 @@ def patient(task):
 def job(tmp_path_factory):
     """A folder with a task and its goal."""
     folder = tmp_path_factory.mktemp("robot")
-    document = shipped("paper-example-1")
-    document["sensor"] = document.get("sensor", {}) | {"rate": 5}
-    document["servo"] = document.get("servo", {}) | {"duration": 4.0, "time_law": "rest-to-rest"}
-    task = load_task(written(folder, document))
+    task = load_task(written(folder, short(5, 4.0)))
     cell = PlainCell(task, 1)
     teach_goal(task, cell).save(folder / "goal.json")
     cell.close()

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from tests.runs.changed_task import shipped, written
+from tests.runs.changed_task import short, written
 from tests.runs.test_looks import task_with
 
 from omniservo.cli.main import main
@@ -25,10 +25,7 @@ from omniservo.tasks import load_task
 def run(tmp_path_factory):
     """The folder of a short run, its task in another folder that is gone by then."""
     folder = tmp_path_factory.mktemp("run")
-    document = shipped("paper-example-1")
-    document["sensor"] = document.get("sensor", {}) | {"rate": 8}
-    document["servo"] = document.get("servo", {}) | {"duration": 2.0, "time_law": "rest-to-rest"}
-    task = written(folder, document)
+    task = written(folder, short(8, 2.0))
     (folder / "r").mkdir()
     run_into(folder / "r", load_task(task), SimulatedCell, seed=5, filmed=False)
     task.unlink()

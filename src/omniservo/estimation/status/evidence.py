@@ -231,9 +231,9 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
             continue
         if turn > FAR_ROTATION or swing > FAR_DIRECTION:
             return "ambiguous", (
-                f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
-                f" apart fit with rms {_rms(best.cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points"
-                " or sharper pixels are needed"
+                f"{two_motions_apart(best, rival)} fit with rms"
+                f" {_rms(best.cost, n):.3f} and {_rms(rival.cost, n):.3f} px: more points or sharper pixels"
+                " are needed"
             )
     return None
 
@@ -244,12 +244,10 @@ def _other_members(fit: TwoViewFit) -> tuple[Status, str] | None:
         return None
     if is_one_answer(fit.minima[0], fit.instead.minima[0]):
         return None
-    turn, swing = separation(fit.minima[0], fit.instead.minima[0])
     one, other = (", ".join(map(str, np.flatnonzero(~f.members))) for f in (fit, fit.instead))
     first = f"without the matches {one} or without {other}" if one else f"with all matches or without {other}"
     return "ambiguous", (
-        f"{first}, nearly as likely: two motions"
-        f" {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction) apart"
+        f"{first}, nearly as likely: {two_motions_apart(fit.minima[0], fit.instead.minima[0])}"
     )
 
 
@@ -261,6 +259,12 @@ def is_one_answer(one: Minimum, other: Minimum) -> bool:
     """Tell whether two minima of different members are so near each other that it does not matter which."""
     turn, swing = separation(one, other)
     return turn <= OTHER_ROTATION and swing <= OTHER_DIRECTION
+
+
+def two_motions_apart(one: Minimum, other: Minimum) -> str:
+    """Return in words that there are two motions, and how far they are apart."""
+    turn, swing = (math.degrees(angle) for angle in separation(one, other))
+    return f"two motions {turn:.1f}° (rotation) and {swing:.1f}° (direction) apart"
 
 
 def separation(one: Minimum, other: Minimum) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from omniservo.estimation.robust.two_view_fit import (
     fit_members,
     fit_two_views,
 )
-from omniservo.estimation.status.evidence import separation
+from omniservo.estimation.status.evidence import two_motions_apart
 from omniservo.estimation.status.moving_planes import bent_to_plane
 from omniservo.estimation.two_view_estimate import Status
 from omniservo.geometry.arrays import FloatArray
@@ -104,23 +104,21 @@ def judge_others(
     pair, count = second_motion(matches, fit, kind, error_px), int(fit.members.sum())
     if pair is not None:
         one, other = pair
-        turn, swing = separation(one.minima[0], other.minima[0])
         return (
             "ambiguous",
-            f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
-            f" apart explain {one.members.sum()} and {other.members.sum()} of {matches.size} matches:"
+            f"{two_motions_apart(one.minima[0], other.minima[0])}"
+            f" explain {one.members.sum()} and {other.members.sum()} of {matches.size} matches:"
             " something moves by itself, or is matched to what only looks like it",
             (one.minima[0], other.minima[0]),
         )
     bent = bent_to_plane(matches, fit, kind, error_px)
     if bent is not None:
         rest, plane = bent
-        turn, swing = separation(fit.minima[0], rest.minima[0])
         return (
             "ambiguous",
-            f"two motions {math.degrees(turn):.1f}° (rotation) and {math.degrees(swing):.1f}° (direction)"
-            f" apart: one bends to {count} of {matches.size} matches, the other leaves less of"
-            f" {rest.members.sum()}, and {plane.sum()} beside them, nearly a plane, move by themselves",
+            f"{two_motions_apart(fit.minima[0], rest.minima[0])}: one bends to {count} of {matches.size}"
+            f" matches, the other leaves less of {rest.members.sum()}, and {plane.sum()} beside them, nearly a"
+            " plane, move by themselves",
             (rest.minima[0], fit.minima[0]),
         )
     chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
