@@ -117,8 +117,8 @@ def judge_others(
         return (
             "ambiguous",
             f"{two_motions_apart(fit.minima[0], rest.minima[0])}: one bends to {count} of {matches.size}"
-            f" matches, the other leaves less of {rest.members.sum()}, and {plane.sum()} beside them, nearly a"
-            " plane, move by themselves",
+            f" matches, the other leaves less of {rest.members.sum()}, and {plane.sum()} beside them,"
+            " nearly a plane, move by themselves",
             (rest.minima[0], fit.minima[0]),
         )
     chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
