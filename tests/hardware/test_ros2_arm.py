@@ -544,6 +544,7 @@ def test_a_halted_subscriber_acknowledges_nothing_until_it_goes_on(node):
         publisher.write(JointTrajectoryMessage())
         assert publisher.acknowledged(PATIENCE)
         served.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, served.process.pid, os.WSTOPPED | os.WNOWAIT)  # all its threads stand
         try:
             publisher.write(JointTrajectoryMessage())
             assert not publisher.acknowledged(0.3)
