@@ -587,6 +587,7 @@ def test_a_controller_that_does_not_acknowledge_commands_is_refused_at_the_openi
 
         def halted_first(arm, sent):
             os.kill(served.process.pid, signal.SIGSTOP)  # it was seen, and is not there any more
+            os.waitid(os.P_PID, served.process.pid, os.WSTOPPED | os.WNOWAIT)
             prove(arm, sent)
 
         monkeypatch.setattr(Ros2Arm, "_prove", halted_first)
