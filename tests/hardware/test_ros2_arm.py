@@ -300,6 +300,7 @@ def test_a_second_publisher_of_commands_takes_control_away_while_it_is_there(arm
             other = RosNode(HERE)
             _ = other.publish(TRAJECTORY, JointTrajectoryMessage)
             wait_until(lambda: arm.read().mode is ArmMode.NOT_IN_CONTROL, "the mode")
+            assert f"{TRAJECTORY}: 1 other publisher" in arm.read().mode_reason
             with pytest.raises(NotInControl, match=f"{TRAJECTORY}: 1 other publisher"):
                 arm.command(np.zeros(6))
             arm.stop()

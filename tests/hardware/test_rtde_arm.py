@@ -1,5 +1,6 @@
 """An arm by RTDE, against the stand-in: joints by name, modes, stops, its own watchdog, losses, clocks."""
 
+import re
 import socket
 import time
 
@@ -108,12 +109,19 @@ def test_silence_while_moving_stops_the_arm_for_good(stand_in):
         wait_for(lambda: arm.read().mode == ArmMode.NOT_IN_CONTROL)
         assert not stand_in.program_runs
         assert np.array_equal(stand_in.arm.speeds, np.zeros(6))
+        reason = arm.read().mode_reason
+        gap = re.fullmatch(
+            r".*program stopped; longest gap between commands ([\d.]+) s, watchdog 0.1 s", reason
+        )
+        assert gap is not None, reason
+        assert float(gap[1]) >= 0.099
         count = stand_in.arm.commands
         for _ in range(20):
             arm.command(SPEEDS)
         newest = arm.read().time
         wait_for(lambda: arm.read().time > newest + 0.02)
         assert stand_in.arm.commands == count
+        assert arm.read().mode_reason == reason
     finally:
         arm.close()
 

@@ -108,6 +108,14 @@ def test_the_mode_is_passed_on(guard, written):
     assert supervisor.read().mode is ArmMode.NOT_IN_CONTROL
 
 
+def test_what_the_driver_knows_of_why_is_said_by_the_stop(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    written.broken = {"mode": ArmMode.NOT_IN_CONTROL, "mode_reason": "the pendant commands"}
+    with pytest.raises(NotInControl, match="takes no commands from this program: the pendant commands"):
+        supervisor.wait(0.1)
+
+
 def test_a_standing_robot_is_held_and_looked_at(guard, written):
     supervisor, count = guard(), len(written.commands)
     for _ in range(3):

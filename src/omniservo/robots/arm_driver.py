@@ -38,6 +38,8 @@ class RobotState:
     """(n,) [rad/s]"""
     mode: ArmMode = ArmMode.READY
     """what the arm's controller lets a program do"""
+    mode_reason: str = ""
+    """what is known of why, in words, where the mode is not READY"""
 
 
 @runtime_checkable

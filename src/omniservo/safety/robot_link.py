@@ -152,7 +152,8 @@ class RobotLink:
         if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
             raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
         if state.mode is not ArmMode.READY:
-            raise NotInControl("the arm's controller takes no commands from this program")
+            why = f": {state.mode_reason}" if state.mode_reason else ""
+            raise NotInControl(f"the arm's controller takes no commands from this program{why}")
         age = 0.0 if self._clock is None else self._clock() - state.time
         if age > limit:
             raise StaleJoints(f"the newest joint state is {age:.3f} s old; at most {limit:g} s is acted on")
@@ -230,4 +231,4 @@ def _checked(state: RobotState, dof: int) -> RobotState:
             f"the robot reports joint positions {positions.shape} and velocities {velocities.shape}; "
             f"the arm has {dof} joints"
         )
-    return RobotState(time, positions, velocities, state.mode)
+    return RobotState(time, positions, velocities, state.mode, state.mode_reason)

@@ -136,8 +136,8 @@ class Ros2Arm:
                 raise InvalidData(f"{self._heard.topic}: {self._states.passed_over}")
             if not self._not_in_control:
                 return state
-            lost = ArmMode.NOT_IN_CONTROL
-            return RobotState(state.time, state.joint_positions, state.joint_velocities, lost)
+            lost, why = ArmMode.NOT_IN_CONTROL, self._not_in_control
+            return RobotState(state.time, state.joint_positions, state.joint_velocities, lost, why)
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
         """Move with these joint velocities (n,) [rad/s]; without another command the arm begins to brake.

@@ -118,6 +118,7 @@ class RtdeArm:
         self._echo, self._beat, self._beat_stamp = 0, -1, -np.inf
         self._says = ControllerState(*[-1] * len(MODES))
         self._fraction = 1.0
+        self._written, self._longest_gap = -np.inf, 0.0
         self._closed, self._sent_program = False, False
         self.notices: list[str] = []
         """what a user should know, a sentence each"""
@@ -213,7 +214,9 @@ class RtdeArm:
         ordered = np.empty(6)
         ordered[self._order] = velocities
         with self._lock:
-            self._number = number
+            now, is_watched = time.monotonic(), self._number > 0
+            self._longest_gap = max(self._longest_gap, now - self._written) if is_watched else 0.0
+            self._number, self._written = number, now
             self._stream.send(PacketKind.DATA, self._inputs.pack((number, *ordered.tolist())))
 
     def _raise_fault(self) -> None:
@@ -251,7 +254,22 @@ class RtdeArm:
         self._says, self._fraction = says, values["target_speed_fraction"][0]
         mode = says.mode(stamp - self._beat_stamp <= UNANSWERED)
         time_here = self._clock.monotonic(stamp, arrival)
-        self._state = RobotState(time_here, joints[self._order], velocities[self._order], mode)
+        before = self._state
+        if mode == ArmMode.READY:
+            why = ""
+        elif before is None or before.mode == ArmMode.READY:
+            why = self._why_it_ended(arrival)
+        else:  # what came later is not the reason
+            why = before.mode_reason
+        self._state = RobotState(time_here, joints[self._order], velocities[self._order], mode, why)
+
+    def _why_it_ended(self, now: float) -> str:
+        """Say what the controller reports, and how late our commands were: its watchdog looks at those."""
+        with self._lock:
+            if self._number <= 0:
+                return str(self._says)
+            gap = max(self._longest_gap, now - self._written)
+        return f"{self._says}; longest gap between commands {gap:.3f} s, watchdog {self._watchdog:g} s"
 
     def _send_program(self) -> None:
         """Let the controller run our program, unless the arm cannot move or another program runs."""
