@@ -1,7 +1,8 @@
 """A whole job on rendered pictures, all of them sent through the interface, against the true camera.
 
 Three processes: the simulated arm and its camera behind RTDE and MJPEG, the drive, and this one, which sees,
-plans and tracks. What is measured is the distance of the true camera at each image's exposure to the place on
+plans and tracks. First `omniservo robot delay` measures how late the images are: when they were exposed is
+not told. What is measured is the distance of the true camera at each image's exposure to the place on
 the plan's way where the reference then was, beside the same job in simulated time.
 ``python -m benchmarks.real_loop --pictured TASK`` prints it; ``--serve`` is the first process.
 """
@@ -14,7 +15,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,7 @@ from omniservo.recording.recorded_messages import StepMessage
 from omniservo.results import RunResult
 from omniservo.runs import run_task, teach_goal
 from omniservo.runs.open_hardware import open_hardware
+from omniservo.runs.robot_records import stored_delay
 from omniservo.simulation import SimulatedCell
 from omniservo.simulation.sim_server import serve
 from omniservo.tasks import Task, load_robot, load_task
@@ -57,17 +60,33 @@ def off_the_way(result: RunResult, places: FloatArray) -> FloatArray:
     return distances
 
 
+@contextmanager
+def served(place: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Have a task served by the first process, which ends with the block."""
+    server = subprocess.Popen([sys.executable, "-m", "benchmarks.pictured_run", "--serve", str(place), name])
+    try:
+        while not (place / "robot.yaml").exists():
+            assert server.poll() is None
+            time.sleep(0.05)
+        yield server
+    finally:
+        server.kill()
+        server.wait()
+
+
 def on_the_wall_clock(name: str) -> tuple[FloatArray, RunResult]:
     """Return the distances [mm] of a job over processes, and what it came to."""
     task = load_task(name)
     with closing(SimulatedCell(task, 1)) as taught:
         goal = teach_goal(task, taught)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, served(Path(folder), name) as server:
         place = Path(folder)
-        server = subprocess.Popen([sys.executable, "-m", "benchmarks.pictured_run", "--serve", folder, name])
-        while not (place / "robot.yaml").exists():
-            time.sleep(0.05)
-        begun, cell = open_hardware(task, load_robot(place / "robot.yaml"), lambda motion: None)
+        file = place / "robot.yaml"
+        omniservo = [sys.executable, "-m", "omniservo.cli.main"]
+        subprocess.run([*omniservo, "robot", "delay", str(file), "--yes", "--quiet"], check=True)
+        robot = load_robot(file)
+        delay = stored_delay(file, robot)
+        begun, cell = open_hardware(task, robot, lambda motion: None, delay=delay)
         with closing(cell), RunRecording(place / "r.mcap") as recording:
             result = run_task(begun, lambda task, seed: cell, goal=goal, filmed=False, recording=recording)
         (place / "end").touch()

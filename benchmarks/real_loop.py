@@ -4,9 +4,9 @@ Run: ``python -m benchmarks.real_loop [--runs N] [--faults N] [--life S] [--pict
 this one looks at projected points (0.03 px of noise) and tracks a path of 4 s; the drive process commands;
 the arm is simulated in the third (`benchmarks.mapped_arm`). The error is the distance of the true camera, at
 the exposures of all frames until it was stopped, to the plan at the same time, beside the same loop in
-simulated time. The least delay of the images' line is taken as known, as `robot delay` finds it; offset,
-drift and jitter are not. `benchmarks.pictured_run` is a job on rendered pictures. The
-machine's load is printed with every row: on a busy machine all of it is worse.
+simulated time behind the same delays and losses of images. The least delay of the images' line is taken as
+known, as `robot delay` finds it; offset, drift and jitter are not. `benchmarks.pictured_run` is a job on
+rendered pictures. The machine's load is printed with every row: on a busy machine all of it is worse.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +51,7 @@ from omniservo.robots import Arm, CameraImage
 from omniservo.safety import SafetyOptions, Step, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import RestToRestLaw, TimeLaw
 from omniservo.simulation import SimulatedRobot
+from omniservo.simulation.world import TICK
 from omniservo.tracking import PathTracker, TrackerOptions
 
 NOISE = 0.03
@@ -111,17 +113,24 @@ class MappedCamera:
 
 
 class SimulatedCamera:
-    """The simulator's frames, with the joints that they show."""
+    """The simulator's frames behind the same delays and losses, with the joints that they show."""
 
-    def __init__(self, robot: SimulatedRobot, points: Points) -> None:
+    def __init__(self, robot: SimulatedRobot, points: Points, faults: LinkFaults | None = None) -> None:
         self._robot, self._points = robot, points
+        told = replace(faults or LinkFaults(), clock_offset=0.0, drift_ppm=0.0)
+        self._line: FaultyLine[CameraImage] = FaultyLine(told, robot.time)
+        self._sent, self._image = -np.inf, None
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame."""
-        image = self._robot.image()
-        if image is not None:
+        exposed = self._robot.image()
+        if exposed is not None and exposed.time > self._sent:
+            self._sent = exposed.time
+            self._line.put(exposed, exposed.time)
+        for image in self._line.due(self._robot.time):
+            self._image = image
             self._points.joints = self._robot.exposure(image.time)[0]
-        return image
+        return self._image
 
     def close(self) -> None:
         """Nothing is open."""
@@ -156,13 +165,13 @@ def distances(tracker: PathTracker, frames: list[tuple[float, FloatArray]], star
     return np.array(found)
 
 
-def in_simulated_time(latency: float, stated: float) -> FloatArray:
+def in_simulated_time(faults: LinkFaults, stated: float) -> FloatArray:
     """Return the distances of the same loop where time stands still while it computes [mm]."""
-    points, robot = Points(), SimulatedRobot(scene(latency), rendered=False)
-    supervisor = Supervisor(
-        robot, Arm.rx60(), MOUNT, camera=SimulatedCamera(robot, points), wait=robot.advance, options=OPTIONS
-    )
-    robot.advance(latency + 0.1)
+    points, robot = Points(), SimulatedRobot(scene(), rendered=False)
+    camera = SimulatedCamera(robot, points, faults)
+    supervisor = Supervisor(robot, Arm.rx60(), MOUNT, camera=camera, wait=robot.advance, options=OPTIONS)
+    while supervisor.image() is None:
+        robot.advance(TICK)
     tracker, starts = tracker_of(points, stated), list[float]()
     frames: list[tuple[float, FloatArray]] = []
 
@@ -299,7 +308,7 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     for name, faults in LINES.items():
         for stated in {faults.latency, 0.033}:
-            reference = in_simulated_time(faults.latency, stated)
+            reference = in_simulated_time(faults, stated)
             for _ in range(asked.runs):
                 found, late, end = over_processes(faults, stated, asked.life)
                 figures = " | ".join(

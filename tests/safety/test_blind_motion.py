@@ -170,6 +170,16 @@ def test_it_takes_as_much_longer_as_it_was_silent_and_slowed(drive):
     assert 1.0 < longer < 1.5
 
 
+def test_an_image_that_comes_just_after_it_began_to_slow_down_does_not_make_it_stand(drive):
+    run = drive((1.5, 1.58), blind_room=0.0)
+    stands, waited = run.waits
+    assert stands.since < waited.until < stands.stands_at
+    before = run.speed(stands.since - 0.02, stands.since)
+    after = [np.abs(v).max() for t, v in run.moved if stands.since < t < waited.until + 0.1]
+    assert min(after) > 0.5 * before
+    assert run.stop is None
+
+
 @pytest.mark.parametrize("age", [0.25, 5.0])  # of an image; it stands where the reference does
 def test_standing_is_commanded_again_and_again(drive, age):
     run = drive(SILENT, image_age=age)

@@ -73,7 +73,8 @@ class BlindMotion:
     by the joints alone: as gently as lets the camera stand within ``blind_room`` and before the newest image
     is too old, but no faster than the joints can. Where that would take more room or time than there is, it
     begins earlier, once an image is missing. Any other robot is braked. It stands by twists of zero, given
-    again and again, until an image can be acted on, or for ``patience`` at most.
+    again and again, until an image can be acted on, or for ``patience`` at most. That image's twist is of a
+    reference that stands, so until the next one the path leads by the joints.
 
     Args:
         supervisor: leads the robot.
@@ -96,6 +97,7 @@ class BlindMotion:
         self._exposed = self._acted = self._led = np.nan
         self._braking = 0.0
         self._waiting: Waiting | None = None
+        self._resumes = False
 
     @property
     def waiting(self) -> bool:
@@ -106,6 +108,7 @@ class BlindMotion:
         """Note that a command rests on an image; what was slowed down goes on."""
         now = self._supervisor.time
         self._exposed, self._acted = image.earliest, now
+        self._resumes, self._led = self.waiting and self._path is not None, np.nan
         if not self.waiting:
             turning = np.abs(passed.target) / self._supervisor.arm.joint_acceleration
             self._braking = max(BRAKING * float(turning.max()), LEAST_BRAKING)
@@ -146,7 +149,7 @@ class BlindMotion:
             raise StaleImage(words) if why is None else why
         if not self.waiting and self._overdue(now, waited):
             self._begin(now, f"no new image for {waited:.3f} s" if why is None else str(why))
-        if self.waiting and not now - self._led < RENEWED:
+        if (self.waiting or self._resumes) and not now - self._led < RENEWED:
             self._lead(now, wish)
         self._supervisor.wait(TICK)
 
@@ -192,8 +195,8 @@ class BlindMotion:
     def _lead(self, now: float, wish: Wish | None) -> None:
         """Command the twist of this moment."""
         self._led, time = now, now - self.start
-        slowing = self._waiting is not None and time < self._waiting.stands_at
-        if self._path is None or not slowing or now - self._exposed > self._options.image_age - STANDS_BEFORE:
+        moves = self._waiting is None or time < self._waiting.stands_at
+        if self._path is None or not moves or now - self._exposed > self._options.image_age - STANDS_BEFORE:
             self._supervisor.carry(np.zeros(6))
         else:
             twist = self._path.coast(time, time + self._options.command_lag)
