@@ -49,6 +49,7 @@ QUICK = {
     "camera check": ("grey.png", "grey.png", "--camera", "fe185"),
     "robot show": ("rx60",),
     "robot expand": ("made.xacro", "--out", "new.urdf"),
+    "render": ("scene.xml", "--camera", "fe185", "--pose", "0,0,2,1,0,0,0", "--out", "seen.png"),
     "estimate": ("paper-example-1",),
     "teach": ("paper-example-1", "--out", "goal.json"),
     "sim serve": ("paper-example-1", "--projected", "--free-ports", "--seconds", "0"),
@@ -69,6 +70,7 @@ def folder(tmp_path_factory):
     noise = np.random.default_rng(0).integers(0, 255, (54, 83), dtype=np.uint8)
     Image.fromarray(noise).resize((659, 432), Image.Resampling.BICUBIC).save(place / "grey.png")
     (place / "made.xacro").write_text('<robot name="made"><link name="base"/></robot>')
+    (place / "scene.xml").write_text("<mujoco><worldbody><geom size='.4'/></worldbody></mujoco>")
     subprocess.run([*COMMAND, "plan", "problem.json", "--out", "plan.json"], cwd=place, check=True)
     return place
 
@@ -110,7 +112,7 @@ STAGED = sorted(set(QUICK) - {"examples", "doctor", "robot expand"})
 def test_ctrl_c_leaves_no_half_result_and_says_where_things_stand(
     capsys, folder, tmp_path, monkeypatch, name, stage
 ):
-    for file in ("problem.json", "plan.json", "grey.png"):
+    for file in ("problem.json", "plan.json", "grey.png", "scene.xml"):
         shutil.copy(folder / file, tmp_path)
     monkeypatch.chdir(tmp_path)
     before, stages = set(tmp_path.iterdir()), []

@@ -21,6 +21,7 @@ from omniservo.cli import (
     examples,
     export,
     plan,
+    render,
     robot,
     run,
     sim,
@@ -48,6 +49,7 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
 app.command("examples")(examples.examples)
+app.command("render")(render.render)
 app.command("warm-up")(warm_up.warm_up)
 app.command("doctor")(doctor.doctor)
 app.add_typer(camera.app, name="camera")

@@ -80,24 +80,26 @@ def show(
             drawn = _draw(arm, posture, out)
         for path in drawn:
             output.written(path)
-    output.result(
-        {
-            "name": arm.name,
-            "joints": joints,
-            "reach": arm.reach,
-            "flange": {
-                "name": arm.flange,
-                "link": arm.flange_link,
-                "link_T_flange": arm.link_T_flange.as_matrix(),
-            },
-            "flange_T_camera": mount.as_matrix(),
-            "posture": posture.tolist(),
-            "table": None if table is None else _table(table),
-            "closed_form": arm.has_closed_form,
-            "links": [_link(link) for link in arm.links],
-            "notices": list(arm.notices),
-        }
-    )
+    output.result(_fields(arm, posture, mount, table))
+
+
+def _fields(arm: Arm, posture: FloatArray, mount: RigidTransform, table: Solid | None) -> dict[str, Any]:
+    return {
+        "name": arm.name,
+        "joints": _joints(arm),
+        "reach": arm.reach,
+        "flange": {
+            "name": arm.flange,
+            "link": arm.flange_link,
+            "link_T_flange": arm.link_T_flange.as_matrix(),
+        },
+        "flange_T_camera": mount.as_matrix(),
+        "posture": posture.tolist(),
+        "table": None if table is None else _table(table),
+        "closed_form": arm.has_closed_form,
+        "links": [_link(link) for link in arm.links],
+        "notices": list(arm.notices),
+    }
 
 
 def _say_arm(arm: Arm, output: Output) -> None:

@@ -102,15 +102,8 @@ def serve(
             write_whole(robot_file, there.robot_file, force=force)
             output.written(robot_file)
         output.line(f"serving {loaded.name}, the arm at its {at}: {there.where}; Ctrl-C ends it")
-        output.result(
-            {
-                "task": loaded.name,
-                "interface": interface,
-                "at": at,
-                "where": there.where,
-                "robot_file": None if robot_file is None else str(robot_file),
-            }
-        )
+        reached = None if robot_file is None else str(robot_file)
+        output.result({"task": loaded.name, "at": at, "where": there.where, "robot_file": reached})
         _watch(there.robot, seconds, output)
 
 
