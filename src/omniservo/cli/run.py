@@ -207,7 +207,7 @@ def _folder(name: str, method: str, force: bool) -> Path:
 
 def _say(output: Output, folder: Path, found: dict[str, dict[str, object]]) -> None:
     """Say what came out; of several methods the first is the one that counts."""
-    from omniservo.cli.run_summary import how_it_ended, run_summary
+    from omniservo.reporting.run_summary import how_it_ended, run_summary
 
     first, *others = found.values()
     for line in run_summary(first):
