@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from omniservo.planning import CameraPath, Certificate, Plan, PlanningProblem, improving_plans, plan_path
     from omniservo.replanning import replan
     from omniservo.risk import plan_with_risk
+    from omniservo.simulation.render import ModelRenderer, Rendering, render
     from omniservo.targets import Target
     from omniservo.tracking import PathTracker, TrackerOptions
     from omniservo.verification import verify_plan
@@ -79,6 +80,9 @@ _HOME = {
     "plan_path": "planning",
     "plan_with_risk": "risk",
     "replan": "replanning",
+    "ModelRenderer": "simulation.render",
+    "Rendering": "simulation.render",
+    "render": "simulation.render",
     "Target": "targets",
     "PathTracker": "tracking",
     "TrackerOptions": "tracking",
@@ -94,6 +98,7 @@ __all__ = [
     "InputError",
     "KnownDisplacements",
     "KnownPoints",
+    "ModelRenderer",
     "MultiViewEstimate",
     "NoSolutionError",
     "OmniservoError",
@@ -101,6 +106,7 @@ __all__ = [
     "Plan",
     "PlanningProblem",
     "PoseEstimate",
+    "Rendering",
     "RobotPoses",
     "ServoStop",
     "Target",
@@ -124,6 +130,7 @@ __all__ = [
     "plan_with_risk",
     "preset",
     "rectify",
+    "render",
     "replan",
     "save_camera",
     "tangent_view",

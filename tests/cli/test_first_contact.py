@@ -14,7 +14,7 @@ from tests.cli.test_command_line import problem, written
 
 from omniservo.cli.compiled_record import CompiledRecord
 from omniservo.cli.progress import DOING
-from omniservo.cli.run_summary import run_summary
+from omniservo.reporting.run_summary import run_summary
 
 COMMAND = [sys.executable, "-m", "omniservo.cli.main"]
 HEAVY = ("numba", "scipy", "mujoco", "matplotlib", "cv2")

@@ -115,6 +115,17 @@ def test_calibrate_hand_eye_finds_the_mount_and_says_which_view_is_none(tmp_path
     assert (tmp_path / "out" / "hand-eye.json").exists()
 
 
+def test_render_scene_sees_more_through_wider_lenses(tmp_path):
+    text = run("render_scene", tmp_path)
+    angles = [
+        numbers(rf"{name}: #% of .*; \w+ is nearest, # mm; things up to # deg", text)[2]
+        for name in ("perspective", "fe185", "hyper-catadioptric")
+    ]
+    assert angles[0] < 50.0 < 85.0 < angles[1]
+    assert angles[2] > 85.0
+    assert len(list((tmp_path / "out").glob("*.png"))) == 3
+
+
 def test_load_arm_reads_kinematics_limits_and_bodies(tmp_path):
     text = run("load_arm", tmp_path)
     assert "Arm(made-up, 6 joints, flange turn_link, reaches 0.7 m)" in text

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 from tests.runs.changed_task import PlainCell, shipped, written
 
-from omniservo.cli.run_summary import run_summary
+from omniservo.reporting.run_summary import run_summary
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.looks import looks_section
 from omniservo.runs.begun_elsewhere import begun_elsewhere

@@ -19,6 +19,12 @@ from omniservo.files.image_files import image_size, read_grey_image
 
 MOST_IMAGES = 2000
 
+Progress = Callable[[str, float], object]
+"""Called with what is being done, and about what share of the job is behind."""
+
+_FIRST_LOOK, _LOOKS, _AGAIN, _LAST = 0.8, 0.4, 0.5, 0.9
+"""Shares of the job: looking takes most of it, and circles are all looked for twice."""
+
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
@@ -57,7 +63,7 @@ def calibrate_images(
     *,
     distortion: Literal["auto", "none", "radtan"] = "auto",
     mirrored: bool | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda stage, done: None,
 ) -> ImageCalibration:
     """Return the camera that took these images of a board.
 
@@ -70,7 +76,7 @@ def calibrate_images(
         distortion: see `calibrate_camera`.
         mirrored: whether the camera looks into a mirror; None: what the boards say, which checkerboards and
             circles cannot.
-        progress: called with what is being done.
+        progress: called with what is being done, and about what share of the job is behind.
 
     Raises:
         InputError: a file that is no image, images of different sizes, none or too many.
@@ -80,11 +86,19 @@ def calibrate_images(
     if not 1 <= len(paths) <= MOST_IMAGES:
         raise InputError(f"images: {len(paths)} given; legal: 1 to {MOST_IMAGES}")
     size = _common_size(paths)
-    views = _look(paths, board, (), None, progress)
-    found = _calibrated(views, size, distortion, progress)
+    first = _LOOKS if isinstance(board, CircleGrid) else _FIRST_LOOK
+    views = _look(paths, board, (), None, lambda stage, done: progress(stage, first * done))
+    found = _calibrated(views, size, distortion, lambda stage: progress(stage, first))
     if found.camera is not None and (isinstance(board, CircleGrid) or any(not v.found for v in views)):
-        again = _look(paths, board, views, found.camera, progress)
-        better = _calibrated(again, size, distortion, progress)
+        rest = _LAST - max(first, _AGAIN)
+        again = _look(
+            paths,
+            board,
+            views,
+            found.camera,
+            lambda stage, done: progress(stage, _LAST - rest * (1.0 - done)),
+        )
+        better = _calibrated(again, size, distortion, lambda stage: progress(stage, _LAST))
         if better.camera is not None:
             views, found = again, better
     reflected = _mirrored(views) if mirrored is None else mirrored
@@ -111,11 +125,11 @@ def _look(
     board: Board,
     known: Sequence[BoardView],
     camera: UnifiedCamera | None,
-    progress: Callable[[str], None],
+    progress: Progress,
 ) -> list[BoardView]:
     views = []
     for i, path in enumerate(paths):
-        progress(f"looking for the board: {i + 1} of {len(paths)}")
+        progress(f"looking for the board: {i + 1} of {len(paths)}", i / len(paths))
         if known and known[i].found and not isinstance(board, CircleGrid):
             views.append(known[i])
         else:
@@ -127,7 +141,7 @@ def _calibrated(
     views: Sequence[BoardView],
     size: tuple[int, int],
     distortion: Literal["auto", "none", "radtan"],
-    progress: Callable[[str], None],
+    progress: Callable[[str], object],
 ) -> Calibration:
     found = [view for view in views if view.found]
     if not found:

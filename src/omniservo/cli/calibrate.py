@@ -17,6 +17,7 @@ from omniservo.cli.live_views import (
 )
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import NoSolutionError
+from omniservo.files import writable
 
 if TYPE_CHECKING:
     from omniservo.calibration import ImageCalibration
@@ -47,27 +48,29 @@ def calibrate(
     quiet: QuietOption = False,
 ) -> None:
     """Calibrate a camera from images of a board: files, or taken live while the board is held before it."""
-    from omniservo.calibration import board_from_text, calibrate_images
-    from omniservo.camera_files import save_camera
-    from omniservo.files import writable
-    from omniservo.reporting import write_calibration_report
-
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
     output = Output(as_json, quiet)
     folder = folder_of_images(images, camera_source, save, out)
-    target = board_from_text(board)
+    with output.working("loading"):
+        from omniservo.calibration import board_from_text, calibrate_images
+        from omniservo.camera_files import save_camera
+        from omniservo.reporting import write_calibration_report
+
+        target = board_from_text(board)
     files = images or []
     if folder is not None and camera_source is not None:
         files = take_images(camera_source, target, folder, output, seconds=seconds, force=force)
     with output.working("looking for the board") as say:
         result = calibrate_images(files, target, distortion=distortion, mirrored=mirror, progress=say)
     if report is not None:
-        write_calibration_report(result, report, force=force)
+        with output.working("writing the report"):
+            write_calibration_report(result, report, force=force)
         output.written(report)
     if result.camera is None:
-        raise NoSolutionError(result.calibration.message)
+        seen = "" if report else "; next: --report FILE.html shows what was found in each image"
+        raise NoSolutionError(f"{result.calibration.message}{seen}")
     if out is not None:
         save_camera(result.camera, out, force=force)
         output.written(out)

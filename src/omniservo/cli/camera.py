@@ -11,6 +11,7 @@ import typer
 from omniservo.cli.calibrate import calibrate
 from omniservo.cli.camera_options import (
     LARGEST_PX,
+    CameraArgument,
     CameraErrorOption,
     LargestOption,
     MaxAngleOption,
@@ -22,8 +23,10 @@ from omniservo.cli.check import check
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
+from omniservo.files import writable
 
 if TYPE_CHECKING:
+    from omniservo.camera_files.mask_image import MaskCover
     from omniservo.cameras import UnifiedCamera
     from omniservo.cameras.conversion import Conversion, Residual
     from omniservo.cameras.models import CentralModel
@@ -42,7 +45,7 @@ _UNITS = {
 
 @app.command("show")
 def show(
-    camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
+    camera: CameraArgument,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
@@ -55,12 +58,14 @@ def show(
     quiet: QuietOption = False,
 ) -> None:
     """Print a camera: its parameters, its domain, and how well the unified model fits it."""
-    from omniservo.cameras.conversion import to_unified
-    from omniservo.reporting.camera_field import past_right_angle
-
     output = Output(as_json, quiet)
-    shown = open_model(camera, camera_name, size, model, max_angle, camera_error)
-    fields, behind = shown.to_dict(), past_right_angle(shown)
+    with output.working("loading") as progress:
+        from omniservo.cameras.conversion import to_unified
+        from omniservo.reporting.camera_field import past_right_angle
+
+        shown = open_model(camera, camera_name, size, model, max_angle, camera_error)
+        progress("measuring its field of view")
+        fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
         if value is not None:
             output.line(f"{field:<14} {_spelled_field(value)}{_UNITS.get(field, '')}")
@@ -69,7 +74,8 @@ def show(
     result = {**fields, "usable_angle": shown.usable_angle, "past_right_angle": behind}
     unified = None
     try:
-        conversion = to_unified(shown)
+        with output.working("fitting the unified model"):
+            conversion = to_unified(shown)
     except InputError as error:
         for warning in shown.warnings:
             output.line(f"{'warning':<14} {warning}")
@@ -79,7 +85,10 @@ def show(
         unified = conversion.camera
         result |= _as_unified(shown, conversion, output)
     if out is not None:
-        _draw(shown, unified, out, output)
+        with output.working("drawing"):
+            drawn = _draw(shown, unified, out)
+        for path in drawn:
+            output.written(path)
     output.result(result)
 
 
@@ -107,7 +116,7 @@ def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> 
     }
 
 
-def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path, output: Output) -> None:
+def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path) -> list[Path]:
     from omniservo.reporting.camera_field import draw_field
     from omniservo.reporting.figure_files import write_drawings
 
@@ -115,13 +124,12 @@ def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path, outp
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    for path in write_drawings(draw_field(shown, unified), folder):
-        output.written(path)
+    return write_drawings(draw_field(shown, unified), folder)
 
 
 @app.command("convert")
 def convert(
-    camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
+    camera: CameraArgument,
     out: Annotated[Path, typer.Argument(help="Where to write.")],
     to: Annotated[
         str,
@@ -147,20 +155,25 @@ def convert(
     quiet: QuietOption = False,
 ) -> None:
     """Convert a calibration file to another format, to the closest model that this holds."""
-    from omniservo.camera_files import closest_model, save_camera
-    from omniservo.files import writable
-
     output = Output(as_json, quiet)
     writable(out, force=force)
-    given = open_model(camera, camera_name, size, model, max_angle, camera_error)
+    if mask is not None and to != "own":
+        raise InputError(f"--mask: given with --to {spelled(to)}; legal: --to own")
     added: dict[str, Any] = {}
-    if mask is not None:
-        if to != "own":
-            raise InputError(f"--mask: given with --to {spelled(to)}; legal: --to own")
-        given, added = _masked(given, mask, output)
-    allowed = LARGEST_PX if largest_px is None else largest_px
-    found, residual = closest_model(given, to, largest_px=allowed)
+    cover: MaskCover | None = None
+    with output.working("loading") as progress:
+        from omniservo.camera_files import closest_model, save_camera
+
+        given = open_model(camera, camera_name, size, model, max_angle, camera_error)
+        if mask is not None:
+            progress("covering the mask's hidden pixels by polygons")
+            given, cover = _masked(given, mask)
+        progress(f"looking for the closest model that {spelled(to)} holds")
+        allowed = LARGEST_PX if largest_px is None else largest_px
+        found, residual = closest_model(given, to, largest_px=allowed)
     save_camera(found, out, to, force=force)
+    if cover is not None:
+        added = _said_of(cover, output)
     written = found.to_dict()["model"]
     output.written(out, f" ({written})")
     if residual is not None:
@@ -173,8 +186,8 @@ def convert(
     output.result({"out": str(out), "format": to, "model": written, **numbers, **added})
 
 
-def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralModel, dict[str, Any]]:
-    """Return the camera with a mask image's polygons, and what is to be said of them."""
+def _masked(camera: CentralModel, path: Path) -> tuple[CentralModel, MaskCover]:
+    """Return the camera with a mask image's polygons, and how these cover it."""
     from omniservo.camera_files.mask_image import load_mask
     from omniservo.cameras.models import camera_from_dict
 
@@ -182,12 +195,20 @@ def _masked(camera: CentralModel, path: Path, output: Output) -> tuple[CentralMo
         raise InputError(f"--mask: {path} given, but the camera has a mask; legal: one of them")
     cover = load_mask(path, (camera.width, camera.height))
     fields = {**camera.to_dict(), "mask": [list(map(list, polygon)) for polygon in cover.polygons]}
+    return camera_from_dict(fields, str(path)), cover
+
+
+def _said_of(cover: MaskCover, output: Output) -> dict[str, Any]:
+    """Say what a mask's polygons hide."""
     output.line(
         f"mask: {len(cover.polygons)} polygons over {cover.hidden_pixels} hidden pixels hide"
         f" {cover.lost_pixels} more, at most {cover.overhang_px:.1f} px away"
     )
-    said = {"mask_polygons": len(cover.polygons), "mask_lost_pixels": cover.lost_pixels}
-    return camera_from_dict(fields, str(path)), {**said, "mask_overhang_px": cover.overhang_px}
+    return {
+        "mask_polygons": len(cover.polygons),
+        "mask_lost_pixels": cover.lost_pixels,
+        "mask_overhang_px": cover.overhang_px,
+    }
 
 
 def _spelled_field(value: object) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from omniservo.cli.completion import camera_names
 from omniservo.errors import InputError, spelled
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ LARGEST_PX = 1.0
 _HALF_TURN = 180.0
 _LARGEST_ERROR_PX = 100.0
 
+CameraArgument = Annotated[
+    str, typer.Argument(help="A calibration file or a preset's name.", autocompletion=camera_names)
+]
 SizeOption = Annotated[
     str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
 ]

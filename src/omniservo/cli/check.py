@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omniservo.cli.camera_options import CameraOptions, LargestOption, MaxAngleOption, ModelOption, SizeOption
+from omniservo.cli.completion import camera_names
 from omniservo.cli.output import CameraNameOption, JsonOption, Output, QuietOption, answer_is_no
 from omniservo.files import require_file
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 def check(
     reference: Annotated[Path, typer.Argument(help="An image from when the camera stood right.")],
     now: Annotated[Path, typer.Argument(help="An image of now, of the same size.")],
-    camera: Annotated[str, typer.Option("--camera", help="A calibration file or a preset's name.")],
+    camera: Annotated[
+        str,
+        typer.Option("--camera", help="A calibration file or a preset's name.", autocompletion=camera_names),
+    ],
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,
@@ -48,7 +52,10 @@ def check(
         output.line(line)
     if found.moved:
         turned, sigma = math.degrees(found.angle), math.degrees(found.sigma)
-        raise answer_is_no(f"the camera moved: {found.displacement_px:.2f} px, {turned:.3f}° ± {sigma:.3f}°")
+        raise answer_is_no(
+            f"the camera moved: {found.displacement_px:.2f} px, {turned:.3f}° ± {sigma:.3f}°",
+            "find again where it sits: omniservo robot calibrate-hand-eye, or put it back",
+        )
 
 
 def _lines(found: CameraCheck) -> list[str]:

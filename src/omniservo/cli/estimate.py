@@ -17,6 +17,7 @@ from omniservo.cli.camera_options import (
     ModelOption,
     SizeOption,
 )
+from omniservo.cli.completion import camera_names, task_names
 from omniservo.cli.estimate_views import (
     EdgeOption,
     LengthOption,
@@ -50,7 +51,8 @@ if TYPE_CHECKING:
 WhatArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        help="A shipped task or a YAML file; or images of a target that stands still, in any order."
+        help="A shipped task or a YAML file; or images of a target that stands still, in any order.",
+        autocompletion=task_names,
     ),
 ]
 FeaturesOption = Annotated[
@@ -60,7 +62,12 @@ DictionaryOption = Annotated[
     str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11, 4x4_50 or tagStandard41h12.")
 ]
 CameraOption = Annotated[
-    str | None, typer.Option("--camera", help="Calibration of the two images, or replaces the task's.")
+    str | None,
+    typer.Option(
+        "--camera",
+        help="Calibration of the two images, or replaces the task's.",
+        autocompletion=camera_names,
+    ),
 ]
 TargetOption = Annotated[
     Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
@@ -123,14 +130,15 @@ def estimate(
     _check_files(task, camera, *pair)
     found = _estimated(output, asked, task, pair, kind, (package, allow_outside, seed))
     if report is not None:
-        from omniservo.reporting import write_estimate_report
+        with output.working("writing the report"):
+            from omniservo.reporting import write_estimate_report
 
-        write_estimate_report(found.seen, found.estimate, report, force=force)
+            write_estimate_report(found.seen, found.estimate, report, force=force)
         output.written(report)
     if out is not None:
         found.estimate.save(out, force=force)
         output.written(out)
-    _say(output, found.estimate)
+    _say(output, found.estimate, "" if report else "--report FILE.html shows the matches")
 
 
 class _Kind(NamedTuple):
@@ -207,10 +215,11 @@ def _say_far(output: Output, displacement: float | None) -> None:
         )
 
 
-def _say(output: Output, result: TwoViewEstimate) -> None:
+def _say(output: Output, result: TwoViewEstimate, next_step: str) -> None:
     output.result(result.to_dict())
     if result.initial_T_goal is None:
-        raise answer_is_no(f"motion and structure cannot be estimated: {result.status}: {result.message}")
+        reason = f"motion and structure cannot be estimated: {result.status}: {result.message}"
+        raise answer_is_no(reason, next_step)
     for line in _lines(result, result.initial_T_goal):
         output.line(line)
 

@@ -17,12 +17,14 @@ from omniservo.cli.camera_options import (
     ModelOption,
     SizeOption,
 )
+from omniservo.cli.completion import camera_names
 from omniservo.cli.hand_eye_live import POSES, take_views
 from omniservo.cli.live_views import SaveOption, SecondsOption, live_folder
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.cli.robot_file import CameraSourceOption, DriverOption, OnRobot
 from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
+from omniservo.files import writable
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -44,7 +46,8 @@ def calibrate_hand_eye(
     ] = None,
     poses: Annotated[str | None, typer.Option("--poses", help=_POSES)] = None,
     camera: Annotated[
-        str | None, typer.Option("--camera", help="The camera's calibration, or a preset.")
+        str | None,
+        typer.Option("--camera", help="The camera's calibration, or a preset.", autocompletion=camera_names),
     ] = None,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
@@ -71,15 +74,15 @@ def calibrate_hand_eye(
 
     With --on the images are taken live and the joints read with each; nothing is commanded.
     """
-    from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
-    from omniservo.files import writable
-
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
-    looked_for = _looked_for(board, target)
     output = Output(as_json, quiet)
-    lens = CameraOptions(camera, camera_name, size, model, max_angle, None, camera_error).opened()
+    with output.working("loading"):
+        from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
+
+        looked_for = _looked_for(board, target)
+        lens = CameraOptions(camera, camera_name, size, model, max_angle, None, camera_error).opened()
     robot = OnRobot(on, camera_source, driver, None, yes=False, allow_outside=allow_outside)
     if on is None:
         robot.refuse_mixed()
@@ -122,11 +125,13 @@ def _deliver(
     from omniservo.reporting import write_hand_eye_report
 
     if report is not None:
-        write_hand_eye_report(found, report, force=force)
+        with output.working("writing the report"):
+            write_hand_eye_report(found, report, force=force)
         output.written(report)
     result = found.result
     if result.flange_T_camera is None:
-        raise NoSolutionError(f"hand-eye calibration: {result.status}: {result.message}")
+        seen = "" if report else "; next: --report FILE.html shows every view"
+        raise NoSolutionError(f"hand-eye calibration: {result.status}: {result.message}{seen}")
     if out is not None:
         result.save(out, force=force)
         output.written(out)

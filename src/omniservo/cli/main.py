@@ -14,7 +14,22 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, export, plan, robot, run, sim, teach, verify, warm_up
+from omniservo.cli import (
+    camera,
+    doctor,
+    estimate,
+    examples,
+    export,
+    plan,
+    render,
+    robot,
+    run,
+    sim,
+    teach,
+    verify,
+    warm_up,
+)
+from omniservo.cli.first_steps import first_steps
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError, ServoStop
@@ -25,8 +40,6 @@ _GARBAGE = (20_000, 20, 20)
 app = typer.Typer(
     name="omniservo",
     help="Certified visual-servo path planning for every central camera.",
-    no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.command("run")(run.run)
@@ -36,7 +49,9 @@ app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
 app.command("examples")(examples.examples)
+app.command("render")(render.render)
 app.command("warm-up")(warm_up.warm_up)
+app.command("doctor")(doctor.doctor)
 app.add_typer(camera.app, name="camera")
 app.add_typer(robot.app, name="robot")
 app.add_typer(sim.app, name="sim")
@@ -48,13 +63,16 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _omniservo(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Certified visual-servo path planning for every central camera."""
+    if context.invoked_subcommand is None:
+        print(first_steps())
 
 
 def main(arguments: list[str] | None = None) -> None:

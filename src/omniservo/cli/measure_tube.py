@@ -7,13 +7,18 @@ from typing import Annotated
 
 import typer
 
+from omniservo.cli.completion import task_names
 from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.files import writable
 
 
 def measure_tube(
     task: Annotated[
-        str, typer.Argument(help="A task with the arm and its camera: a file, or a shipped name.")
+        str,
+        typer.Argument(
+            help="A task with the arm and its camera: a file, or a shipped name.", autocompletion=task_names
+        ),
     ],
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or their log.csv.")],
     out: Annotated[Path, typer.Option("--out", help="Write the tube here (JSON).")],
@@ -24,15 +29,17 @@ def measure_tube(
     quiet: QuietOption = False,
 ) -> None:
     """Measure on an arm's own runs how far it deviates from its plans."""
-    from omniservo.files import writable
-    from omniservo.runs.measure_tube import measure_tube as measured
-    from omniservo.tasks import load_task
-
+    output = Output(as_json, quiet)
     writable(out, force=force)
     logs = [path / "log.csv" if path.is_dir() else path for path in runs]
-    found = measured(load_task(task, packages=packages_of(package), allow_outside=allow_outside), logs)
+    with output.working("loading") as progress:
+        from omniservo.runs.measure_tube import measure_tube as measured
+        from omniservo.tasks import load_task
+
+        loaded = load_task(task, packages=packages_of(package), allow_outside=allow_outside)
+        progress(f"comparing {len(logs)} runs with their plans")
+        found = measured(loaded, logs)
     found.save(out, force=force)
-    output = Output(as_json, quiet)
     output.line(f"{'arm':<14} {found.arm}, {len(logs)} runs; the next one leaves the tube of all of them")
     share = 1.0 / (found.runs + 1)
     output.line(f"{'':<14} with a probability of {100 * share:.2g}% at most")

@@ -47,7 +47,7 @@ class Output:
     def result(self, values: dict[str, Any]) -> None:
         """Print the command's JSON object under --json."""
         if self.as_json:
-            print(json.dumps(_plain(values), allow_nan=False))
+            print(json.dumps(_plain(values), allow_nan=False), flush=True)
 
     def written(self, path: Path, more: str = "") -> None:
         """Say that a file is there, and what more there is to say of it."""
@@ -64,9 +64,9 @@ def with_unit(value: float, unit: str) -> str:
     return f"{value:+.6g}" if unit == "1" else f"{value:+.6g} {unit}"
 
 
-def answer_is_no(reason: str) -> typer.Exit:
-    """Say why the answer is no, and return the exit to raise."""
-    print(f"omniservo: {reason}", file=sys.stderr)
+def answer_is_no(reason: str, next_step: str = "") -> typer.Exit:
+    """Say why the answer is no and what to do next, and return the exit to raise."""
+    print(f"omniservo: {reason}{f'; next: {next_step}' if next_step else ''}", file=sys.stderr)
     return typer.Exit(ANSWER_IS_NO)
 
 

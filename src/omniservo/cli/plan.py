@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from omniservo.planning import Plan, PlanningProblem
 
 
+MethodOption = Annotated[
+    Literal["certified", "paper"],
+    typer.Option("--method", help="Proven for the whole path, or the 2012 paper's own search."),
+]
 EstimateOption = Annotated[
     Path | None,
     typer.Option("--estimate", help="What estimate --out wrote: its goal and points are planned with."),
@@ -55,7 +59,7 @@ def plan(
     problem: Annotated[Path | None, typer.Argument(help="Planning problem, JSON or YAML.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Write the plan here.")] = None,
     draw: DrawOption = None,
-    method: Annotated[Literal["certified", "paper"], typer.Option("--method")] = "certified",
+    method: MethodOption = "certified",
     quality: Annotated[
         Literal["effort", "margin"],
         typer.Option("--quality", help="Least bending energy, or the largest minimum margin."),
@@ -93,7 +97,7 @@ def plan(
         from omniservo.geometry.compiler_watch import CompilerWatch
         from omniservo.planning import PlanningProblem, plan_path
 
-        progress("planning")
+        progress("planning", seconds=time_budget)
         loaded = PlanningProblem.load(problem)
         with CompilerWatch() as watch:
             result = plan_path(loaded, method=method, quality=quality, time_budget=time_budget, seed=seed)
@@ -105,7 +109,7 @@ def plan(
             output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)} at w = {c.w:.4f}")
     output.result({**result.to_dict(), "notices": loaded.notices})
     if result.status != "certified":
-        raise answer_is_no(f"{result.status}: {result.reason}")
+        raise answer_is_no(f"{result.status}: {result.reason}", results.next_step())
 
 
 def _say_notices(notices: tuple[str, ...], output: Output) -> None:
@@ -128,6 +132,10 @@ class _Results:
         if self.draw is not None and self.draw.suffix not in (".png", ".svg"):
             raise InputError(f"--draw: {self.draw} given; legal: a file that ends with .png or .svg")
 
+    def next_step(self) -> str:
+        """Return what shows why there is no certified plan; empty where it was drawn."""
+        return "" if self.out or self.draw else "--draw FILE.png draws the moment that is worst"
+
     def write(self, plan: Plan, output: Output) -> None:
         """Write the plan, and the image that was requested or that a refused plan has beside it."""
         if self.out is not None:
@@ -137,10 +145,11 @@ class _Results:
         if drawn is None and self.out is not None and plan.status != "certified":
             drawn = self.out.with_suffix(".png")
         if drawn is not None:
-            from omniservo.reporting.figure_files import image_bytes
-            from omniservo.reporting.moment_figure import draw_moment
+            with output.working("drawing"):
+                from omniservo.reporting.figure_files import image_bytes
+                from omniservo.reporting.moment_figure import draw_moment
 
-            picture = image_bytes(draw_moment(plan), drawn.suffix.removeprefix("."))
+                picture = image_bytes(draw_moment(plan), drawn.suffix.removeprefix("."))
             write_whole(drawn, picture, force=self.force)
             output.written(drawn)
 
@@ -207,7 +216,7 @@ def _plan_with_risk(asked: _Asked, results: _Results, output: Output) -> None:
         output.line(found.advice)
     output.result({**found.plan.to_dict(), "risk": found.to_dict(), "notices": problem.notices})
     if not found.ok:
-        raise answer_is_no(f"{found.plan.status}: {found.plan.reason}")
+        raise answer_is_no(f"{found.plan.status}: {found.plan.reason}", results.next_step())
 
 
 def _time(seconds: float, code: float) -> str:

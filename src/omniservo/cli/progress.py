@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, ProgressColumn, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
+from rich.text import Text
 
 if TYPE_CHECKING:
     from omniservo.geometry.compiler_watch import CompilerWatch
@@ -20,7 +22,10 @@ _LEAST_SHARE = 0.05
 """Of the job: before, what is left cannot be distinguished from the time that it took so far."""
 
 _ANOTHER_LINE = 15.0
-"""[s] of compiling after which, where lines are written one below the other, another says so"""
+"""[s] after which, where lines are written one below the other, another says how far the same stage is"""
+
+_COUNTED = re.compile(r"\d+")
+"""image 3 of 40 is the same stage as image 4 of 40"""
 
 
 @dataclass
@@ -55,7 +60,7 @@ class Progress:
 
     def __init__(self, what: str, *, silent: bool, compiles: bool = False) -> None:
         self._what, self._silent, self._compiles = what, silent, compiles
-        self._share: float | None = None
+        self._ends: float | None = None
         self._begin = self._last_line = perf_counter()
         self._watch: CompilerWatch | None = None
         self._bar: Bar | None = None
@@ -68,7 +73,7 @@ class Progress:
         self._listen()
         if sys.stderr.isatty():
             self._bar = self._entered.enter_context(_bar())
-            self._row = self._bar.add_task(self._what, total=None, left="")
+            self._row = self._bar.add_task(self._what, total=None, ends=None)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *raised: object) -> None:
@@ -80,25 +85,30 @@ class Progress:
                 f"compiling took {self._watch.seconds:.0f} s; what is compiled is kept for the next time"
             )
 
-    def __call__(self, stage: str, share: float | None = None) -> None:
+    def __call__(self, stage: str, share: float | None = None, *, seconds: float | None = None) -> None:
         """Go on to a stage, or within it.
 
         Args:
             stage: such as "planning".
             share: of the whole job, what is behind it; None: not known, and no line is worth it.
+            seconds: that the stage takes, and with it the job; None: not known.
         """
-        changed, self._what = stage != self._what, stage
-        self._share, DOING.stage = share, stage
+        changed = _COUNTED.sub("", stage) != _COUNTED.sub("", self._what)
+        self._what = DOING.stage = stage
         if self._silent:
             return
         self._listen()
+        self._ends = self._end(share) if seconds is None else perf_counter() + seconds
         if self._bar is not None:
             self._bar.update(
                 self._row, description=stage, total=None if share is None else 1.0, completed=share or 0.0,
-                left=self._left().removeprefix("; "),
+                ends=self._ends,
             )  # fmt: skip
-        elif changed and share is not None:
-            self._line(f"{stage}{self._left()}")
+        elif (share is not None or seconds is not None) and (
+            changed or perf_counter() - self._last_line > _ANOTHER_LINE
+        ):
+            left = _left(self._ends)
+            self._line(f"{stage}; {left}" if left else stage)
 
     def _listen(self) -> None:
         """Watch the compiler once it is loaded: what never loads it is not made to wait for it."""
@@ -107,14 +117,15 @@ class Progress:
 
             self._watch = self._entered.enter_context(CompilerWatch(self._compiling))
 
-    def _left(self) -> str:
-        """Say how long it takes if the rest goes as fast as what is behind."""
-        if self._share is None or self._share < _LEAST_SHARE:
-            return ""
-        taken = perf_counter() - self._begin
+    def _end(self, share: float | None) -> float | None:
+        """Return when it ends if the rest goes as fast as what is behind; None: not known yet."""
+        if share is None or share < _LEAST_SHARE:
+            return None
+        now = perf_counter()
+        taken = now - self._begin
         if self._watch is not None and self._watch.compiled and not self._compiles:
             taken -= self._watch.seconds
-        return f"; about {taken * (1.0 / self._share - 1.0):.0f} s left"
+        return now + taken * (1.0 / share - 1.0)
 
     def _compiling(self, name: str) -> None:
         if self._bar is not None:
@@ -130,9 +141,20 @@ class Progress:
         print(f"[{self._last_line - self._begin:4.0f} s] {words}", file=sys.stderr, flush=True)
 
 
-def _bar() -> Any:
+class _TimeLeft(ProgressColumn):
+    """Counts down, also while a stage says nothing."""
+
+    def render(self, task: Task) -> Text:
+        return Text(_left(task.fields["ends"]))
+
+
+def _left(ends: float | None) -> str:
+    """Say how long it takes until then; nothing where that is not known."""
+    return "" if ends is None else f"about {max(ends - perf_counter(), 0.0):.0f} s left"
+
+
+def _bar() -> Bar:
     columns = (
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(),
-        TextColumn("{task.fields[left]}"),
+        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(), _TimeLeft(),
     )  # fmt: skip
     return Bar(*columns, console=Console(stderr=True), transient=True)

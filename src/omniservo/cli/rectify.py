@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import ModelOption, SizeOption, open_model, size_from_text
+from omniservo.cli.camera_options import (
+    CameraArgument,
+    ModelOption,
+    SizeOption,
+    open_model,
+    size_from_text,
+)
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
 from omniservo.errors import InputError
+from omniservo.files import writable
 
 if TYPE_CHECKING:
     from omniservo.cameras.rectify import ViewCamera
@@ -19,7 +26,7 @@ _SIZES = {"tangent": (960, 720), "cylindrical": (1440, 720), "equirectangular": 
 
 
 def rectify(
-    camera: Annotated[str, typer.Argument(help="A calibration file or a preset's name.")],
+    camera: CameraArgument,
     image: Annotated[Path, typer.Argument(help="An image of that camera.")],
     out: Annotated[Path, typer.Argument(help="Where to write (PNG).")],
     view: Annotated[
@@ -45,23 +52,21 @@ def rectify(
     quiet: QuietOption = False,
 ) -> None:
     """Resample an image into a perspective, cylindrical or equirectangular view."""
-    from omniservo.cameras.rectify import rectify as rectified
-    from omniservo.files import writable
-    from omniservo.files.image_files import read_image, write_png
-
     output = Output(as_json, quiet)
     if view == "equirectangular" and field_of_view is not None:
         raise InputError("--field-of-view: given; an equirectangular view shows the whole sphere")
     shape = _SIZES[view] if view_size is None else size_from_text("--view-size", view_size)
+    ahead, above = _vector("--direction", direction), None if up is None else _vector("--up", up)
     writable(out, force=force)
-    source = open_model(camera, camera_name, size, model)
-    seen = rectified(
-        source,
-        read_image(image),
-        _view(view, field_of_view, shape),
-        direction=_vector("--direction", direction),
-        up=None if up is None else _vector("--up", up),
-    )
+    with output.working("loading") as progress:
+        from omniservo.cameras.rectify import rectify as rectified
+        from omniservo.files.image_files import read_image, write_png
+
+        source = open_model(camera, camera_name, size, model)
+        progress("resampling")
+        seen = rectified(
+            source, read_image(image), _view(view, field_of_view, shape), direction=ahead, up=above
+        )
     write_png(seen.image, out, force=force)
     share = float(seen.valid.mean())
     output.written(out, f"; the camera sees {100.0 * share:.0f}% of it")

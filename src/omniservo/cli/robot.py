@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from omniservo.cli.completion import arm_names
 from omniservo.cli.expand import expand
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
@@ -33,7 +34,10 @@ app.command("delay")(delay)
 
 @app.command("show")
 def show(
-    robot: Annotated[str, typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.")],
+    robot: Annotated[
+        str,
+        typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.", autocompletion=arm_names),
+    ],
     flange: Annotated[
         str | None, typer.Option("--flange", help="The site or link that carries the camera.")
     ] = None,
@@ -44,51 +48,58 @@ def show(
     quiet: QuietOption = False,
 ) -> None:
     """Print an arm: joints, reach, links, suggested start configuration and mount, what was left out."""
-    from omniservo.robots import load_arm, suggested_mount, suggested_posture, suggested_table
-
     output = Output(as_json, quiet)
     if tool is not None:
         output.line(f"{'notice':<14} --tool is called --flange now")
-    arm = load_arm(robot, flange=flange or tool, packages=packages_of(package))
+    with output.working("loading") as progress:
+        from omniservo.robots import load_arm, suggested_mount, suggested_posture, suggested_table
+
+        progress(f"reading {robot}")
+        arm = load_arm(robot, flange=flange or tool, packages=packages_of(package))
+        progress("looking for a start configuration")
+        posture, mount = suggested_posture(arm), suggested_mount(arm)
+        table = suggested_table(arm, mount, posture)
     _say_arm(arm, output)
     joints, wide = _joints(arm), max(map(len, [*arm.joint_names, *(link.name for link in arm.links)]))
     for joint in joints:
         output.line(_spelled_joint(joint, wide))
     for link in arm.links:
         output.line(f"{'link':<14} {_spelled_link(link, wide)}")
-    posture = suggested_posture(arm)
     output.line(
         f"{'configuration':<14} {_spelled_posture(posture)} deg: to start with, as start.joints of a task"
     )
-    mount = suggested_mount(arm)
     output.line(
         f"{'mount':<14} {_spelled_mount(mount)} mm, deg: a flange_T_camera that looks along the last axis"
     )
-    table = suggested_table(arm, mount, posture)
     if table is not None:
         output.line(f"{'table':<14} {_spelled_table(table)} mm: under what that camera sees, as surroundings")
     for notice in arm.notices:
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
-        _draw(arm, posture, out, output)
-    output.result(
-        {
-            "name": arm.name,
-            "joints": joints,
-            "reach": arm.reach,
-            "flange": {
-                "name": arm.flange,
-                "link": arm.flange_link,
-                "link_T_flange": arm.link_T_flange.as_matrix(),
-            },
-            "flange_T_camera": mount.as_matrix(),
-            "posture": posture.tolist(),
-            "table": None if table is None else _table(table),
-            "closed_form": arm.has_closed_form,
-            "links": [_link(link) for link in arm.links],
-            "notices": list(arm.notices),
-        }
-    )
+        with output.working("drawing"):
+            drawn = _draw(arm, posture, out)
+        for path in drawn:
+            output.written(path)
+    output.result(_fields(arm, posture, mount, table))
+
+
+def _fields(arm: Arm, posture: FloatArray, mount: RigidTransform, table: Solid | None) -> dict[str, Any]:
+    return {
+        "name": arm.name,
+        "joints": _joints(arm),
+        "reach": arm.reach,
+        "flange": {
+            "name": arm.flange,
+            "link": arm.flange_link,
+            "link_T_flange": arm.link_T_flange.as_matrix(),
+        },
+        "flange_T_camera": mount.as_matrix(),
+        "posture": posture.tolist(),
+        "table": None if table is None else _table(table),
+        "closed_form": arm.has_closed_form,
+        "links": [_link(link) for link in arm.links],
+        "notices": list(arm.notices),
+    }
 
 
 def _say_arm(arm: Arm, output: Output) -> None:
@@ -163,7 +174,7 @@ def _spelled_link(link: Link, wide: int) -> str:
     return f"{link.name:<{wide}} {'on ' + link.joint if link.joint else 'fixed':<{wide + 3}} {made_of}"
 
 
-def _draw(arm: Arm, posture: FloatArray, folder: Path, output: Output) -> None:
+def _draw(arm: Arm, posture: FloatArray, folder: Path) -> list[Path]:
     from omniservo.reporting.arm_figure import draw_arm
     from omniservo.reporting.figure_files import write_drawings
 
@@ -171,5 +182,4 @@ def _draw(arm: Arm, posture: FloatArray, folder: Path, output: Output) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    for path in write_drawings(draw_arm(arm, posture), folder):
-        output.written(path)
+    return write_drawings(draw_arm(arm, posture), folder)

@@ -16,6 +16,7 @@ from omniservo.cli.camera_options import (
     ModelOption,
     SizeOption,
 )
+from omniservo.cli.completion import camera_names, task_names
 from omniservo.cli.output import (
     CameraNameOption,
     ForceOption,
@@ -57,7 +58,13 @@ MethodOption = Annotated[
     typer.Option("--method", help="compare runs all three and shows them side by side."),
 ]
 GoalOption = Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")]
-CameraOption = Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")]
+CameraOption = Annotated[
+    str | None,
+    typer.Option("--camera", help="Replaces the task's camera.", autocompletion=camera_names),
+]
+TaskArgument = Annotated[
+    str | None, typer.Argument(help="A shipped task or a YAML file.", autocompletion=task_names)
+]
 FilmOption = Annotated[
     bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
 ]
@@ -85,7 +92,7 @@ class _Call:
 
 def run(
     context: typer.Context,
-    task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
+    task: TaskArgument = None,
     out: OutOption = None,
     method: MethodOption = "certified",
     goal: GoalOption = None,
@@ -200,7 +207,7 @@ def _folder(name: str, method: str, force: bool) -> Path:
 
 def _say(output: Output, folder: Path, found: dict[str, dict[str, object]]) -> None:
     """Say what came out; of several methods the first is the one that counts."""
-    from omniservo.cli.run_summary import how_it_ended, run_summary
+    from omniservo.reporting.run_summary import how_it_ended, run_summary
 
     first, *others = found.values()
     for line in run_summary(first):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from omniservo.cli.camera_options import size_from_text
-from omniservo.cli.output import ForceOption, Output, QuietOption, SeedOption
+from omniservo.cli.completion import task_names
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import InputError
 from omniservo.files import writable, write_whole
@@ -47,7 +48,7 @@ def _sim() -> None:
 
 @app.command("serve")
 def serve(
-    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
+    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.", autocompletion=task_names)],
     interface: Annotated[
         Literal["rtde", "ros2"], typer.Option("--as", help="rtde: Universal Robots and MJPEG; ros2: topics.")
     ] = "rtde",
@@ -71,17 +72,19 @@ def serve(
     allow_outside: AllowOutsideOption = False,
     seed: SeedOption = 0,
     force: ForceOption = False,
+    as_json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Serve a task's simulated arm and camera on the wall clock, behind the interfaces of real ones.
 
-    It goes on until Ctrl-C. omniservo run TASK --on ROBOT.yaml then works on it as on a real robot.
+    It goes on until Ctrl-C; --json prints its object once it serves. omniservo run TASK --on ROBOT.yaml then
+    works on it as on a real robot.
     """
     task_file(task)
     sides = None if size is None else size_from_text("--size", size)
     if robot_file is not None:
         writable(robot_file, force=force)
-    output = Output(as_json=False, quiet=quiet)
+    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.hardware import LinkFaults
         from omniservo.simulation.sim_server import serve as served
@@ -99,6 +102,8 @@ def serve(
             write_whole(robot_file, there.robot_file, force=force)
             output.written(robot_file)
         output.line(f"serving {loaded.name}, the arm at its {at}: {there.where}; Ctrl-C ends it")
+        reached = None if robot_file is None else str(robot_file)
+        output.result({"task": loaded.name, "at": at, "where": there.where, "robot_file": reached})
         _watch(there.robot, seconds, output)
 
 

@@ -16,6 +16,7 @@ from omniservo.cli.camera_options import (
     ModelOption,
     SizeOption,
 )
+from omniservo.cli.completion import camera_names, task_names
 from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption, SeedOption
 from omniservo.cli.robot_file import CameraSourceOption, DriverOption, OnOption, robot_of
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
@@ -23,11 +24,16 @@ from omniservo.errors import NoSolutionError
 from omniservo.files import writable
 from omniservo.shipped_tasks import task_file
 
+CameraOption = Annotated[
+    str | None,
+    typer.Option("--camera", help="Replaces the task's camera.", autocompletion=camera_names),
+]
+
 
 def teach(
-    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.")],
+    task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.", autocompletion=task_names)],
     out: Annotated[Path, typer.Option("--out", help="Write the taught goal here (JSON).")],
-    camera: Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")] = None,
+    camera: CameraOption = None,
     camera_name: CameraNameOption = None,
     size: SizeOption = None,
     model: ModelOption = None,

@@ -41,7 +41,8 @@ def verify(
         output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)}: {c.verdict}")
     output.result(certificate.to_dict())
     if certificate.status != "certified":
-        raise answer_is_no(f"{certificate.status}: {'; '.join(certificate.reasons)}")
+        reason = f"{certificate.status}: {'; '.join(certificate.reasons)}"
+        raise answer_is_no(reason, "omniservo plan makes another; do not move along this one")
 
 
 def _loaded(problem: Path) -> PlanningProblem:

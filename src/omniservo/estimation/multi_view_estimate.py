@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.drawn import drawn
 from omniservo.errors import InputError
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.uncertainty.adjusted_views import AdjustedViews
@@ -88,6 +89,9 @@ class MultiViewEstimate:
             return math.nan
         points = self.points[~np.isnan(self.points[:, 0])]
         return math.hypot(math.sqrt(self.uncertainty.size_variance(points)), self.scale_sigma)
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
 
     def __repr__(self) -> str:
         posed = sum(pose is not None for pose in self.initial_T_views)

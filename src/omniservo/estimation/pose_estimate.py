@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.drawn import drawn
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.quaternions import matrix_from_quaternion
@@ -62,6 +63,9 @@ class PoseEstimate:
     """Wall time of the estimation [s]."""
 
     __repr__ = short_repr
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
 
     @property
     def reference_T_camera(self) -> RigidTransform | None:

@@ -7,13 +7,14 @@ import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.conversion import unified_image
 from omniservo.cameras.models import CentralModel, camera_from_dict
+from omniservo.drawn import drawn
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import deferring
 from omniservo.estimation.matches import Matches
@@ -27,6 +28,9 @@ from omniservo.estimation.uncertainty.likelihood_samples import likelihood_sampl
 from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMAT = "omniservo.estimate/1"
 
@@ -107,6 +111,17 @@ class TwoViewEstimate:
         if self.initial_T_goal is not None:
             words += [f"{self.rms_px:.3g} px rms", "metric" if self.is_metric else "of unknown scale"]
         return f"TwoViewEstimate({', '.join(words)})"
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
+
+    def plot(self) -> Figure:
+        """Return a Matplotlib figure of motion and structure with their uncertainty.
+
+        Raises:
+            InputError: the estimate has no pose.
+        """
+        return cast("Figure", drawn("estimate_figure", self))
 
     @classmethod
     def without_pose(

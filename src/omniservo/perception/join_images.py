@@ -38,7 +38,11 @@ SAME_PX = 2.0
 EXACT_PX = 1e-6
 """Features that stand at the same place in every match, as dots do, can be chained."""
 
-Progress = Callable[[str], None]
+Progress = Callable[[str, float], object]
+"""Called with what is being done, and about what share of an estimate from these images is behind."""
+
+_FOUND, _MATCHED = 0.4, 0.9
+"""such shares, when natural features are found in every image, and when all pairs are matched"""
 
 
 @with_field_docs
@@ -72,7 +76,10 @@ class _Pair(NamedTuple):
 
 
 def join_images(
-    camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, progress: Progress | None = None
+    camera: CentralModel,
+    images: Sequence[ByteArray],
+    kind: FeatureKind,
+    progress: Progress = lambda stage, done: None,
 ) -> JoinedPoints:
     """Match the images in pairs, and join the matches over all of them.
 
@@ -85,7 +92,7 @@ def join_images(
         camera: took all images.
         images: (v,) of (height, width) grey values.
         kind: what is looked for.
-        progress: is called with what is being done.
+        progress: called with what is being done, and about what share of an estimate is behind.
 
     Raises:
         InputError: fewer than two images, or one of another size.
@@ -94,13 +101,12 @@ def join_images(
         raise InputError(f"images: {len(images)} given; at least 2 are needed")
     for image in images:
         check_image(image, camera)
-    tell = progress or (lambda words: None)
     if isinstance(kind, TagKind):
         return _of_tags(camera, images, kind)
     if isinstance(kind, NaturalKind):
-        pairs, reasons = _natural_pairs(camera, images, tell)
+        pairs, reasons = _natural_pairs(camera, images, progress)
     else:
-        pairs, reasons = _pairs_of(camera, images, kind, tell)
+        pairs, reasons = _pairs_of(camera, images, kind, progress)
     return _joined(len(images), pairs, reasons)
 
 
@@ -122,11 +128,11 @@ def _of_tags(camera: CentralModel, images: Sequence[ByteArray], kind: TagKind) -
 
 
 def _natural_pairs(
-    camera: CentralModel, images: Sequence[ByteArray], tell: Progress
+    camera: CentralModel, images: Sequence[ByteArray], progress: Progress
 ) -> tuple[list[_Pair], list[str]]:
     reasons, features = [""] * len(images), []
     for view, image in enumerate(images):
-        tell(f"finding features in image {view + 1} of {len(images)}")
+        progress(f"finding features in image {view + 1} of {len(images)}", _FOUND * view / len(images))
         features.append(find_features(image, camera))
         if length := smear_length(image):
             reasons[view] = f"blurred: smeared by motion over {length} px"
@@ -134,7 +140,8 @@ def _natural_pairs(
     found: dict[tuple[int, int], FeatureMatch] = {}
     chosen = _promising(features, sharp)
     for rank, (a, b) in enumerate(chosen):
-        tell(f"matching pair {rank + 1} of {len(chosen)}")
+        behind = _FOUND + (_MATCHED - _FOUND) * rank / len(chosen)
+        progress(f"matching pair {rank + 1} of {len(chosen)}", behind)
         found[a, b] = match_features(features[a], features[b])
         if found[a, b].status != "ok":
             for view in (a, b):
@@ -179,12 +186,12 @@ def _promising(features: Sequence[Features], views: Sequence[int]) -> list[tuple
 
 
 def _pairs_of(
-    camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, tell: Progress
+    camera: CentralModel, images: Sequence[ByteArray], kind: FeatureKind, progress: Progress
 ) -> tuple[list[_Pair], list[str]]:
     reasons, pairs = [""] * len(images), []
     chosen = list(combinations(range(len(images)), 2))
     for rank, (a, b) in enumerate(chosen):
-        tell(f"matching pair {rank + 1} of {len(chosen)}")
+        progress(f"matching pair {rank + 1} of {len(chosen)}", _MATCHED * rank / len(chosen))
         try:
             pairs.append(_Pair(a, b, kind.match(camera, images[a], images[b])))
         except (InputError, NoSolutionError) as error:

@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
+from omniservo.drawn import drawn
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
@@ -16,6 +17,9 @@ from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certificate import Certificate, fields_of
 from omniservo.planning.obstacles.obstacle_fields import only_fields
 from omniservo.planning.planning_problem import PlanningProblem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FORMAT = "omniservo.plan/1"
 
@@ -57,6 +61,16 @@ class Plan:
         words += [] if clearance is None else [f"clearance {clearance:.3g} m"]
         words += [] if visibility is None else [f"visibility {visibility:.3g} px"]
         return f"Plan({', '.join(words)}, {1e3 * self.seconds:.3g} ms)"
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
+
+    def plot(self) -> Figure:
+        """Return a Matplotlib figure of the moment with the least left, or of the worst violation.
+
+        What the camera sees there, and two views of the path among the obstacles.
+        """
+        return cast("Figure", drawn("plan_figure", self))
 
     def least_clearance(self, obstacles: Iterable[int]) -> float | None:
         """Return the path's smallest distance to the surfaces of these obstacles [m], by its certificate.

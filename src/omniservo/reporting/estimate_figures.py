@@ -44,9 +44,10 @@ def estimate_drawings(seen: Seen, estimate: TwoViewEstimate) -> Iterator[Drawing
         yield _matches(seen, estimate)
     if estimate.initial_T_goal is None:
         return
-    for draw in (_residuals, _structure):
-        with styled():
-            yield draw(seen, estimate)
+    with styled():
+        yield _residuals(seen, estimate)
+    with styled():
+        yield draw_structure(estimate)
 
 
 def _matches(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
@@ -108,8 +109,8 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
     return Drawing("estimate-residuals", "What is left in the images", caption, figure)
 
 
-def _structure(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
-    del seen
+def draw_structure(estimate: TwoViewEstimate) -> Drawing:
+    """Return motion and structure of an estimate with a pose, from above and from the right."""
     figure = new_figure(11.0, 5.0)
     used = np.flatnonzero(estimate.inliers & np.isfinite(estimate.points).all(axis=1))
     unit, factor = ("mm", 1e3) if estimate.is_metric else ("lengths of t", 1.0)

@@ -108,6 +108,9 @@ def _draw_image(axes: Axes, plan: Plan, pose: RigidTransform, worst: ConstraintM
         axes.add_patch(Circle(camera.dead_zone.center, camera.dead_zone.radius, fc=FORBIDDEN, ec=QUIET))
     for corners in camera.mask:
         axes.add_patch(Polygon(corners, closed=True, fc=FORBIDDEN, ec=QUIET))
+    if plan.path is not None:
+        ways = np.stack([camera.project(at.inv().apply(problem.points))[0] for at in plan.path(_PLACES[::4])])
+        axes.plot(*np.moveaxis(ways, -1, 0), "-", color=PLANNED, lw=0.8, alpha=0.7)
     pixels, valid = camera.project(pose.inv().apply(problem.points))
     axes.plot(*pixels[valid].T, "o", ms=4, color="black")
     marked = _number(worst, "point")

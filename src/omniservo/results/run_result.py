@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
 
 from omniservo.cameras.conversion import to_unified
+from omniservo.drawn import drawn
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.perception import MatchedPoints
@@ -19,6 +21,9 @@ from omniservo.tasks.taught_goal import TaughtGoal
 from omniservo.tracking import Replanning
 from omniservo.tracking.followed_way import FollowedWay
 from omniservo.tracking.planned_motion import PlannedMotion
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,17 @@ class RunResult:
 
     recorded: RecordedAs | None = None
     """how much of it a recording has; None: it has none"""
+
+    def __repr__(self) -> str:
+        ended = self.metrics.get("status", self.log.stop_reason or "not scored")
+        return f"RunResult({self.task.name}, {self.method}, {ended}, {len(self.log.rows)} steps)"
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
+
+    def show(self) -> Figure:
+        """Return a Matplotlib figure of the camera's path in space, planned and executed."""
+        return cast("Figure", drawn("run_figure", self))
 
     @property
     def notices(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,12 +32,17 @@ from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.perception import JoinedPoints, TagKind, join_images
 from omniservo.runs.estimate_images import read_image
 from omniservo.runs.feature_kind_of import KindName, feature_kind
+from omniservo.runs.job_progress import Progress
 from omniservo.short_repr import short_repr
 from omniservo.targets import Target
 
 FORMAT = "omniservo.views/1"
 
 MOST_IMAGES = 50
+
+_JOINED = 0.9
+"""share of the job that is behind when the images are joined"""
+
 
 LEAST_SIGMAS = (1e-5, 1e-5)
 """[m], [rad] σ of a reported pose is taken as so much where a hand-eye calibration found less."""
@@ -158,7 +163,7 @@ def estimate_many_images(
     dictionary: str | None = None,
     scale: ImageScale | None = None,
     calibration_covariance: FloatArray | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = lambda stage, done: None,
 ) -> EstimatedViews:
     """Return what two to `MOST_IMAGES` image files of a target that stands still say, in any order.
 
@@ -169,7 +174,7 @@ def estimate_many_images(
         dictionary: of the tags.
         scale: what makes the estimate metric. None: nothing.
         calibration_covariance: as `Calibration.covariance`. None: the camera's parameters are exact.
-        progress: is called with what is being done.
+        progress: called with what is being done, and about what share of the job is behind.
 
     Raises:
         InputError: a file that is not what it should be, or scales that do not go together.
@@ -185,6 +190,7 @@ def estimate_many_images(
         raise InputError(f"edge: given with features: {features!r}; 'tags' is needed")
     arm = _displacements(known, files)
     points = join_images(model, [read_image(file, model) for file in files], kind, progress)
+    progress("estimating motion and structure", _JOINED)
     stated = arm if arm is not None else _scale(known, points, target, dictionary)
     views = ViewPoints(points.pixels, points.visible, points.noise, points.window)
     found = estimate_views(model, views, scale=stated, calibration_covariance=calibration_covariance)

@@ -3,6 +3,8 @@
 from omniservo.renamed import renamed
 from omniservo.simulation.outside_view import OutsideView, Viewpoint
 from omniservo.simulation.real_time_robot import RealTimeRobot
+from omniservo.simulation.render import ModelRenderer, Rendering, render
+from omniservo.simulation.scene_file import load_scene_model
 from omniservo.simulation.simulated_cell import SimulatedCell
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.take_picture import take_picture
@@ -10,13 +12,17 @@ from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
 
 __all__ = [
+    "ModelRenderer",
     "OutsideView",
     "RealTimeRobot",
+    "Rendering",
     "SimulatedCell",
     "SimulatedRobot",
     "UnifiedRenderer",
     "Viewpoint",
     "World",
+    "load_scene_model",
+    "render",
     "take_picture",
 ]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from typing import Any
 
 import mujoco
@@ -10,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.simulation.model_rays import FARTHEST, with_whole_balls
 from omniservo.simulation.world import ARM_GROUP, CAMERA_GROUP, SURROUNDINGS_GROUP, World
 
 MISS = -1
 """Geom number of a ray that meets nothing."""
 
-_FARTHEST = 1e6  # [m]
 _GEOM_GROUPS = 6
-_ROOM = 1.0 + 1e-9
-"""A ball's radius is rounded; what lies on it is met."""
 
 
 class RayCaster:
@@ -84,7 +81,7 @@ class RayCaster:
             distances,
             normals,
             count,
-            _FARTHEST,
+            FARTHEST,
         )
         return geoms, distances, normals.reshape(count, 3)
 
@@ -92,24 +89,17 @@ class RayCaster:
 def _for_rays(model: Any, groups: NDArray[np.uint8]) -> Any:
     """Return the model for rays that see the groups, in which MuJoCo asks less, and nothing wrong.
 
-    It first asks whether a ray meets a body's ball (3.17), then for each shape whether it lies in the angles
-    of the shape's box. Its own ball holds the shapes that are touched, and is misplaced where the body's
-    inertia is stated off its origin with skew axes: what sticks out of it would not be met. Here it lies
-    round the body's centre of mass, where MuJoCo puts it, and holds all shapes. What stands around is tested
-    by its boxes alone: all of it counts as one body, and bodies without shapes that are seen as none.
+    It first asks whether a ray meets a body's ball (`with_whole_balls`), then for each shape whether it lies
+    in the angles of the shape's box. What stands around is tested by its boxes alone: all of it counts as one
+    body, and bodies without shapes that are seen as none.
     """
-    model = copy(model)
-    reach = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1) + model.geom_rbound
-    reach[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE] = _FARTHEST
-    for first, geoms, tree in zip(model.body_geomadr, model.body_geomnum, model.body_bvhadr, strict=True):
-        if tree >= 0:
-            model.bvh_aabb[tree] = [0.0, 0.0, 0.0, _ROOM * reach[first : first + geoms].max(), 0.0, 0.0]
+    model = with_whole_balls(model)
     seen = groups[model.geom_group] > 0
     around = np.flatnonzero(model.geom_group == SURROUNDINGS_GROUP)
     if len(around) and np.ptp(around) + 1 == len(around):  # a body's shapes follow one another
         holder = model.geom_bodyid[around[0]]
         model.body_geomnum[holder] = len(around)
-        model.bvh_aabb[model.body_bvhadr[holder], 3] = _FARTHEST
+        model.bvh_aabb[model.body_bvhadr[holder], 3] = FARTHEST
         seen[around[1:]] = False
     passed = np.setdiff1d(np.arange(model.nbody), model.geom_bodyid[seen])
     model.body_geomnum[passed], model.body_bvhadr[passed] = 0, -1

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.adjustment.equivalence import SAME_PX, Equivalent
 from omniservo.cameras import UnifiedCamera
+from omniservo.drawn import drawn
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
@@ -106,6 +107,9 @@ class Calibration:
     """the side of the targets' planes on which the camera was: "-z" (z points away from the viewer, as on
     OpenCV's boards), "+z", "both" (some views' corners are in mirrored order), "solid" (not planar)"""
     seconds: float
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
 
     def __repr__(self) -> str:
         words = [self.status, f"{len(self.views_used)} views"]

@@ -23,6 +23,9 @@ from omniservo.perception import find_tags
 from omniservo.renamed import renamed_arguments
 from omniservo.targets import Target
 
+_LOOKS = 0.9
+"""share of the job that looking for the boards takes"""
+
 _SAME = 1e-6
 """of the board's extent: how near a turned board's points are to its own"""
 
@@ -54,7 +57,7 @@ def calibrate_hand_eye_images(
     images: Sequence[str | Path],
     target: Board | Target,
     *,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[str, float], object] = lambda stage, done: None,
 ) -> ImageHandEye:
     """Return where the camera sits on the flange, from one image at each pose; see `calibrate_hand_eye`.
 
@@ -63,7 +66,7 @@ def calibrate_hand_eye_images(
         base_T_flange: n poses as the robot reports them.
         images: n files, in the same order.
         target: what stands still in front of the arm: a board, or tags of known size and place.
-        progress: called with what is being done.
+        progress: called with what is being done, and about what share of the job is behind.
 
     Raises:
         InputError: other numbers of poses and images, no image, another size than the camera's, no target.
@@ -74,13 +77,13 @@ def calibrate_hand_eye_images(
     paths = tuple(Path(image) for image in images)
     found = []
     for i, path in enumerate(paths):
-        progress(f"looking for the board: {i + 1} of {len(paths)}")
+        progress(f"looking for the board: {i + 1} of {len(paths)}", _LOOKS * i / len(paths))
         try:
             found.append(_look(read_grey_image(path), camera, target))
         except InputError as error:
             raise InputError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
     turns = turns_of(target) if isinstance(target, Board) and any(seen.turnable for seen in found) else ()
-    progress(f"calibrating from {sum(len(seen.pixels) > 0 for seen in found)} views")
+    progress(f"calibrating from {sum(len(seen.pixels) > 0 for seen in found)} views", _LOOKS)
     result = calibrate_hand_eye(
         camera, poses, [seen.pixels for seen in found], [seen.points for seen in found], turns=turns
     )

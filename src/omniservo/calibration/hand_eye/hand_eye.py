@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.drawn import drawn
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
@@ -106,6 +107,9 @@ class HandEye:
     """wall time [s]"""
 
     tool_T_camera = renamed_attribute("tool_T_camera", "flange_T_camera")
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
 
     def __repr__(self) -> str:
         words = [self.status, f"{len(self.views)} views"]

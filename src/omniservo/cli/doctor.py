@@ -1,0 +1,25 @@
+"""``omniservo doctor``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no
+
+
+def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+    """Check what of this machine matters, and say what to do next: exit 0 where all is well, else 1."""
+    output = Output(as_json, quiet)
+    with output.working("checking this machine"):
+        from omniservo.cli.machine_checks import machine_checks
+
+        checks = list(machine_checks())
+    for check in checks:
+        output.line(f"{check.verdict:<6}{check.name:<13}{check.found}")
+        if check.next_step:
+            output.line(f"{'':<6}{'':<13}→ {check.next_step}")
+    wrong = [check for check in checks if check.verdict == "wrong"]
+    output.result({"well": not wrong, "checks": [asdict(check) for check in checks]})
+    if wrong:
+        raise answer_is_no("; ".join(f"{check.name}: {check.found}: {check.next_step}" for check in wrong))
+    output.line("all is well")

@@ -1,0 +1,155 @@
+"""What render draws of a MuJoCo model is what MuJoCo's own rays meet and its own renderer shows."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo import UnifiedCamera, render
+from omniservo.cameras.models import Equirectangular, KannalaBrandt
+from omniservo.errors import InputError
+from omniservo.simulation import load_scene_model
+from omniservo.simulation.mesh_coordinates import mesh_coordinates
+
+SCENE = Path(__file__).resolve().parents[2] / "examples/scene.xml"
+POSE = RigidTransform.from_components([0.1, -0.9, 0.5], Rotation.from_euler("x", -100, degrees=True))
+SHOWN = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+
+CAMERAS = {
+    "perspective": UnifiedCamera(90, 90, 79.5, 59.5, 0.0, 160, 120),
+    "fisheye": UnifiedCamera(74, 74, 79.5, 59.5, 1.3, 160, 120, max_angle=np.radians(92.5)),
+    "mirror": UnifiedCamera(-40, 40, 79.5, 59.5, 0.9, 160, 120, dead_zone={"center": [80, 60], "radius": 12}),
+    "past 180°": KannalaBrandt(35, 35, 79.5, 59.5, 160, 120, k=(0, 0, 0, 0), max_angle=np.radians(110)),
+    "masked": UnifiedCamera(90, 90, 79.5, 59.5, 0.0, 160, 120, mask=[[[0, 0], [40, 0], [0, 40]]]),
+    "whole sphere": Equirectangular(160, 80),
+}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    model = load_scene_model(SCENE)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_distances_and_geoms_are_those_of_mujocos_own_ray_of_each_pixel(scene, name):
+    model, data = scene
+    camera = CAMERAS[name]
+    seen = render(model, data, camera, POSE)
+    u, v = np.meshgrid(np.arange(0, camera.width, 5), np.arange(0, camera.height, 5))
+    bearings, valid = camera.unproject(np.stack([u, v], axis=-1).astype(float))
+    valid &= camera.in_image(np.stack([u, v], axis=-1).astype(float))
+    assert (seen.valid[v, u] == valid).all()
+    assert (seen.geoms[v, u][~valid] == -1).all()
+    met, geom = set(), np.zeros(1, dtype=np.int32)
+    for row, column in np.argwhere(valid):
+        way = POSE.rotation.apply(bearings[row, column])
+        alone = mujoco.mj_ray(model, data, POSE.translation, way, SHOWN, True, -1, geom)
+        at = v[row, column], u[row, column]
+        if alone < 0.0:
+            assert np.isnan(seen.distance[at])
+            assert seen.geoms[at] == -1
+        else:
+            assert seen.distance[at] == pytest.approx(alone, abs=1e-9)
+            assert seen.geoms[at] == geom[0]
+            met.add(int(geom[0]))
+    assert len(met) >= 2  # the mirror reverses what is beside it
+
+
+@pytest.mark.parametrize(("name", "row", "column"), [("masked", 3, 3), ("mirror", 60, 80), ("fisheye", 2, 2)])
+def test_what_the_lens_does_not_see_is_black(scene, name, row, column):
+    seen = render(*scene, CAMERAS[name], POSE)
+    assert not seen.valid[row, column]
+    assert not seen.image[row, column].any()
+    assert np.isnan(seen.distance[row, column])
+    assert seen.image.any()
+
+
+OWN = """
+import sys, mujoco, numpy as np
+model = mujoco.MjModel.from_xml_path(sys.argv[1])
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+renderer = mujoco.Renderer(model, 240, 320)
+renderer.update_scene(data, camera="own")
+np.save(sys.argv[2], renderer.render())
+"""
+
+
+def test_a_perspective_image_is_that_of_mujocos_own_renderer(tmp_path):
+    """Shadows' borders and acne aside; the headlight off, which shines from the centre here."""
+    xml = SCENE.read_text().replace("<headlight", '<headlight active="0"')
+    camera = '<camera name="own" pos="1.2 -1.1 1.1" xyaxes=".67 .74 0 -.42 .38 .82" fovy="45"/></worldbody>'
+    (tmp_path / "scene.xml").write_text(xml.replace("</worldbody>", camera))
+    (tmp_path / "own.py").write_text(OWN)
+    ended = subprocess.run(
+        [sys.executable, "own.py", "scene.xml", "own.npy"], cwd=tmp_path, capture_output=True, check=False,
+        env={"MUJOCO_GL": "egl", "PYTHONPATH": ":".join(sys.path)},
+    )  # fmt: skip
+    if not (tmp_path / "own.npy").exists():
+        pytest.skip(f"no EGL here: {ended.stderr[-80:]!r}")
+    own = np.load(tmp_path / "own.npy").astype(int)
+    model = load_scene_model(tmp_path / "scene.xml")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    axes = data.cam_xmat[0].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
+    pose = RigidTransform.from_components(data.cam_xpos[0], Rotation.from_matrix(axes))
+    focal = 120.0 / np.tan(np.radians(22.5))
+    ours = render(model, data, UnifiedCamera(focal, focal, 159.5, 119.5, 0.0, 320, 240), pose)
+    off = np.abs(ours.image - own).max(axis=-1)
+    for geom in range(model.ngeom):
+        of_it = off[ours.geoms == geom]
+        assert len(of_it) > 50, geom
+        smoothed = model.geom(geom).name == "pyramid"  # there; by its faces here
+        assert np.median(of_it) <= (30 if smoothed else 6), model.geom(geom).name
+    assert np.quantile(off, 0.9) <= 20
+    assert np.median(off[ours.geoms < 0]) <= 2  # the sky
+
+
+def test_points_of_a_mesh_lie_in_its_texture_where_its_faces_say(scene):
+    """Each face of the pyramid is linear in its corners' coordinates."""
+    model, _ = scene
+    rng = np.random.default_rng(2)
+    mesh = model.mesh("pyramid").id
+    faces, begin = model.mesh_face[: model.mesh_facenum[mesh]], int(model.mesh_texcoordadr[mesh])
+    shares = rng.dirichlet([1.0, 1.0, 1.0], (len(faces), 40))
+    points = np.einsum("fpk,fkj->fpj", shares, model.mesh_vert[faces].astype(float)).reshape(-1, 3)
+    stated = model.mesh_texcoord[begin + model.mesh_facetexcoord[: len(faces)]]
+    expected = np.einsum("fpk,fkj->fpj", shares, stated.astype(float)).reshape(-1, 2)
+    np.testing.assert_allclose(mesh_coordinates(model, mesh, points), expected, atol=1e-6)
+
+
+def test_a_shape_hides_a_lamp_from_what_is_behind_it():
+    xml = """<mujoco><visual><headlight active="0"/></visual><worldbody>
+      <light type="directional" dir="0 0 -1" diffuse="1 1 1" specular="0 0 0" castshadow="{}"/>
+      <geom type="plane" size="3 3 .1" rgba="1 1 1 1"/><geom type="box" size=".2 .2 .01" pos="0 0 1"/>
+    </worldbody></mujoco>"""
+    below = RigidTransform.from_components([0.0, 0.0, 0.5], Rotation.from_euler("x", 180, degrees=True))
+    middles = []
+    for shadow in ("true", "false"):
+        model = mujoco.MjModel.from_xml_string(xml.format(shadow))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        image = render(model, data, UnifiedCamera(40, 40, 39.5, 29.5, 0.0, 80, 60), below).image
+        middles.append((int(image[30, 40, 0]), int(image[2, 2, 0])))
+    assert middles == [(0, 255), (255, 255)]
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 2, 3])
+def test_wrong_values_are_named(scene, wrong):
+    given = [*scene, CAMERAS["fisheye"], POSE]
+    given[wrong] = "nothing"
+    with pytest.raises(InputError, match=f"^{('model', 'data', 'camera', 'pose')[wrong]}: "):
+        render(*given)
+
+
+def test_data_of_another_model_is_refused(scene):
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(InputError, match="data: of another model"):
+        render(scene[0], mujoco.MjData(model), CAMERAS["fisheye"], POSE)

@@ -1,0 +1,66 @@
+"""Scene files that no one need trust are read within bounds, or refused by name."""
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from omniservo.errors import InputError
+from omniservo.simulation import load_scene_model
+
+
+def written(folder, inner="", asset="", top=""):
+    text = f"<mujoco>{top}<asset>{asset}</asset><worldbody><geom size='.1'/>{inner}</worldbody></mujoco>"
+    (folder / "scene.xml").write_text(text)
+    return folder / "scene.xml"
+
+
+REFUSED = {
+    "a document type": ({"top": ""}, "DOCTYPE", "<!DOCTYPE x [<!ENTITY a 'b'>]>"),
+    "an include outside": ({"top": "<include file='../other.xml'/>"}, "inside the file's folder", ""),
+    "an include of itself": ({"top": "<include file='scene.xml'/>"}, "once, and 16 files", ""),
+    "a texture outside": ({"asset": "<texture type='2d' file='/etc/passwd'/>"}, "inside the file's", ""),
+    "a texture that is none": ({"asset": "<texture type='2d' file='scene.xml'/>"}, "not an image", ""),
+    "a huge texture": (
+        {"asset": "<texture type='2d' builtin='flat' width='100000' height='9'/>"}, "at most 4096 a side", "",
+    ),
+    "a huge height field": (
+        {"asset": "<hfield name='h' nrow='90000' ncol='9' size='1 1 1 1'/>"}, "at most 4096 a side", "",
+    ),
+    "a mesh outside": ({"asset": "<mesh file='../../a.stl'/>"}, "inside the file's folder", ""),
+    "a mesh of another format": ({"asset": "<mesh file='a.msh'/>"}, "legal: .stl, .obj", ""),
+    "a made mesh": ({"asset": "<mesh name='m' builtin='supersphere' params='9 9 9'/>"}, "vertex", ""),
+    "a plugin": ({"top": "<extension><plugin plugin='x'/></extension>"}, "<extension> in <mujoco>", ""),
+    "many parts of one element": ({"inner": "<replicate count='1000000'/>"}, "<replicate> in the tree", ""),
+    "a composite": ({"inner": "<composite type='cable'/>"}, "<composite> in the tree", ""),
+    "a model of another file": ({"asset": "<model file='scene.xml'/>"}, "<model> in <asset>", ""),
+    "an infinite number": ({"inner": "<geom size='inf'/>"}, "inf", ""),
+    "an unknown material": ({"inner": "<geom size='.1' material='no'/>"}, "MuJoCo cannot read it", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_could_read_or_grow_is_refused_by_name(tmp_path, what):
+    parts, words, before = REFUSED[what]
+    path = written(tmp_path, **parts)
+    path.write_text(before + path.read_text())
+    with pytest.raises(InputError, match=words) as refused:
+        load_scene_model(path)
+    assert str(tmp_path) in str(refused.value)
+
+
+def test_a_scene_with_includes_textures_meshes_and_what_moves_is_read(tmp_path):
+    Image.fromarray(np.full((4, 8, 3), [200, 10, 10], dtype=np.uint8)).save(tmp_path / "red.png")
+    (tmp_path / "more.xml").write_text(
+        "<mujocoinclude><asset><texture name='t' type='2d' file='red.png'/><material name='m' texture='t'/>"
+        "</asset></mujocoinclude>"
+    )
+    path = written(
+        tmp_path,
+        inner="<body name='b'><joint name='j' type='hinge'/><geom name='g' size='.2' material='m'/></body>",
+        top="<include file='more.xml'/><option timestep='1'/><actuator><motor joint='j'/></actuator>",
+    )
+    model = load_scene_model(path)
+    assert isinstance(model, mujoco.MjModel)
+    assert (model.ngeom, model.njnt, model.nu) == (2, 1, 0)
+    assert model.tex_data[:3].tolist() == [200, 10, 10]
