@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test check bench bench-planning bench-estimation readme lock clean wheel
+.PHONY: demo test check docs bench bench-planning bench-estimation readme lock clean wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -22,6 +22,13 @@ check: $(STAMP)
 	$(BIN)/ruff format --check src tests benchmarks examples
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The documentation as a site that opens from the disk, with search; a warning is an error.
+docs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-docs.lock
+	$(BIN)/python -m benchmarks.api_page
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "open site/index.html"
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks.table
@@ -55,6 +62,7 @@ lock:
 	$(PYTHON) -m pip install --quiet uv
 	$(PYTHON) -m uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --no-emit-index-url --output-file requirements.lock
 	$(PYTHON) -m uv pip compile --group bench --constraint requirements.lock --universal --python-version 3.11 --no-emit-index-url --output-file requirements-bench.lock
+	$(PYTHON) -m uv pip compile --group docs --constraint requirements.lock --universal --python-version 3.11 --no-emit-index-url --output-file requirements-docs.lock
 
 clean:
-	rm -rf $(VENV) dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) dist build site .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

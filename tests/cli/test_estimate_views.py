@@ -4,6 +4,7 @@ import json
 import shutil
 
 import cv2
+import jsonschema
 import numpy as np
 import pytest
 from benchmarks.pictured_scenes import Face, crate, motion, picture_of
@@ -15,6 +16,7 @@ from omniservo.perception import DotKind, tag_cells, tag_picture
 from omniservo.perception.feature_kind import MatchedPoints
 from omniservo.perception.join_images import join_images
 from omniservo.runs import ImageScale, estimate_many_images
+from omniservo.schemas import json_schema
 
 from .calling import call
 
@@ -75,6 +77,7 @@ def test_the_command_gives_every_motion_in_any_order_and_what_one_more_image_wou
     code, out, _ = call(capsys, "estimate", *NATURAL, "--displacement", known, "--json", *crates)
     assert code == 0
     answer = json.loads(out)
+    jsonschema.validate(answer, json_schema("views"))
     assert answer["status"] == "ok"
     assert [image["status"] for image in answer["images"]] == ["ok"] * 4
     for image, true in zip(answer["images"], true_poses(), strict=True):

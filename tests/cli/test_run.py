@@ -3,11 +3,14 @@
 import contextlib
 import io
 import json
+import shlex
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from tests.cli.calling import call
 from tests.cli.test_command_line import written
+from tests.project.agents_page import CONSOLE, FILES, TEXT, differences, shown
 
 from omniservo.cli.main import main
 from omniservo.files import read_document
@@ -88,3 +91,19 @@ def test_stages_are_told_one_a_line_with_what_is_left(ran):
         "writing the report",
     ]
     assert all("; about " in stage for stage in stages[4:])
+
+
+def test_run_and_what_follows_from_it_give_the_json_on_the_agents_page(ran, capsys, tmp_path):
+    result = ran[0] / "runs" / "paper-example-1-2"
+    pages = {command.split()[0] + ("" if "--estimate" not in command else " --estimate"): (command, answer)
+             for command, answer in CONSOLE.findall(TEXT)}  # fmt: skip
+    metrics = json.loads((result / "metrics.json").read_text())
+    assert list(differences(shown(pages["run"][1]), {**metrics, "out": "result"})) == []
+    (tmp_path / "result").symlink_to(result)
+    for name, content in FILES.findall(TEXT):
+        (tmp_path / name).write_text(content)
+    with contextlib.chdir(tmp_path):
+        for command, answer in (pages["estimate"], pages["plan --estimate"]):
+            code, out, err = call(capsys, *shlex.split(command))
+            assert code == 0, err
+            assert list(differences(shown(answer), json.loads(out))) == []

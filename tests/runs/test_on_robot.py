@@ -4,6 +4,7 @@ import json
 import time
 from contextlib import closing
 
+import jsonschema
 import numpy as np
 import pytest
 import yaml
@@ -19,6 +20,7 @@ from omniservo.runs.robot_delay import RobotDelay
 from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
 from omniservo.safety import SafetyOptions
 from omniservo.scenes import scene_of_task
+from omniservo.schemas import json_schema
 from omniservo.tasks import load_robot, load_task
 
 TASK = load_task("ur5e-table")
@@ -210,7 +212,8 @@ def test_what_was_measured_is_read_again_where_it_was_measured(robot_file):
     path = robot_file()
     robot = load_robot(path)
     assert stored_delay(path, robot) is None
-    save_delay(path, robot, FOUND)
+    written = save_delay(path, robot, FOUND)
+    jsonschema.validate(json.loads(written.read_text()), json_schema("robot-delay"))
     found = stored_delay(path, robot)
     assert (found.camera_offset, found.camera_sigma, found.actuation_lag) == (0.043, 0.0015, 0.021)
     options = found.within(SafetyOptions(image_age=0.7))

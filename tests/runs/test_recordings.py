@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import jsonschema
 import numpy as np
 import pytest
 from tests.runs.changed_task import short, written
@@ -17,6 +18,7 @@ from omniservo.files import noting_reads
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording, topics
 from omniservo.runs import export_run, replay_run, run_into, run_task
 from omniservo.runs.comparison import Comparison
+from omniservo.schemas import json_schema
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
@@ -117,8 +119,10 @@ def test_a_recording_holds_every_image_of_the_servo_and_what_was_made_of_it(reco
     goal = json.loads((run / "plan.json").read_text())["problem"]["goal"]["translation"]
     end = path.poses[-1].pose.position
     assert [end.x, end.y, end.z] == pytest.approx(goal, abs=1e-8)
-    names = {e.name for e in RecordedRun(recording) if isinstance(e, Attachment)}
-    assert names == {
+    attached = {e.name: e.data for e in RecordedRun(recording) if isinstance(e, Attachment)}
+    for name in ("run", "goal", "estimate", "plan"):
+        jsonschema.validate(json.loads(attached[f"{name}.json"]), json_schema(name))
+    assert set(attached) == {
         "files/task.yaml", "run.json", "goal.json", "estimate.json", "plan.json", "safety.json",
         "metrics.json",
     }  # fmt: skip

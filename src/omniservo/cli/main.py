@@ -24,6 +24,7 @@ from omniservo.cli import (
     render,
     robot,
     run,
+    schema,
     sim,
     teach,
     verify,
@@ -50,6 +51,7 @@ app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
 app.command("examples")(examples.examples)
 app.command("render")(render.render)
+app.command("schema")(schema.schema)
 app.command("warm-up")(warm_up.warm_up)
 app.command("doctor")(doctor.doctor)
 app.add_typer(camera.app, name="camera")

@@ -20,13 +20,13 @@ from omniservo.tasks import RobotFile
 FRESH = 24.0 * 3600.0
 """A check counts for so long [s]."""
 
-_CHECK, _DELAY = "omniservo.robot-check/1", "omniservo.robot-delay/1"
+CHECK, DELAY = "omniservo.robot-check/1", "omniservo.robot-delay/1"
 
 
 def save_check(robot: Path) -> Path:
     """Keep that the robot of this file was found fit, now; return where."""
     path = robot.with_suffix(".check.json")
-    document = {"format": _CHECK, "robot_sha256": _hash(robot), "time": time.time()}
+    document = {"format": CHECK, "robot_sha256": _hash(robot), "time": time.time()}
     write_whole(path, json.dumps(document, indent=2) + "\n", force=True)
     return path
 
@@ -41,7 +41,7 @@ def require_check(robot: Path) -> None:
     again = f"run: omniservo robot check {robot}"
     if not is_file(path):
         raise InputError(f"{robot}: not checked yet; {again}")
-    document = _document(path, _CHECK)
+    document = _document(path, CHECK)
     if document.get("robot_sha256") != _hash(robot):
         raise InputError(f"{robot}: changed since it was checked; {again}")
     age = time.time() - finite_number(f"{path}: time", document.get("time"))
@@ -75,7 +75,7 @@ def save_delay(path: Path, robot: RobotFile, found: RobotDelay) -> Path:
     """Keep how late the robot of this file is; return where."""
     beside = path.with_suffix(".delay.json")
     document = {
-        "format": _DELAY,
+        "format": DELAY,
         **_measured_with(robot),
         "camera_offset_s": found.camera.offset,
         "camera_offset_sigma_s": found.camera.sigma,
@@ -95,7 +95,7 @@ def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
     beside = path.with_suffix(".delay.json")
     if not is_file(beside):
         return None
-    document = _document(beside, _DELAY)
+    document = _document(beside, DELAY)
     for name, now in _measured_with(robot).items():
         if document.get(name) != now:
             raise InputError(

@@ -35,7 +35,7 @@ def with_obstacle_files(planning: Any, files: TaskFiles, metres: float) -> Any:
 
 def _parts(obstacle: Any, number: int, files: TaskFiles, metres: float) -> list[Any]:
     kind = obstacle.get("type") if isinstance(obstacle, dict) else None
-    if kind not in _COORDINATES or "file" not in obstacle:
+    if not isinstance(kind, str) or kind not in _COORDINATES or "file" not in obstacle:
         return [obstacle]
     place, name, coordinates = f"planning.obstacles.{number}", obstacle["file"], _COORDINATES[kind]
     own = f"{place}.file"

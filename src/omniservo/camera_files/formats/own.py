@@ -16,7 +16,7 @@ from omniservo.cameras.models import MODEL_NAMES, CentralModel, camera_from_dict
 KINDS: tuple[type, ...] = ()
 """every model"""
 
-_FORMAT = "omniservo.camera/1"
+FORMAT = "omniservo.camera/1"
 
 
 def recognises(fields: Any) -> bool:
@@ -38,8 +38,8 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another version, or a field is missing, unknown or not legal.
     """
-    if file.fields.get("format", _FORMAT) != _FORMAT:
-        raise file.error(f"{file.fields['format']!r} given; legal: {_FORMAT!r}", "format")
+    if file.fields.get("format", FORMAT) != FORMAT:
+        raise file.error(f"{file.fields['format']!r} given; legal: {FORMAT!r}", "format")
     fields = {key: value for key, value in file.fields.items() if key != "format"}
     model = camera_from_dict(fields, source=file.source)
     file.image_size((model.width, model.height), "width")
@@ -48,5 +48,5 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
 
 def text_of(model: CentralModel, suffix: str) -> str:
     """Return the file's text: JSON for .json, else YAML."""
-    fields = {"format": _FORMAT, **model.to_dict()}
+    fields = {"format": FORMAT, **model.to_dict()}
     return as_json(fields) if suffix == ".json" else as_yaml(fields)

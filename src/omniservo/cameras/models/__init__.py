@@ -14,7 +14,7 @@ from omniservo.cameras.models.pinhole import Pinhole
 from omniservo.cameras.unified_camera import UnifiedCamera
 from omniservo.errors import InputError, spelled
 
-_CLASSES: tuple[type[LensModel], ...] = (
+MODEL_CLASSES: tuple[type[LensModel], ...] = (
     KannalaBrandt,
     ExtendedUnified,
     DoubleSphere,
@@ -24,6 +24,7 @@ _CLASSES: tuple[type[LensModel], ...] = (
 )
 
 __all__ = [
+    "MODEL_CLASSES",
     "MODEL_NAMES",
     "CentralModel",
     "DoubleSphere",
@@ -35,7 +36,7 @@ __all__ = [
     "camera_from_dict",
 ]
 
-MODEL_NAMES = ("unified", *(kind.model for kind in _CLASSES))
+MODEL_NAMES = ("unified", *(kind.model for kind in MODEL_CLASSES))
 """what "model" is in `to_dict`"""
 
 
@@ -50,7 +51,7 @@ def camera_from_dict(fields: Mapping[str, Any], source: str = "camera") -> Centr
         InputError: an unknown model, or a field is missing, unknown or not legal.
     """
     model = fields.get("model") if isinstance(fields, Mapping) else None
-    for kind in _CLASSES:
+    for kind in MODEL_CLASSES:
         if model == kind.model:
             return kind.from_dict(fields, source)
     if isinstance(fields, Mapping) and "model" in fields and model != "unified":

@@ -1,0 +1,125 @@
+"""JSON schemas of task and robot files: those of pydantic's sections, and what only a file has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import AliasChoices
+from pydantic.fields import FieldInfo
+from pydantic.json_schema import GenerateJsonSchema
+
+from omniservo.field_docs import _fields_of  # what `help` shows of dataclasses; these are models
+from omniservo.schemas.camera_schema import camera_schema
+from omniservo.schemas.problem_schema import FILE
+from omniservo.schemas.result_schemas import UNITS_FIELD
+from omniservo.schemas.shapes import NUMBER, TEXT, Schema, either, mapping, nullable, said, several
+from omniservo.tasks.robot_file import FORMAT as ROBOT
+from omniservo.tasks.robot_file import RobotFile
+from omniservo.tasks.section import Section
+from omniservo.tasks.task import FORMAT as TASK
+from omniservo.tasks.task import Task
+
+CAMERA: Schema = {"$ref": "#/$defs/camera"}
+_NAMED_CAMERA = said(either(TEXT, CAMERA), "a preset's name, a calibration file, or a camera")
+
+
+class _Plain(GenerateJsonSchema):
+    """Without titles, which only repeat the fields' names."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
+def task_schema() -> Schema:
+    """Return the schema of a task's file."""
+    schema = _file_schema(Task, TASK)
+    parts, fields = schema["$defs"], schema["properties"]
+    fields["camera"] = _NAMED_CAMERA
+    parts["SimulationSection"]["properties"]["true_camera"] = nullable(_NAMED_CAMERA)
+    tube = said(nullable(TEXT), "shipped, or the file of one that was measured")
+    parts["Planning"]["properties"]["tracking_tube"] = tube
+    for kind, coordinates in (("MeshSection", "vertices"), ("CloudSection", "points")):
+        section = parts[kind]
+        section["properties"].update(FILE)
+        section["required"].remove(coordinates)
+        section["oneOf"] = [{"required": [coordinates]}, {"required": ["file"]}]
+    parts["Scale"]["oneOf"] = [
+        *(_given(name, {"not": {"type": "null"}}) for name in ("displacement", "known_length")),
+        *(_given(name, {"const": True}) for name in ("odometry", "tags")),
+    ]
+    parts["TargetSection"]["oneOf"] = [
+        {**_given("dots", {"minItems": 1}), "required": ["dots", "dot_radius"]},
+        *({**_given(name, {}), "not": {"required": ["dot_radius"]}} for name in ("tags", "textures")),
+    ]
+    joints = said(several(NUMBER, 6, 7), "one number a joint, as the arm's controller reports them")
+    fields["start"] = {"oneOf": [{"$ref": "#/$defs/StartSection"}, mapping({"joints": joints})]}
+    return schema
+
+
+def _given(name: str, what: Schema) -> Schema:
+    return {"required": [name], "properties": {name: what}}
+
+
+def robot_schema() -> Schema:
+    """Return the schema of a robot file."""
+    schema = _file_schema(RobotFile, ROBOT)
+    schema["$defs"]["RobotCamera"]["properties"]["calibration"] = _NAMED_CAMERA
+    del schema["$defs"]["ArmMount"]["properties"]["foot"]  # where it stands is said by the task
+    return schema
+
+
+def _file_schema(document: type[Section], format_name: str) -> Schema:
+    schema = document.model_json_schema(schema_generator=_Plain)
+    parts = {**schema["$defs"], document.__name__: schema}
+    for section in _sections(document):
+        _describe(parts[section.__name__], section)
+    schema["properties"] = {"format": {"const": format_name}, "units": UNITS_FIELD, **schema["properties"]}
+    schema["required"] = ["format", *schema["required"]]
+    schema["$defs"]["camera"] = camera_schema()
+    arm = schema["$defs"]["ArmMount"]
+    file = said(TEXT, "the file of a hand-eye calibration")
+    for name in ("flange_T_camera", "tool_T_camera"):
+        arm["properties"][name] = either(file, arm["properties"][name])
+    return schema
+
+
+def _describe(schema: Schema, section: type[Section]) -> None:
+    """Add what stands under the fields in the source, and the names that they have in older files."""
+    words = {name: text for cls in reversed(section.__mro__) for name, text in _fields_of(cls).items()}
+    for name, field in section.model_fields.items():
+        names = _names(name, field)
+        described = schema["properties"].setdefault(names[0], {})
+        if name in words and words[name] != str(section.__annotations__.get(name)):
+            described["description"] = " ".join(words[name].split())
+        for older in names[1:]:
+            schema["properties"][older] = {**described, "deprecated": True}
+        if len(names) > 1 and names[0] in schema.get("required", ()):
+            schema["required"].remove(names[0])
+            schema["oneOf"] = [{"required": [one]} for one in names]
+        elif len(names) > 1:
+            schema["not"] = {"required": names}
+
+
+def _names(name: str, field: FieldInfo) -> list[str]:
+    if isinstance(field.validation_alias, AliasChoices):
+        return [str(choice) for choice in field.validation_alias.choices]
+    return [str(field.validation_alias or field.alias or name)]
+
+
+def _sections(section: type[Section]) -> set[type[Section]]:
+    """Return a section with all that stand inside of it."""
+    found, waiting = set(), [section]
+    while waiting:
+        one = waiting.pop()
+        if one not in found:
+            found.add(one)
+            waiting += [s for field in one.model_fields.values() for s in _sections_in(field.annotation)]
+    return found
+
+
+def _sections_in(annotation: Any) -> Iterator[type[Section]]:
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _sections_in(inner)
