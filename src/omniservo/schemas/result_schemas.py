@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 from omniservo.calibration.hand_eye.hand_eye import FORMAT as HAND_EYE
 from omniservo.calibration.hand_eye.robot_poses_file import FORMAT as ROBOT_POSES
 from omniservo.estimation.two_view_estimate import FORMAT as ESTIMATE
 from omniservo.estimation.two_view_estimate import STATUSES
 from omniservo.files import UNITS
 from omniservo.robots.path_following.tracking_tube import FORMAT as TUBE
+from omniservo.run_methods import METHODS
 from omniservo.runs.estimate_many_images import FORMAT as VIEWS
-from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_records import CHECK, DELAY
 from omniservo.runs.run_inputs import FORMAT as RUN
 from omniservo.schemas.camera_schema import camera_schema
@@ -215,7 +213,7 @@ def run_schema() -> Schema:
     return of_format(
         RUN,
         {
-            "method": choice(*get_args(Method)),
+            "method": choice(*METHODS),
             "seed": COUNT,
             "task": said(TEXT, "its file, beside this one"),
             "packages": {"type": "object", "additionalProperties": TEXT},
