@@ -7,6 +7,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,6 +60,51 @@ def test_help_has_every_public_field_with_what_stands_under_it_in_the_source(nam
     for field in dataclasses.fields(cls):
         if not field.name.startswith("_"):
             assert re.search(rf"^ +(\w+, )*{field.name}(, \w+)*: .", sections, re.MULTILINE), field.name
+
+
+def public_callables(name):
+    """Yield a public function or class, with its public methods."""
+    value = getattr(omniservo, name)
+    if not inspect.isclass(value):
+        yield name, value
+        return
+    if not issubclass(value, Exception):
+        yield name, value.__init__
+    for method, held in vars(value).items():
+        function = (
+            getattr(held, "fget", None) or getattr(held, "func", None) or getattr(held, "__func__", held)
+        )
+        public = not method.startswith("_") and inspect.isfunction(function)
+        if public and function.__module__ != "omniservo.renamed":  # names of before
+            yield f"{name}.{method}", function
+
+
+@pytest.mark.parametrize("name", omniservo.__all__)
+def test_help_answers_for_every_public_name(name):
+    value = getattr(omniservo, name)
+    doc = inspect.getdoc(value)
+    assert doc
+    assert doc != inspect.getdoc(object)
+    shown = pydoc.plain(pydoc.render_doc(value))
+    assert doc.splitlines()[0] in shown
+    for called, function in public_callables(name):
+        assert function.__name__ == "__init__" or inspect.getdoc(function), called
+
+
+@pytest.mark.parametrize("name", omniservo.__all__)
+def test_every_public_name_states_all_its_types(name):
+    for called, function in public_callables(name):
+        signature = inspect.signature(function)
+        given = [p for p in signature.parameters.values() if p.name not in ("self", "cls")]
+        if signature.return_annotation is inspect.Signature.empty and function.__name__ == "__init__":
+            given = [p for p in given if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        else:
+            assert signature.return_annotation is not inspect.Signature.empty, called
+        assert all(p.annotation is not inspect.Parameter.empty for p in given), called
+
+
+def test_the_package_says_that_it_is_typed():
+    assert (Path(omniservo.__file__).parent / "py.typed").is_file()
 
 
 def test_help_of_an_option_says_what_it_means():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -13,8 +13,12 @@ from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.domain_warnings import domain_warnings
 from omniservo.cameras.image_mask import ImageMask
 from omniservo.cameras.model_error import ModelError
+from omniservo.drawn import drawn
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.short_repr import short_repr
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Kernels = tuple[
     Callable[[FloatArray, FloatArray, FloatArray, BoolArray], None],
@@ -48,6 +52,13 @@ class KernelCamera:
             """Return the camera's fields."""
 
     __repr__ = short_repr
+
+    def _repr_html_(self) -> str:
+        return str(drawn("value_html", self))
+
+    def plot_field(self) -> Figure:
+        """Return a Matplotlib figure of what the camera sees: its field, limits and pixels a degree."""
+        return cast("Figure", drawn("field_figure", self))
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -33,13 +33,14 @@ from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.run_summary import how_it_ended
 from omniservo.reporting.spelling import spell
 from omniservo.reporting.style import styled
+from omniservo.reporting.view_figures import residual_figure, views_figure
 from omniservo.results.run_result import RunResult
 
-_WIDTH = 420
-"""[px] of the image on a page"""
+_SCALE = 57.0
+"""[px] of the page for an inch of a figure"""
 
 _FINE = 2
-"""it has so many pixels for one of the page: screens are fine, and letters small"""
+"""pixels of the image for one of the page: screens are fine, and letters small"""
 
 Rows = list[tuple[str, str]]
 
@@ -99,12 +100,13 @@ def _image(figure: Figure, alternative: str) -> Markup:
     """Return a figure as a small image."""
     canvas: Any = FigureCanvasAgg(figure)
     with styled():
-        figure.dpi = _FINE * _WIDTH / float(figure.get_size_inches()[0])
+        figure.dpi = _FINE * _SCALE
         canvas.draw()
     stream = io.BytesIO()
     Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").save(stream, "webp", quality=85)
     shown = inlined(stream.getvalue(), "webp", alternative).html
-    return Markup(shown.replace("<img", f'<img width="{_WIDTH}" style="max-width:100%"', 1))
+    width = round(_SCALE * float(figure.get_size_inches()[0]))
+    return Markup(shown.replace("<img", f'<img width="{width}" style="max-width:100%"', 1))
 
 
 Shown = tuple[Rows, Callable[[], Figure] | None]
@@ -163,7 +165,7 @@ def _of_known_points(estimate: PoseEstimate) -> Shown:
         ("points used", used),
         ("reprojection error", f"{spell(estimate.rms_px, 'px')} rms"),
     ]
-    return rows, None
+    return rows, lambda: residual_figure(estimate.residuals_px[estimate.inliers])
 
 
 def _of_several_views(estimate: MultiViewEstimate) -> Shown:
@@ -175,7 +177,8 @@ def _of_several_views(estimate: MultiViewEstimate) -> Shown:
         ("scale", "metric" if estimate.is_metric else "unknown"),
         ("reprojection error", f"{spell(estimate.rms_px, 'px')} rms"),
     ]
-    return rows, None
+    poses = [pose for pose in estimate.initial_T_views if pose is not None]
+    return rows, (lambda: views_figure(estimate.points, poses)) if joined else None
 
 
 def _of_pose(pose: RigidTransform, *, is_metric: bool) -> Rows:
@@ -221,7 +224,7 @@ def _of_hand_eye(found: HandEye) -> Shown:
         ("views used", f"{len(found.used)} of {len(found.views)}"),
         ("board by each view alone", f"{spell(found.scatter_rms[0], 'm')} rms"),
     ]
-    return rows, None
+    return rows, lambda: residual_figure(np.concatenate([view.loop_px for view in found.views if view.used]))
 
 
 def _of_run(result: RunResult) -> Shown:

@@ -20,8 +20,8 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, read_text
 from omniservo.files.image_files import read_image
 from omniservo.files.xml_files import XmlElement, parse_elements
+from omniservo.robots.arm_files.includes import MOST_BYTES, expand_includes
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
-from omniservo.robots.arm_files.mjcf import MOST_BYTES
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 _SECTIONS = frozenset({"compiler", "default", "asset", "worldbody", "visual", "statistic"})
@@ -35,7 +35,6 @@ _OF_MESHES = frozenset({
     "name", "class", "file", "vertex", "normal", "texcoord", "face", "scale", "refpos", "refquat", "inertia",
 })  # fmt: skip
 _SIDES = ("fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
-_MOST_INCLUDES = 16
 _LEAST_MASS = 1e-6
 """[kg], [kg m²] of a body that states none: nothing moves here"""
 _LARGEST_SIDE = 4096
@@ -77,8 +76,7 @@ class _SceneFile:
         self._root, self._file, self._fields = root, file, XmlFields(file)
         self._meshes, self._pixels = MeshAssets(file), 0
         self._pictures: dict[str, bytes] = {}
-        self._included = {file.resolve()}
-        self._expand(root)
+        expand_includes(root, file)
         self._fields.sober(root)
 
     @property
@@ -184,22 +182,3 @@ class _SceneFile:
     def _illegal(self, element: XmlElement, where: str, legal: frozenset[str]) -> InputError:
         names = ", ".join(sorted(legal))
         return InputError(f"{self._fields.place(element)}: <{element.tag}> {where}; legal: {names}")
-
-    def _expand(self, element: XmlElement) -> None:
-        """Put what the includes name in their places."""
-        for index in reversed(range(len(element))):
-            child = element[index]
-            if isinstance(child, XmlElement) and child.tag == "include":
-                held = self._include(child)
-                self._expand(held)
-                element[index : index + 1] = list(held)
-            elif isinstance(child, XmlElement):
-                self._expand(child)
-
-    def _include(self, include: XmlElement) -> XmlElement:
-        place, reference = self._fields.place(include), self._fields.text(include, "file")
-        path = file_inside(f"{place}: file", reference, self._file.resolve().parent)
-        if path in self._included or len(self._included) > _MOST_INCLUDES:
-            raise InputError(f"{place}: {spelled(reference)}: once, and {_MOST_INCLUDES} files, are legal")
-        self._included.add(path)
-        return parse_elements(read_text(path, max_bytes=MOST_BYTES), str(path))

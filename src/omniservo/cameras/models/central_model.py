@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy.typing as npt
 
@@ -10,6 +10,9 @@ from omniservo.cameras.dead_zone import DeadZone
 from omniservo.cameras.image_mask import ImageMask
 from omniservo.cameras.model_error import ModelError
 from omniservo.geometry.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @runtime_checkable
@@ -76,3 +79,6 @@ class CentralModel(Protocol):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the camera's fields, "model" first; `camera_from_dict` gives an equal camera."""
+
+    def plot_field(self) -> Figure:
+        """Return a Matplotlib figure of what the camera sees: its field, limits and pixels a degree."""

@@ -13,9 +13,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from omniservo.errors import InputError, spelled
-from omniservo.files import file_inside, read_text
-from omniservo.files.xml_files import XmlElement, parse_elements
+from omniservo.files.xml_files import XmlElement
 from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
+from omniservo.robots.arm_files.includes import expand_includes
 from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
@@ -25,10 +25,6 @@ SPEED = "joint_speed_deg_s"
 ACCELERATION = "joint_acceleration_deg_s2"
 """Custom numeric: joint accelerations."""
 
-MOST_BYTES = 4 * 2**20
-"""Of a robot's file, and of each file that it includes."""
-
-_MOST_INCLUDES = 16
 _DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sensor", "tendon"})
 _KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator", "equality"})
 _OF_BODIES = frozenset({"body", "joint", "geom", "site", "frame", "inertial"})
@@ -59,8 +55,7 @@ class _Mjcf:
         self._file = file
         self._fields = XmlFields(file)
         self._meshes = MeshAssets(file)
-        self._included: set[Path] = {file.resolve()}
-        self._expand(root)
+        expand_includes(root, file)
         self._root = root
         self._rates: dict[str, tuple[float, ...]] = {}
         self._left_out = 0
@@ -174,29 +169,3 @@ class _Mjcf:
                     f"{', '.join(sorted(_OF_BODIES))}"
                 )
             self._bodies(self._fields.children(child), ET.SubElement(kept, child.tag, child.attrib))
-
-    def _expand(self, element: XmlElement) -> None:
-        """Put what the includes name in their places."""
-        for index in reversed(range(len(element))):
-            child = element[index]
-            if not isinstance(child, XmlElement):
-                continue
-            if child.tag != "include":
-                self._expand(child)
-                continue
-            held = self._include(child)
-            self._expand(held)
-            element[index : index + 1] = list(held)
-
-    def _include(self, include: XmlElement) -> XmlElement:
-        place, reference = self._fields.place(include), self._fields.text(include, "file")
-        path = file_inside(f"{place}: file", reference, self._file.resolve().parent)
-        if path in self._included:
-            raise InputError(f"{place}: {spelled(reference)} is included twice; once is legal")
-        self._included.add(path)
-        if len(self._included) > _MOST_INCLUDES + 1:
-            raise InputError(f"{place}: more than {_MOST_INCLUDES} includes")
-        held = parse_elements(read_text(path, max_bytes=MOST_BYTES), str(path))
-        if held.tag not in ("mujoco", "mujocoinclude"):
-            raise InputError(f"{place}: {spelled(reference)} holds <{held.tag}>; legal: <mujocoinclude>")
-        return held

@@ -21,7 +21,8 @@ from omniservo.robots.arm_files.contacts import choose_contacts, name_shapes
 from omniservo.robots.arm_files.description import Description, held_notice
 from omniservo.robots.arm_files.drives import add_drives, has_drives
 from omniservo.robots.arm_files.hold_rest import hold_rest
-from omniservo.robots.arm_files.mjcf import MOST_BYTES, read_mjcf
+from omniservo.robots.arm_files.includes import MOST_BYTES
+from omniservo.robots.arm_files.mjcf import read_mjcf
 from omniservo.robots.arm_files.serial_chain import check_joints, find_flange, name_parts
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
