@@ -25,7 +25,8 @@ import numpy as np
 import omniservo
 
 camera = omniservo.preset("fe185")
-pixels, valid = camera.project(np.array([[0.1, 0.0, 0.3], [0.0, 0.0, -1.0]]))  # (…, 3) [m] to (…, 2) [px]
+points = np.array([[0.1, 0.0, 0.3], [0.0, 0.0, -1.0]])  # (…, 3) [m]
+pixels, valid = camera.project(points)  # (…, 2) [px], (…)
 print(pixels.shape, valid.tolist())
 ```
 
