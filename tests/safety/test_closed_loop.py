@@ -8,13 +8,6 @@ import pytest
 
 from omniservo.errors import Divergence
 from omniservo.safety import SafetyOptions, VisibilityFilter, servo
-from omniservo.simulation import SimulatedRobot
-
-
-@pytest.fixture(scope="module")
-def simulated(scene):
-    """Its frames come in time but empty: what would be found in them is told by `Points`."""
-    return SimulatedRobot(scene, rendered=False)
 
 
 class Points:
