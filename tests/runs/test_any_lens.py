@@ -18,7 +18,7 @@ PAPER, WALL = "paper-example-1", "perspective-wall"
 
 def run_slowly(task, cell=PlainCell):
     """A run with fewer images a second, which take most of the time."""
-    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 5.0})})
+    task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 3.0})})
     return run_task(task, cell, filmed=False)
 
 
