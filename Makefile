@@ -6,6 +6,8 @@ STAMP := $(VENV)/.installed
 # One thread in BLAS: the arrays are small, and the ray caster wants the cores.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+# Bytecode is kept whatever the shell says: tests start hundreds of processes, and each would compile all modules.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: demo test check docs bench bench-planning bench-estimation readme lock clean wheel
 

@@ -12,17 +12,23 @@ from tests.cli.calling import call
 
 from omniservo.camera_files import load_model, save_camera
 from omniservo.cameras.conversion import to_unified
+from omniservo.cameras.models import KannalaBrandt
 from omniservo.estimation import TwoViewEstimate
 from omniservo.risk.problem_around import problem_around
 
 GOAL = RigidTransform.from_components([0.06, -0.04, 0.05], Rotation.from_rotvec([0.03, -0.06, 0.1]))
 T265, COLOUR = PUBLISHED["RealSense T265, fisheye"], PUBLISHED["RealSense, colour"]
+HALF = KannalaBrandt(
+    0.5 * T265.fx, 0.5 * T265.fy, 0.5 * T265.cx - 0.25, 0.5 * T265.cy - 0.25, 424, 400, k=T265.k
+)
+"""A T265's fisheye at half of its pixels along each side: u' = u/2 − 1/4"""
 
 FILES = {
     "kalibr": (T265, "kalibr", "camchain.yaml"),
     "ros": (COLOUR, "ros", "camera_info.yaml"),
-    "opencv": (T265, "opencv", "fisheye.yml"),
-    "camodocal": (T265, "camodocal", "camera.yaml"),
+    "kalibr, half": (HALF, "kalibr", "camchain.yaml"),
+    "opencv": (HALF, "opencv", "fisheye.yml"),
+    "camodocal": (HALF, "camodocal", "camera.yaml"),
     "ocamcalib": (PUBLISHED["Kodak, OCam, 235°"], "ocamcalib", "calib_results.txt"),
 }
 
@@ -36,12 +42,12 @@ def written(folder, name):
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
-    """Two pictures of a crate through a T265's own lens, and the second one a little turned."""
+    """Two pictures of a crate through half of a T265's own lens, and the second one a little turned."""
     folder = tmp_path_factory.mktemp("pictures")
     faces, rng = crate(np.random.default_rng(3)), np.random.default_rng(0)
     bumped = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, np.radians(0.5), 0.0]))
     for name, pose in (("initial", RigidTransform.identity()), ("goal", GOAL), ("bumped", bumped)):
-        cv2.imwrite(str(folder / f"{name}.png"), picture_of(faces, T265, pose, rng))
+        cv2.imwrite(str(folder / f"{name}.png"), picture_of(faces, HALF, pose, rng))
     return folder
 
 
@@ -54,7 +60,7 @@ def test_a_camera_is_shown_with_what_its_unified_form_costs(tmp_path, capsys, na
 
 
 def test_an_estimate_uses_the_file_s_own_model_and_keeps_it(tmp_path, capsys, pictures):
-    file = written(tmp_path, "kalibr")
+    file = written(tmp_path, "kalibr, half")
     images = ("--initial", pictures / "initial.png", "--goal", pictures / "goal.png", "--features", "natural")
     out = tmp_path / "estimate.json"
     scale = ("--displacement", float(np.linalg.norm(GOAL.translation)))
@@ -75,7 +81,7 @@ def test_an_estimate_uses_the_file_s_own_model_and_keeps_it(tmp_path, capsys, pi
 def test_a_bump_is_told_with_the_file_s_own_model(tmp_path, capsys, pictures):
     file = written(tmp_path, "opencv")
     now = ("camera", "check", pictures / "initial.png", pictures / "bumped.png", "--camera", file)
-    code, said, _ = call(capsys, *now, "--model", "fisheye", "--size", "848x800", "--json")
+    code, said, _ = call(capsys, *now, "--model", "fisheye", "--size", "424x400", "--json")
     answer = json.loads(said)
     assert code == 1
     assert answer["moved"] is True

@@ -1,6 +1,7 @@
-"""What stands in an array has a name, and a call can be read: no index above six, at most eight arguments."""
+"""What code keeps to so that it can be read: no index above six, eight arguments, functions of 60 lines."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from omniservo.cli.main import app
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 MOST_ARGUMENTS, LARGEST_INDEX = 8, 6
+MOST_LINES = {"file": 450, "function": 60}
 
 PUBLIC = {
     # documented calls whose arguments, most of them keywords with a default, are the whole of their options
@@ -28,12 +30,6 @@ def commands(typer_app):
         yield from commands(group.typer_instance)
 
 
-def modules():
-    """Yield every module's name and syntax tree."""
-    for path in sorted(SOURCE.rglob("*.py")):
-        yield ".".join(path.relative_to(SOURCE).with_suffix("").parts), ast.parse(path.read_text())
-
-
 def long_signatures(tree):
     """Yield the functions of more than eight arguments, without the instance or class of a method."""
     for node in ast.walk(tree):
@@ -42,6 +38,14 @@ def long_signatures(tree):
             given = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
             if len(given) - sum(first.arg in ("self", "cls") for first in given[:1]) > MOST_ARGUMENTS:
                 yield node.name
+
+
+def long_functions(tree):
+    """Yield the functions that do not fit a screen."""
+    for node in ast.walk(tree):
+        is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        if is_function and node.end_lineno - node.lineno >= MOST_LINES["function"]:
+            yield node.name
 
 
 def is_large(node):
@@ -63,13 +67,31 @@ def large_indices(tree):
                 yield f"{node.lineno}: {ast.unparse(node)}"
 
 
+@cache
+def beyond():
+    """Return what is beyond each limit, `module.name` or `module:line`; trees of all modules are not kept."""
+    found = {"file": [], "function": [], "arguments": [], "index": []}
+    for path in sorted(SOURCE.rglob("*.py")):
+        text, module = path.read_text(), ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+        tree = ast.parse(text)
+        found["file"] += [module] * (text.count("\n") > MOST_LINES["file"])
+        found["function"] += [f"{module}.{name}" for name in long_functions(tree)]
+        found["arguments"] += [f"{module}.{name}" for name in long_signatures(tree)]
+        found["index"] += [f"{module}:{place}" for place in large_indices(tree)]
+    return found
+
+
+def test_functions_are_short_and_files_fit_a_reader():
+    assert beyond()["file"] == []
+    assert beyond()["function"] == []
+
+
 def test_no_function_has_more_than_eight_arguments_but_commands_and_named_public_calls():
-    found = {f"{module}.{name}" for module, tree in modules() for name in long_signatures(tree)}
-    assert found - set(commands(app)) == PUBLIC
+    assert set(beyond()["arguments"]) - set(commands(app)) == PUBLIC
 
 
 def test_no_index_is_a_number_above_six():
-    assert [f"{module}:{place}" for module, tree in modules() for place in large_indices(tree)] == []
+    assert beyond()["index"] == []
 
 
 @pytest.mark.parametrize(
@@ -83,6 +105,12 @@ def test_a_large_index_is_found(text):
 @pytest.mark.parametrize("text", ["x = body[6]", "x = text[:80]", "x = a[K1]", "x = a[3 * i + 8]", "x = 17"])
 def test_what_is_no_large_index_is_let_through(text):
     assert list(large_indices(ast.parse(text))) == []
+
+
+@pytest.mark.parametrize(("lines", "is_long"), [(60, False), (61, True)])
+def test_a_function_longer_than_a_screen_is_found(lines, is_long):
+    text = "class A:\n    async def f():\n" + "        pass\n" * (lines - 1)
+    assert list(long_functions(ast.parse(text))) == (["f"] if is_long else [])
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ from omniservo.errors import NoSolutionError
 from omniservo.robots import CameraImage, RobotState
 from omniservo.runs import run_into, run_task
 from omniservo.scenes import scene_of_task
-from omniservo.simulation import UnifiedRenderer, World
+from omniservo.simulation import World
+from omniservo.simulation.projected_dots import ProjectedDots
+from omniservo.simulation.simulated_robot import Exposure
 from omniservo.tasks import load_task
 
 PERIOD, TICK = 0.1, 1e-3
@@ -42,18 +44,19 @@ class ObedientArm:
         self.joints += duration * self.speeds
 
 
-class RenderingCamera:
-    """Renders what the camera on the arm sees."""
+class DrawingCamera:
+    """Draws the dots that the camera on the arm sees."""
 
     def __init__(self, scene, arm):
-        self.scene, self.arm, self.renderer = scene, arm, UnifiedRenderer(World(scene))
+        self.scene, self.arm = scene, arm
+        self.world, self.dots = World(scene), ProjectedDots(scene)
         self.exposed = {}
 
     def image(self):
         number = int(self.arm.time / PERIOD + 1e-6)
         if number > 0 and number not in self.exposed:
-            pixels = self.renderer.photograph(self.arm.joints, np.random.default_rng(number))
-            image = CameraImage(self.arm.time, pixels, time_sigma=0.001)
+            seen = Exposure(self.arm.time, self.arm.joints, self.world, self.scene.lights[0], (0, number))
+            image = CameraImage(self.arm.time, self.dots.drawn(seen), time_sigma=0.001)
             self.exposed[number] = image, self.scene.world_T_camera(self.arm.joints)
         return self.exposed[number][0] if number > 0 else None
 
@@ -89,7 +92,7 @@ class OwnCell:
     def __init__(self, task, seed):
         self.scene = scene_of_task(task)
         self.driver = ObedientArm(self.scene)
-        self.camera = RenderingCamera(self.scene, self.driver)
+        self.camera = DrawingCamera(self.scene, self.driver)
         self.truth = OwnTruth(self.camera)
         self.approved = []
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from tests.runs.changed_task import DrawnCell
 
 from omniservo.recording import Recorded, RecordedRun, RunRecording, topics
 from omniservo.reporting.waits_section import waits_section
 from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 PERIOD = 1.0 / 30.0
@@ -28,7 +28,7 @@ class SilentCamera:
         self._robot.close()
 
 
-class SilentCell(SimulatedCell):
+class SilentCell(DrawnCell):
     span = (1.5, 2.5)
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
-from tests.runs.changed_task import PlainCell, shipped, written
+from tests.runs.changed_task import DrawnCell, PlainCell, shipped, written
 
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.looks import looks_section
@@ -23,7 +23,7 @@ def task_with(folder, **planning):
     """The paper's target past a box, its displacement known to 15%, at a risk of 1%."""
     document = shipped("whole-arm-1")
     document["obstacles"] = [BOX]
-    document["sensor"]["rate"] = 8  # images take most of the time
+    document["sensor"]["rate"] = 8
     document["planning"] |= {"obstacles": [{"type": "box", **BOX}], "clearance": 20, "risk": 0.01} | planning
     document["scale"] = {"displacement": 223.557, "sigma": 0.15}
     return load_task(written(folder, document))
@@ -31,9 +31,9 @@ def task_with(folder, **planning):
 
 def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
     with pytest.raises(NoSolutionError, match="no path") as refused:
-        run_task(task_with(tmp_path, looks=0), PlainCell, filmed=False)
+        run_task(task_with(tmp_path, looks=0), DrawnCell, filmed=False)
     assert "look" not in str(refused.value)
-    result = run_task(task_with(tmp_path), PlainCell, filmed=False)
+    result = run_task(task_with(tmp_path), DrawnCell, filmed=False)
     metrics = result.metrics
     assert metrics["status"] == "converged"
     assert metrics["final_translation_error_m"] < 5e-4
@@ -75,7 +75,7 @@ class CoveredLens:
         return replace(image, pixels=np.zeros_like(image.pixels))
 
 
-class CoveredCell(PlainCell):
+class CoveredCell(DrawnCell):
     """Its camera's lens is covered at the first stop of a look."""
 
     opened = ()
@@ -133,9 +133,9 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document["scale"], document["obstacles"] = {"odometry": True}, []
     document["planning"] |= {"obstacles": [], "looks": 0}
     with pytest.raises(NoSolutionError, match="singular"):
-        run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
+        run_task(load_task(written(tmp_path, document)), DrawnCell, filmed=False)
     document["planning"]["looks"] = 1
-    result = run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
+    result = run_task(load_task(written(tmp_path, document)), DrawnCell, filmed=False)
     assert "singular" in result.looks[0].before.outcome
     assert result.metrics["status"] == "converged"
     assert result.metrics["final_translation_error_m"] < 5e-4
@@ -145,7 +145,7 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
 
 def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_its_goal(tmp_path):
     document = shipped("textured-object")
-    document["sensor"]["rate"] = 5
+    document["sensor"]["rate"] = 3  # pictures take most of the time
     document["scale"]["sigma"] = 0.05  # so that at a risk of 1% there is no path before
     result = run_task(load_task(written(tmp_path, document)), PlainCell, filmed=False)
     metrics = result.metrics
@@ -164,7 +164,7 @@ def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_it
 def test_where_no_look_helps_it_says_what_would_have_to_be_better(tmp_path):
     task = task_with(tmp_path, clearance=20, risk=0.01, looks=1, visibility_margin=150)
     with pytest.raises(NoSolutionError, match=r"(better|exactly)"):
-        run_task(task, PlainCell, filmed=False)
+        run_task(task, DrawnCell, filmed=False)
 
 
 @pytest.mark.parametrize("looks", [-1, 11, 1.5, "two", True])

@@ -9,7 +9,7 @@ import sys
 import jsonschema
 import numpy as np
 import pytest
-from tests.runs.changed_task import short, written
+from tests.runs.changed_task import DrawnCell, short, written
 from tests.runs.test_looks import task_with
 
 from omniservo.cli.main import main
@@ -19,7 +19,6 @@ from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, R
 from omniservo.runs import export_run, replay_run, run_into, run_task
 from omniservo.runs.comparison import Comparison
 from omniservo.schemas import json_schema
-from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
 
 
@@ -29,7 +28,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     task = written(folder, short(8, 2.0))
     (folder / "r").mkdir()
-    run_into(folder / "r", load_task(task), SimulatedCell, seed=5, filmed=False)
+    run_into(folder / "r", load_task(task), DrawnCell, seed=5, filmed=False)
     task.unlink()
     return folder / "r"
 
@@ -37,7 +36,7 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def recording(run):
     file = run.parent / "run.mcap"
-    assert export_run(run, file, SimulatedCell).repeated
+    assert export_run(run, file, DrawnCell).repeated
     return file
 
 
@@ -301,7 +300,7 @@ def test_a_run_that_does_not_come_out_the_same_is_not_exported(run, tmp_path):
     try:
         log.write_text("\n".join([head, ",".join(values), *rest]) + "\n")
         with pytest.raises(NoSolutionError, match=r"another run: twist_2: step 1: 0\.5 recorded"):
-            export_run(run, tmp_path / "e.mcap", SimulatedCell)
+            export_run(run, tmp_path / "e.mcap", DrawnCell)
     finally:
         log.write_text(kept)
     assert list(tmp_path.iterdir()) == []
@@ -310,7 +309,7 @@ def test_a_run_that_does_not_come_out_the_same_is_not_exported(run, tmp_path):
 def test_the_recording_of_a_run_that_has_one_is_that_one(recording, tmp_path):
     (tmp_path / "r").mkdir()
     (tmp_path / "r" / "recording.mcap").write_bytes(recording.read_bytes())
-    made = export_run(tmp_path / "r", tmp_path / "out.mcap", SimulatedCell)
+    made = export_run(tmp_path / "r", tmp_path / "out.mcap", DrawnCell)
     assert not made.repeated
     assert (tmp_path / "out.mcap").read_bytes() == recording.read_bytes()
 
@@ -322,7 +321,7 @@ def test_a_run_that_looks_again_and_is_stopped_is_replayed(tmp_path):
     document["servo"] = document.get("servo", {}) | {"time_limit": 1.5}
     with RunRecording(tmp_path / "looks.mcap") as recording:
         result = run_task(
-            load_task(written(tmp_path, document)), SimulatedCell, filmed=False, recording=recording
+            load_task(written(tmp_path, document)), DrawnCell, filmed=False, recording=recording
         )
     assert len(result.looks) == 1
     found = replay_run(tmp_path / "looks.mcap")
@@ -334,7 +333,7 @@ def test_a_run_that_looks_again_and_is_stopped_is_replayed(tmp_path):
 def test_a_refusal_is_replayed_as_one(tmp_path):
     task = task_with(tmp_path, looks=0)
     with RunRecording(tmp_path / "no.mcap") as recording, pytest.raises(NoSolutionError):
-        run_task(task, SimulatedCell, filmed=False, recording=recording)
+        run_task(task, DrawnCell, filmed=False, recording=recording)
     found = replay_run(tmp_path / "no.mcap")
     assert (found.differences, found.ended, found.steps) == ((), "refused", 0)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.runs.changed_task import PlainCell
+from tests.runs.changed_task import DrawnCell
 
 from omniservo.runs import run_task
 from omniservo.scenes.scene_of_task import scene_of_task
@@ -12,11 +12,11 @@ from omniservo.verification import verify_plan
 
 
 def run(time):
-    """The shipped task with the panel pushed at another time; fewer pictures, which take most of the time."""
+    """The shipped task with the panel pushed at another time, and fewer pictures."""
     task = load_task("moving-panel")
     sensor = task.sensor.model_copy(update={"rate": 12.0})
     moves = (task.moves[0].model_copy(update={"time": time}),)
-    return run_task(task.model_copy(update={"sensor": sensor, "moves": moves}), PlainCell, filmed=False)
+    return run_task(task.model_copy(update={"sensor": sensor, "moves": moves}), DrawnCell, filmed=False)
 
 
 @pytest.fixture(scope="module")

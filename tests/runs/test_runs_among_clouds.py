@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from changed_task import PlainCell, shipped, written
+from changed_task import DrawnCell, shipped, written
 
 from omniservo.errors import NoSolutionError
 from omniservo.reporting.path_3d import path_3d
@@ -29,14 +29,14 @@ def cloud_task(folder, points):
     document = shipped("whole-arm-1")
     document["planning"]["obstacles"] = [{"type": "cloud", "file": "seen.npy", "radius": 1}]
     document["planning"]["arm_clearance"] = 1
-    document["sensor"]["rate"] = 12  # pictures take most of the time
+    document["sensor"]["rate"] = 12
     return written(folder, document)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     return run_task(
-        load_task(cloud_task(tmp_path_factory.mktemp("cloud"), seen(20_000))), PlainCell, filmed=False
+        load_task(cloud_task(tmp_path_factory.mktemp("cloud"), seen(20_000))), DrawnCell, filmed=False
     )
 
 
@@ -68,4 +68,4 @@ def test_a_cloud_is_drawn_as_some_of_its_points_and_has_one_name_in_all_that_is_
 def test_a_task_whose_cloud_touches_the_arm_at_the_start_is_refused_by_the_clouds_name(tmp_path):
     path = cloud_task(tmp_path, seen(2000, shift=(60.0, 0.0, 0.0)))
     with pytest.raises(NoSolutionError, match="the start pose is not free: camera and obstacle 0 overlap"):
-        run_task(load_task(path), PlainCell, filmed=False)
+        run_task(load_task(path), DrawnCell, filmed=False)

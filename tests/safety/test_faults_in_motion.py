@@ -120,7 +120,7 @@ def test_a_robot_of_another_number_of_joints_is_a_wrong_call_before_it_moves(gua
         (lambda image: replace(image, time=np.nan), NotFinite),
         (lambda image: replace(image, time_sigma=np.inf), NotFinite),
         (lambda image: replace(image, time_sigma=-0.001), InvalidData),
-        (lambda image: replace(image, pixels=image.pixels[:-1]), InvalidData),
+        (lambda image: replace(image, pixels=np.zeros((3, 4), np.uint8)), InvalidData),
         (lambda image: replace(image, pixels=image.pixels.astype(float)), InvalidData),
         (lambda image: "a picture", InvalidData),
     ],

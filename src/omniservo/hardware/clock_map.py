@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections import deque
+from operator import itemgetter
+from statistics import fmean
 
 import numpy as np
 
@@ -226,15 +229,15 @@ class ClockMap:
 
     def _lay(self) -> None:
         """Lay the line under all points: the edge of their lower hull under the mean, its drift bounded."""
-        points = np.array(sorted(self._bins))
-        hull = _lower_hull(points)
+        points = sorted(self._bins)
+        hull, middle = _lower_hull(points), fmean(x for x, _ in points)
         slope = 0.0
         if len(hull) > 1:
-            k = int(np.clip(np.searchsorted(hull[:, 0], points[:, 0].mean()), 1, len(hull) - 1))
+            k = min(max(bisect_left(hull, middle, key=itemgetter(0)), 1), len(hull) - 1)
             (x0, y0), (x1, y1) = hull[k - 1], hull[k]
-            slope = float((y1 - y0) / (x1 - x0)) if x1 > x0 else 0.0
-        self._slope = float(np.clip(slope, -MOST_DRIFT, MOST_DRIFT))
-        self._level = float((points[:, 1] - self._slope * points[:, 0]).min())
+            slope = (y1 - y0) / (x1 - x0) if x1 > x0 else 0.0
+        self._slope = slope = min(max(slope, -MOST_DRIFT), MOST_DRIFT)
+        self._level = min(y - slope * x for x, y in points)
 
 
 def _off_beat(steps: FloatArray, period: float) -> FloatArray:
@@ -242,14 +245,14 @@ def _off_beat(steps: FloatArray, period: float) -> FloatArray:
     return np.asarray(np.abs(steps - period * np.maximum(np.round(steps / period), 1.0)))
 
 
-def _lower_hull(points: FloatArray) -> FloatArray:
-    """Return the lower hull of points (n, 2) that are sorted, from left to right."""
-    hull: list[FloatArray] = []
-    for point in points:
+def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the lower hull of points (x, y) that are sorted, from left to right: plain numbers."""
+    hull: list[tuple[float, float]] = []
+    for x, y in points:
         while len(hull) > 1:
             (ax, ay), (bx, by) = hull[-2], hull[-1]
-            if (bx - ax) * (point[1] - ay) > (by - ay) * (point[0] - ax):
+            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
                 break
             hull.pop()
-        hull.append(point)
-    return np.array(hull)
+        hull.append((x, y))
+    return hull

@@ -21,7 +21,7 @@ from omniservo.robots.path_following.joint_segment import joint_segment
 from omniservo.short_repr import short_repr
 from omniservo.whole_arm import ArmSetting
 from omniservo.whole_arm.arm_setting import LIMIT_RESERVE
-from omniservo.whole_arm.joint_curves import path_near
+from omniservo.whole_arm.joint_curves import camera_poses, path_near
 
 FOLLOWED = 1e-3
 """[rad] Joints keep to the line as near as this; a move that does not is stopped."""
@@ -150,18 +150,18 @@ def _camera_plan(
     """Return the camera's path along a line in joint space as a plan, judged; or why it cannot be one."""
     begin, places = time.perf_counter(), np.linspace(0.0, 1.0, _PLACES)
     joints = path(places)
-    here = setting.base_T_initial.inv()
-    poses = [here * setting.arm.base_T_flange(q) * setting.flange_T_camera for q in joints]
+    poses = camera_poses(setting, joints)
+    end = poses[-1]
     away = np.linalg.norm(samples, axis=1)
     try:
         problem = replace(
-            asked, points=samples, initial_T_goal=poses[-1], degrees=Degrees(3, 3), initial_velocity=None
+            asked, points=samples, initial_T_goal=end, degrees=Degrees(3, 3), initial_velocity=None
         )
         near = path_near(problem, setting, joints)
-        gaps = [near(float(w)).inv() * pose for w, pose in zip(places, poses, strict=True)]
-        off = 2.0 * max(float(np.linalg.norm(gap.translation)) for gap in gaps)
-        off += followed + mount_room(poses[-1], mount, float(away.max()))
-        turned = 2.0 * max(float(gap.rotation.magnitude()) for gap in gaps) + setting.arm.dof * FOLLOWED
+        gaps = near(places).inv() * poses
+        off = 2.0 * float(np.linalg.norm(gaps.translation, axis=1).max())
+        off += followed + mount_room(end, mount, float(away.max()))
+        turned = 2.0 * float(gaps.rotation.magnitude().max()) + setting.arm.dof * FOLLOWED
         focal = max(abs(asked.camera.fx), abs(asked.camera.fy))
         pixels = focal * (turned + off / max(float(away.min()), asked.least_distance))
         return judged_plan(widened_evenly(problem, off, pixels), near, begin, "certified", "")

@@ -192,9 +192,12 @@ class DelayWatch:
 
         They change with what is shared, (k, n, 2, 8), and with the points, (k, n, 2, 3).
         """
-        turns, places = self._poses(shared, shared[0])
+        off = np.eye(4)
+        off[:3, :3], off[:3, 3] = Rotation.from_rotvec(shared[1:4]).as_matrix(), shared[4:7]
+        mount = self._mount.as_matrix() @ off
+        turns, places = self._poses(mount, shared[0])
         there = np.einsum("kji,knj->kni", turns, points - places[:, None])
-        later = self._poses(shared, shared[0] + _STEP)
+        later = self._poses(mount, shared[0] + _STEP)
         ahead = np.einsum("kji,knj->kni", later[0], points - later[1][:, None])
         expected, slopes, valid = self._camera.project_jacobian(there)
         known = valid & np.isfinite(pixels[..., 0]) & np.isfinite(expected).all(axis=2)
@@ -214,10 +217,13 @@ class DelayWatch:
         )
         return rest, shared_slopes, slopes @ turns.swapaxes(-1, -2)[:, None]
 
-    def _poses(self, shared: FloatArray, offset: float) -> tuple[FloatArray, FloatArray]:
-        """Return base_T_camera of every image as turns (k, 3, 3) and places (k, 3) [m]."""
-        off = RigidTransform.from_components(shared[4:7], Rotation.from_rotvec(shared[1:4]))
-        mount = (self._mount * off).as_matrix()
+    def _poses(self, mount: FloatArray, offset: float) -> tuple[FloatArray, FloatArray]:
+        """Return base_T_camera of every image as turns (k, 3, 3) and places (k, 3) [m].
+
+        Args:
+            mount: (4, 4) flange_T_camera.
+            offset: of the images' time stamps [s].
+        """
         place = (offset - self._grid[0]) / (self._grid[1] - self._grid[0])
         k = int(np.clip(place, 0, _GRID - 2))
         share = place - k

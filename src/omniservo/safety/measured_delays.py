@@ -23,6 +23,8 @@ class MeasuredDelays:
         self._computing: deque[float] = deque(maxlen=_COUNTED)
         self._periods: deque[float] = deque(maxlen=_COUNTED)
         self._exposed = self._now = np.nan
+        self.period = np.nan
+        """between two images, in the median [s]; NaN before there were two"""
 
     @property
     def first(self) -> float:
@@ -35,15 +37,11 @@ class MeasuredDelays:
         """Until the middle of the time in which it acts: till the next image's does [s]."""
         return self.first + (0.5 * self.period if self._periods else 0.0)
 
-    @property
-    def period(self) -> float:
-        """Between two images, in the median [s]; NaN before there were two."""
-        return float(np.median(self._periods)) if self._periods else np.nan
-
     def seen(self, exposed: float, now: float) -> None:
         """Take in an image, exposed at ``exposed`` [s], whose points were found ``now`` [s]."""
         if exposed - self._exposed <= self._longest:
             self._periods.append(exposed - self._exposed)
+            self.period = float(np.median(self._periods))
         self._exposed, self._now = exposed, now
 
     def commanded(self, now: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -57,7 +58,7 @@ class CameraLink:
             form = image.pixels.shape, image.pixels.dtype
         except (AttributeError, TypeError, ValueError, OverflowError):
             raise InvalidData(f"the camera gives {spelled(image)} for an image") from None
-        if not np.isfinite([time, sigma]).all():
+        if not (math.isfinite(time) and math.isfinite(sigma)):
             raise NotFinite(f"the camera gives an image of the time {time} s, with a time_sigma of {sigma} s")
         if sigma < 0.0:
             raise InvalidData(f"the camera gives an image with the time_sigma {sigma} s; legal: 0 or more")
@@ -219,11 +220,9 @@ def _checked(state: RobotState, dof: int) -> RobotState:
         velocities = np.array(state.joint_velocities, dtype=np.float64)
     except (AttributeError, TypeError, ValueError, OverflowError):
         raise InvalidData(f"the robot reports {spelled(state)} for its joints") from None
-    for name, value in (
-        ("time", np.array([time])),
-        ("joint_positions", positions),
-        ("joint_velocities", velocities),
-    ):
+    if not math.isfinite(time):
+        raise NotFinite(f"the robot reports time {[time]}")
+    for name, value in (("joint_positions", positions), ("joint_velocities", velocities)):
         if not np.isfinite(value).all():
             raise NotFinite(f"the robot reports {name} {value.tolist()}")
     if positions.shape != (dof,) or velocities.shape != (dof,):

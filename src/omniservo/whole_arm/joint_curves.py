@@ -17,6 +17,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import power_from_bernstein
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
+from omniservo.planning.quick_poses import inverse
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 BENT = 7
@@ -62,14 +63,21 @@ def joint_curves(
 
 def path_near(problem: PlanningProblem, setting: ArmSetting, joints: FloatArray) -> CameraPath:
     """Return the path from the identity to the goal that misses the joints least, φ and t by themselves."""
-    here = setting.base_T_initial.inv()
-    poses = [here * setting.arm.base_T_flange(q) * setting.flange_T_camera for q in joints]
-    phi, t = _steady(RigidTransform.concatenate(poses).rotation), np.array([p.translation for p in poses])
+    poses = camera_poses(setting, joints)
+    phi, t = _steady(poses.rotation), np.array(poses.translation)
     phi[0], t[0] = [0.0, 0.0, 0.0, 1.0], 0.0
     phi[-1] = np.copysign(1.0, phi[-1] @ problem.goal_quaternion) * problem.goal_quaternion
     t[-1] = problem.goal_translation
     degrees = problem.degrees
     return CameraPath(_fitted(phi, degrees.rotation), _fitted(t, degrees.translation))
+
+
+def camera_poses(setting: ArmSetting, joints: FloatArray) -> RigidTransform:
+    """Return initial_T_camera (m,) at joints (m, n) [rad]."""
+    base_T_flange = np.tile(np.eye(4), (len(joints), 1, 1))
+    base_T_flange[:, :3] = [setting.arm.locate(q)[0] for q in joints]
+    initial_T_base, flange_T_camera = inverse(setting.base_T_initial), setting.flange_T_camera.as_matrix()
+    return RigidTransform(initial_T_base @ base_T_flange @ flange_T_camera, normalize=False)
 
 
 def _steady(rotations: Rotation) -> FloatArray:
