@@ -14,7 +14,20 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, export, plan, robot, run, sim, teach, verify, warm_up
+from omniservo.cli import (
+    camera,
+    estimate,
+    examples,
+    export,
+    plan,
+    robot,
+    run,
+    sim,
+    teach,
+    verify,
+    view,
+    warm_up,
+)
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError, ServoStop
@@ -35,6 +48,7 @@ app.command("estimate")(estimate.estimate)
 app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
+app.command("view")(view.view)
 app.command("examples")(examples.examples)
 app.command("warm-up")(warm_up.warm_up)
 app.add_typer(camera.app, name="camera")
