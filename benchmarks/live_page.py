@@ -21,7 +21,9 @@ import numpy as np
 from benchmarks.page_mouse import PageMouse, browser, missing
 from PIL import Image
 
+from omniservo.planning import Degrees, Sphere
 from omniservo.viewer import open_viewed, serve_page
+from omniservo.viewer.situation import Situation
 
 _PATIENCE = 300.0
 
@@ -36,6 +38,14 @@ _WATCH = """() => {
     if (!last || last[0] !== now[0]) window.seen.signs.push(now);
   }).observe(document.body, {subtree: true, childList: true, attributes: true, characterData: true});
 }"""
+
+
+_DRAWN = """() => new Promise(done => {
+  let left = 45;
+  const next = () => left-- ? requestAnimationFrame(next) : done();
+  next();
+})"""
+"""Resolves after so many frames: what fades in is there."""
 
 
 def main() -> None:
@@ -136,9 +146,11 @@ def _draw(folder: Path) -> None:
         _keep(mouse, folder / "live-page-drag.png")
         mouse.window.mouse.up()
         number = live.answer.number
-        live.edit(lambda situation: situation.with_problem(clearance=0.11))
+        live.whole_arm = False
+        live.edit(_blocked)
         _settled(live, number)
         _keep(mouse, folder / "live-page-no-path.png")
+        live.whole_arm = True
         number = live.answer.number
         live.open(open_viewed("whole-arm-1"))
         _settled(live, number)
@@ -151,12 +163,20 @@ def _draw(folder: Path) -> None:
         _keep(mouse, folder / "live-page-dark.png")
 
 
+def _blocked(situation: Situation) -> Situation:
+    """Return it with a ball on the only way that is left: a straight one."""
+    there = 0.5 * situation.problem.initial_T_goal.translation
+    straight = situation.with_problem(degrees=Degrees(1, 1), occlusion=False)
+    return straight.with_added(Sphere(there, 0.02))
+
+
 def _settled(live: Any, after: int = 0) -> None:
     live.wait_for(lambda answer: answer.number > after and not answer.searching, _PATIENCE)
 
 
 def _keep(mouse: PageMouse, path: Path) -> None:
-    mouse.window.wait_for_timeout(4000)
+    mouse.window.wait_for_timeout(2000)
+    mouse.window.evaluate(_DRAWN)
     mouse.window.screenshot(path=path, timeout=1e3 * _PATIENCE)
     image = Image.open(path).convert("RGB").quantize(128, dither=Image.Dither.NONE)
     image.save(path, optimize=True)

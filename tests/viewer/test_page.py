@@ -91,15 +91,22 @@ def test_curves_keep_above_what_is_certified(page):
         assert curve.certified >= curve.required - 1e-6
 
 
-def test_a_plan_that_is_not_certified_is_not_shown_so(page, tmp_path):
-    situation = open_viewed("whole-arm-1").situation
-    plan = plan_path(situation.problem)
-    (tmp_path / "plan.json").write_text(json.dumps({**plan.to_dict(), "status": "undecided"}))
+def shown(page, plan, path):
+    """The answer that a plan file gives."""
+    path.write_text(json.dumps(plan))
     number = page.answer.number
-    page.open(open_viewed(tmp_path / "plan.json"))
-    answer = settled(page, number)
+    page.open(open_viewed(path))
+    return settled(page, number)
+
+
+def test_a_plan_file_is_shown_certified_only_where_it_and_the_planner_say_so(page, tmp_path):
+    plan = plan_path(open_viewed("whole-arm-1").situation.problem).to_dict()
+    assert shown(page, plan, tmp_path / "plan.json").verdict == "certified"
+    assert shown(page, {**plan, "status": "undecided"}, tmp_path / "other.json").verdict == "no path"
+    nearer = {**plan, "problem": {**plan["problem"], "clearance": 0.07}}
+    answer = shown(page, nearer, tmp_path / "false.json")
     assert answer.verdict == "no path"
-    assert answer.situation.arm is None
+    assert "judged again: clearance obstacle 0" in answer.reason
 
 
 def test_the_replay_is_one_file_without_outside_references(page):

@@ -22,7 +22,7 @@ LINK_SAMPLES = 21
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class MarginCurve:
     """One quantity over w."""
 
     title: str
@@ -37,13 +37,13 @@ class Curve:
     """what is proven for all w"""
 
 
-def curves_of(answer: Answer) -> list[Curve]:
+def curves_of(answer: Answer) -> list[MarginCurve]:
     """Return every curve that there is of an answer."""
     arm = [] if answer.arm_plan is None else arm_curves(answer.situation, answer.arm_plan)
     return camera_curves(answer.plan) + arm
 
 
-def camera_curves(plan: Plan) -> list[Curve]:
+def camera_curves(plan: Plan) -> list[MarginCurve]:
     """Return the camera's clearance [mm] and the points' distance to the image's limits [px]."""
     if plan.path is None:
         return []
@@ -55,7 +55,7 @@ def camera_curves(plan: Plan) -> list[Curve]:
         bound = plan.least_clearance(range(len(problem.obstacles))) if proven else None
         own = [problem.clearance if o.clearance is None else o.clearance for o in problem.obstacles]
         found.append(
-            Curve(
+            MarginCurve(
                 "camera to obstacles", "mm", w, 1e3 * gaps, 1e3 * min(own),
                 None if bound is None else 1e3 * bound,
             )
@@ -65,11 +65,11 @@ def camera_curves(plan: Plan) -> list[Curve]:
     margins = image_distance(problem.camera, np.where(valid[..., None], pixels, 0.0))
     least = np.where(valid, margins, np.nan).min(axis=1)
     bound = plan.least_visibility() if proven else None
-    found.append(Curve("points to image limits", "px", w, least, problem.image_margin, bound))
+    found.append(MarginCurve("points to image limits", "px", w, least, problem.image_margin, bound))
     return found
 
 
-def arm_curves(situation: Situation, found: ArmPlan) -> list[Curve]:
+def arm_curves(situation: Situation, found: ArmPlan) -> list[MarginCurve]:
     """Return the joints' room to their limits [deg] and the links' gaps to what stands around [mm]."""
     branch, arm = found.branch, situation.arm
     if branch is None or arm is None:
@@ -78,16 +78,17 @@ def arm_curves(situation: Situation, found: ArmPlan) -> list[Curve]:
     w = np.linspace(0.0, end, SAMPLES)
     limits = np.rad2deg(setting.arm.limit_margins(branch(w)).min(axis=1))
     reserve = float(np.rad2deg(setting.limit_reserve))
-    curves = [
-        Curve("joints to their limits", "deg", w, limits, reserve, reserve if found.certified else None)
-    ]
+    proven = reserve if found.certified else None
+    curves = [MarginCurve("joints to their limits", "deg", w, limits, reserve, proven)]
     bodies = setting.bodies(found.plan.problem.obstacles)
     places = np.linspace(0.0, end, LINK_SAMPLES)
     gaps = np.min(list(link_gaps(bodies, branch(places)).values()), axis=0)
     proof, bound = found.clearance, None
     if found.certified and proof is not None and proof.status == "clear":
         bound = 1e3 * (proof.clearance + proof.proven)
-    curves.append(Curve("links to bodies", "mm", places, 1e3 * gaps, 1e3 * setting.clearance_around, bound))
+    curves.append(
+        MarginCurve("links to bodies", "mm", places, 1e3 * gaps, 1e3 * setting.clearance_around, bound)
+    )
     return curves
 
 

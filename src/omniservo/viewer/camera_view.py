@@ -17,7 +17,7 @@ from omniservo.reporting.image_distance import image_distance
 from omniservo.scenes import Scene
 from omniservo.simulation import UnifiedRenderer, World
 from omniservo.simulation.body_meshes import solid_triangles
-from omniservo.viewer.answer import Answer
+from omniservo.viewer.situation import Situation
 from omniservo.whole_arm.solids_of import solids_of
 
 Colour: TypeAlias = tuple[int, int, int]
@@ -43,22 +43,24 @@ class CameraView:
         self._scene: Scene | None = None
         self._renderer: UnifiedRenderer | None = None
 
-    def drawn(self, answer: Answer, camera: RigidTransform, joints: FloatArray | None, w: float) -> ByteArray:
-        """Return the view (rows, columns, 3) with the trajectories of the answer's plan.
+    def drawn(
+        self, situation: Situation, plan: Plan, camera: RigidTransform, joints: FloatArray | None, w: float
+    ) -> ByteArray:
+        """Return the view (rows, columns, 3) with a plan's trajectories.
 
         Args:
-            answer: the planner's.
+            situation: what stands where.
+            plan: in the frame of its initial camera.
             camera: in the world, where there are no joints to render with.
             joints: (n,) of the arm [rad].
             w: where on the path the points are marked.
         """
-        situation = answer.situation
         scene = situation.world_scene
         if scene is None or joints is None:
             grey = drawn_obstacles(situation.problem, situation.world_T_initial.inv() * camera)
         else:
             grey = self.rendered(scene, joints)
-        return with_trajectories(grey, answer.plan, w)
+        return with_trajectories(grey, plan, w)
 
     def rendered(self, scene: Scene, joints: FloatArray) -> ByteArray:
         """Return the grey image (height, width) that the simulator's camera sees, the arm in these joints."""

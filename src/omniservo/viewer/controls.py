@@ -16,6 +16,10 @@ _LEFT, _RIGHT = 318, 330
 """widths of the panels [px]: at 1280 × 720 px the scene keeps half of the page"""
 
 
+_MESSAGE = 20.0
+"""[s] for which a message stays"""
+
+
 def add_panels(server: Any, page: Page) -> Shown:
     """Add both panels: the camera's view with the curves to the left; verdict and settings to the right."""
     gui = server.gui
@@ -50,7 +54,7 @@ def add_panels(server: Any, page: Page) -> Shown:
 
     def message(title: str, text: str) -> None:
         for client in server.get_clients().values():
-            client.add_notification(title, text, color="red")
+            client.add_notification(title, text, color="red", auto_close_seconds=_MESSAGE)
 
     return Shown(status, plots, view, w, job, message)
 

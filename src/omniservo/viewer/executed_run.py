@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError
 from omniservo.files import read_text
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Plan
 from omniservo.results import RunResult
 from omniservo.scenes import Scene
 
@@ -29,7 +30,7 @@ class ExecutedRun:
     times: FloatArray
     """(s,) since the servo's start [s]"""
     w: FloatArray
-    """(s,) path parameter"""
+    """(s,) path parameter; NaN where another path than the plan's was followed"""
     joints: FloatArray
     """(s, n) as read [rad]"""
     world_T_initial: RigidTransform
@@ -40,13 +41,22 @@ class ExecutedRun:
     """(s,) rms of the points to their reference [px]"""
     ended: str
     """how it did, in words"""
+    plan: Plan | None
+    """that was followed"""
 
     def step_at(self, time: float) -> int:
         """Return the step that is the newest at a time [s]."""
         return int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 1))
 
+    def world_T_planned(self, step: int) -> RigidTransform | None:
+        """Return where the plan has the camera at a step; None where it says nothing."""
+        w = float(self.w[step])
+        if self.plan is None or self.plan.path is None or not np.isfinite(w):
+            return None
+        return self.world_T_initial * self.plan.path(w)
 
-def read_executed(folder: Path, scene: Scene) -> ExecutedRun | None:
+
+def read_executed(folder: Path, scene: Scene, plan: Plan | None) -> ExecutedRun | None:
     """Return what log.csv and metrics.json of a run's folder say; None: it was stopped before a step.
 
     Raises:
@@ -62,7 +72,7 @@ def read_executed(folder: Path, scene: Scene) -> ExecutedRun | None:
         joints = [i for i, name in enumerate(header) if name.startswith("joints_")]
         place = [header.index(f"measured_position_{k}") for k in range(3)]
         turn = [header.index(f"measured_rotation_{k}") for k in range(3)]
-        time, w, error = (header.index(name) for name in ("time", "w", "error_px"))
+        time, w, leg, error = (header.index(name) for name in ("time", "w", "leg", "error_px"))
     except ValueError as wrong:
         raise InputError(f"{folder / 'log.csv'}: not the log of a run: {wrong}") from None
     if len(joints) != scene.arm.dof:
@@ -74,12 +84,13 @@ def read_executed(folder: Path, scene: Scene) -> ExecutedRun | None:
     world_T_initial = scene.world_T_camera(table[0, joints]) * poses[0].inv()
     return ExecutedRun(
         table[:, time],
-        table[:, w],
+        np.where(table[:, leg] == 0.0, table[:, w], np.nan),
         table[:, joints],
         world_T_initial,
         world_T_initial * poses,
         table[:, error],
         _ended(folder / "metrics.json"),
+        plan,
     )
 
 
@@ -92,8 +103,9 @@ def executed_of(result: RunResult, world_T_initial: RigidTransform) -> ExecutedR
     poses = RigidTransform.from_components(log.column("measured_position"), turns)
     status = str(result.metrics.get("status", "unknown"))
     return ExecutedRun(
-        log.column("time"), log.column("w"), log.column("joints"), world_T_initial, world_T_initial * poses,
-        log.column("error_px"), f"{status}{f': {log.stop_message}' if log.stop_message else ''}",
+        log.column("time"), np.where(log.column("leg") == 0.0, log.column("w"), np.nan), log.column("joints"),
+        world_T_initial, world_T_initial * poses, log.column("error_px"),
+        f"{status}{f': {log.stop_message}' if log.stop_message else ''}", result.plan,
     )  # fmt: skip
 
 

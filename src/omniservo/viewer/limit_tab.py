@@ -68,6 +68,8 @@ class LimitTab:
             (self._occlusion, problem.occlusion),
         ):
             if abs(slider.value - value) > 1e-9:
+                if not isinstance(value, bool) and value > slider.max:
+                    slider.max = value
                 slider.value = value
 
     def _set(self, event: Any, *, change: Change) -> None:

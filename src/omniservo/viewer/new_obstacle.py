@@ -1,4 +1,4 @@
-"""An obstacle of every kind to begin with, near the middle of the path; obstacles from files."""
+"""A new obstacle of every kind, near the middle of the path; obstacles from files."""
 
 from __future__ import annotations
 

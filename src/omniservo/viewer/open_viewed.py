@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_document
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, PlanningProblem
+from omniservo.planning import Plan, PlanningProblem, certify
 from omniservo.planning.plan import FORMAT as PLAN_FORMAT
 from omniservo.planning.problem_file import FORMAT as PROBLEM_FORMAT
 from omniservo.reporting.image_distance import image_distance
@@ -42,7 +42,7 @@ class Viewed:
     name: str
     situation: Situation
     plan: Plan | None = None
-    """of a plan file or a run: shown as it is until something is changed"""
+    """of a plan file or a run: judged again, and shown until something is changed"""
     run: ExecutedRun | None = None
 
 
@@ -75,6 +75,22 @@ def open_viewed(
         return Viewed(path.stem, Situation(plan.problem, UPRIGHT), plan)
     legal = ", ".join(map(repr, (TASK_FORMAT, PROBLEM_FORMAT, PLAN_FORMAT)))
     raise InputError(f"{path}: format: {spelled(form)} given; legal: {legal}, or the folder of a run")
+
+
+def judged_again(plan: Plan) -> Plan:
+    """Return a file's plan with the planner's own certificate; certified only where both say so.
+
+    Raises:
+        InputError: its path is none of its problem.
+    """
+    if plan.path is None:
+        return replace(plan, status="infeasible" if plan.status == "certified" else plan.status)
+    verdict, certificate = certify(plan.problem, plan.path)
+    if plan.status != "certified" or verdict == "certified":
+        return replace(plan, certificate=certificate)
+    worst = certificate.worst
+    reason = f"its file says certified; judged again: {worst.name}: {worst.margin:.6g} {worst.unit} left"
+    return replace(plan, status=verdict, certificate=certificate, reason=reason)
 
 
 def viewed_task(task: Task) -> Viewed:
@@ -139,7 +155,7 @@ def _opened_run(folder: Path) -> Viewed:
         plan = Plan.load(folder / "plan.json") if (folder / "plan.json").is_file() else None
         stated = viewed_task(task).situation.problem if plan is None else plan.problem
         situation = _situation(task, stated)
-        run = read_executed(folder, scene_of_task(task))
+        run = read_executed(folder, scene_of_task(task), plan)
         if run is not None:  # the arm may have moved a little and looked again before it planned
             situation = situation.moved_as_a_whole(run.world_T_initial, run.joints[0])
         return Viewed(folder.name, situation, plan, run)

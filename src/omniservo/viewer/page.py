@@ -14,14 +14,14 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError, OmniservoError
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import plan_path
+from omniservo.planning import Plan, plan_path
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.camera_view import CameraView
 from omniservo.viewer.edited_task import edited_task
 from omniservo.viewer.executed_run import ExecutedRun, executed_of
 from omniservo.viewer.live_servo import Moment, servo_live
-from omniservo.viewer.open_viewed import Viewed
+from omniservo.viewer.open_viewed import Viewed, judged_again
 from omniservo.viewer.plots import plots_html
 from omniservo.viewer.repeating import Repeating
 from omniservo.viewer.replay_file import places_of_replay, replay_page
@@ -206,9 +206,9 @@ class Page:
         self._watcher.wake()
         situation = self._edited()
         stated, self._stated = self._stated, None
-        plan = plan_path(situation.problem) if stated is None else stated
+        plan = plan_path(situation.problem) if stated is None else judged_again(stated)
         self.timings.plans.append(plan.seconds)
-        with_arm = self.whole_arm and situation.arm is not None
+        with_arm = self.whole_arm and situation.arm is not None and stated is None
         self._publish(Answer(self._number + 1, situation, plan, searching=with_arm))
         if with_arm and not self._planner.woken:
             final = self._arm_planned(situation, plan, WHILE_DRAGGED)
@@ -231,7 +231,7 @@ class Page:
         for listener in self.listeners:
             listener(situation)
 
-    def _arm_planned(self, situation: Situation, plan: Any, budget: float | None) -> bool:
+    def _arm_planned(self, situation: Situation, plan: Plan, budget: float | None) -> bool:
         """Publish the arm's plan; return whether a longer search would change nothing."""
         arm = situation.arm
         if arm is None:
@@ -337,7 +337,9 @@ class Page:
             answer,
             serializer.as_html(),
             plots_html(curves_of(answer), 0.0),
-            lambda w: view.drawn(answer, answer.world_T_camera(w), answer.joints(min(w, answer.end)), w),
+            lambda w: view.drawn(
+                answer.situation, answer.plan, answer.world_T_camera(w), answer.joints(min(w, answer.end)), w
+            ),
         )
 
     def guarded(self, work: Callable[[Any], None]) -> Callable[[Any], Awaitable[None]]:
@@ -398,28 +400,27 @@ class Page:
             return arm.scene.world_T_camera(moment.joints), moment.joints, None
         if run is not None and self.run_shown:
             step = run.step_at(w * float(run.times[-1]))
-            planned = answer.world_T_camera(float(run.w[step])) if np.isfinite(run.w[step]) else None
-            return run.world_T_camera[step], run.joints[step], planned
+            return run.world_T_camera[step], run.joints[step], run.world_T_planned(step)
         return answer.world_T_camera(w), answer.joints(min(w, answer.end)), None
 
     def _paint(self) -> None:
         answer, moment = self._answer, self._moment
         if answer is None:
             return
-        begin, w = time.perf_counter(), self._place
+        begin = time.perf_counter()
+        plan, w = self._followed(answer)
         self.shown.plots.content = plots_html(curves_of(answer), w)
         camera, joints, _ = self._shown_now(answer, moment)
-        self.shown.view.image = self._view.drawn(answer, camera, joints, w)
+        self.shown.view.image = self._view.drawn(answer.situation, plan, camera, joints, w)
         self.timings.views.append(time.perf_counter() - begin)
 
-    @property
-    def _place(self) -> float:
-        """Where on the path that is which is shown."""
+    def _followed(self, answer: Answer) -> tuple[Plan, float]:
+        """Return the plan whose trajectories are drawn, and where on its path that is which is shown."""
         w, run = float(self.shown.w.value), self.run
-        if run is None or not self.run_shown:
-            return w
+        if run is None or not self.run_shown or run.plan is None or self._moment is not None:
+            return answer.plan, w
         place = float(run.w[run.step_at(w * float(run.times[-1]))])
-        return place if np.isfinite(place) else w
+        return run.plan, place if np.isfinite(place) else w
 
     def _play(self) -> None:
         """Go along the path again and again until it is ended."""

@@ -9,7 +9,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.spelling import significant
 from omniservo.reporting.style import CERTIFIED, PLANNED
-from omniservo.viewer.along_path import Curve
+from omniservo.viewer.along_path import MarginCurve
 
 _WIDTH, _HEIGHT = 300.0, 72.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40.0, 6.0, 6.0, 14.0
@@ -17,7 +17,7 @@ _ROOM = 0.08
 """above and below a curve, in parts of its height"""
 
 
-def plots_html(curves: list[Curve], w: float) -> str:
+def plots_html(curves: list[MarginCurve], w: float) -> str:
     """Return one plot below the other, with a line at w."""
     return "".join(_plot(curve, w) for curve in curves) + (_LEGEND if curves else "")
 
@@ -28,7 +28,7 @@ _LEGEND = (
 )
 
 
-def _plot(curve: Curve, w: float) -> str:
+def _plot(curve: MarginCurve, w: float) -> str:
     low, high = _range(curve)
     x = _LEFT + (_WIDTH - _LEFT - _RIGHT) * curve.w
     bottom = _HEIGHT - _BOTTOM
@@ -72,14 +72,14 @@ def _plot(curve: Curve, w: float) -> str:
     )
 
 
-def _title(curve: Curve) -> str:
+def _title(curve: MarginCurve) -> str:
     finite = curve.values[np.isfinite(curve.values)]
     least = f"least {significant(float(finite.min()))} {curve.unit}" if len(finite) else "not seen"
     proven = "" if curve.certified is None else f", certified ≥ {significant(curve.certified)}"
     return f"<b>{escape(curve.title)}</b> {least}{proven}"
 
 
-def _range(curve: Curve) -> tuple[float, float]:
+def _range(curve: MarginCurve) -> tuple[float, float]:
     """Return what the plot shows: all values, and what is required and certified."""
     bounds = [value for value in (curve.required, curve.certified) if value is not None]
     shown = [*curve.values[np.isfinite(curve.values)].tolist(), *bounds]

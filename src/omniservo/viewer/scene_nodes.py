@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -50,7 +51,7 @@ class Dragged:
 
 
 class SceneNodes:
-    """What is drawn for a situation and its answers. Methods are called by one thread at a time.
+    """What is drawn for a situation and its answers. Any thread may change what is shown.
 
     Args:
         server: viser's.
@@ -65,6 +66,7 @@ class SceneNodes:
         self.handles: list[Any] = []
         """what each obstacle is dragged by"""
         self._poses: BodyPoses | None = None
+        self._posing = Lock()
         self._frames: dict[int, Any] = {}
         self._camera: CentralModel | None = None
         self._planned: Any = None
@@ -134,14 +136,15 @@ class SceneNodes:
         if worst is not None:
             self._worst.points = worst.line[None].astype(np.float32)
             self._worst.colors = np.array(VIOLATED if worst.violated else SEARCHING, dtype=np.uint8)
-            self._label.position = tuple(worst.line.mean(axis=0))
+            self._label.position = np.add(worst.line.mean(axis=0), [0.0, 0.0, 0.14 * self._size])
             self._label.text = worst.words
 
     def show_arm(self, joints: FloatArray) -> None:
         """Put the arm into these joints (n,) [rad]."""
         if self._poses is None:
             return
-        places, quaternions = self._poses.at(joints)
+        with self._posing:
+            places, quaternions = self._poses.at(joints)
         for body, frame in self._frames.items():
             frame.position, frame.wxyz = places[body], quaternions[body]
 
@@ -270,7 +273,7 @@ class SceneNodes:
         focus = between + 0.35 * ahead
         side = np.cross(ahead, [0.0, 0.0, 1.0])
         side = side / max(float(np.linalg.norm(side)), 1e-9)
-        eye = focus + self._size * (1.7 * side + np.array([0.0, 0.0, 1.0])) - 0.9 * ahead
+        eye = focus + self._size * (2.0 * side + np.array([0.0, 0.0, 1.1])) - 1.1 * ahead
         camera = self._server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), tuple(eye), tuple(focus)
 

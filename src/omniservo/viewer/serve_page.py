@@ -14,7 +14,7 @@ from omniservo.viewer.open_viewed import Viewed
 from omniservo.viewer.page import Page
 
 HOST = "127.0.0.1"
-"""Nobody but this machine reaches the page."""
+"""Only this machine reaches the page."""
 
 
 def require_viser() -> None:
