@@ -14,6 +14,7 @@ from omniservo.viewer.new_obstacle import new_obstacle, obstacles_of_file
 from omniservo.viewer.open_viewed import open_viewed
 from omniservo.viewer.situation import Situation, obstacle_pose, with_xi
 from omniservo.viewer.worst_place import nearest_of
+from omniservo.whole_arm import plan_with_arm
 
 TURN = RigidTransform.from_components([0.03, -0.02, 0.05], Rotation.from_rotvec([0.2, -0.4, 0.3]))
 
@@ -172,3 +173,13 @@ def test_a_situation_without_an_arm_has_no_task():
     problem = PlanningProblem(preset("fe185"), [[0, 0, 0.5]], RigidTransform.from_translation([0.1, 0, 0]))
     with pytest.raises(InputError, match="without an arm"):
         edited_task(Situation(problem, RigidTransform.identity()))
+
+
+def test_a_budget_ends_the_arm_s_search_after_the_start_at_hand_and_else_changes_nothing(situation):
+    problem, setting = situation.problem, situation.arm.setting
+    free, ample, none = (plan_with_arm(problem, setting, time_budget=s) for s in (None, 600.0, 1e-9))
+    assert free.certified
+    assert np.array_equal(free.plan.path.translation, ample.plan.path.translation)
+    assert none.attempts == 1
+    with pytest.raises(InputError, match="time_budget"):
+        plan_with_arm(problem, setting, time_budget=0.0)
