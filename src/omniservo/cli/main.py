@@ -28,6 +28,7 @@ from omniservo.cli import (
     sim,
     teach,
     verify,
+    view,
     warm_up,
 )
 from omniservo.cli.first_steps import first_steps
@@ -49,6 +50,7 @@ app.command("estimate")(estimate.estimate)
 app.command("plan")(plan.plan)
 app.command("verify")(verify.verify)
 app.command("teach")(teach.teach)
+app.command("view")(view.view)
 app.command("examples")(examples.examples)
 app.command("render")(render.render)
 app.command("schema")(schema.schema)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
-from omniservo.robots import Arm
+from omniservo.robots import Arm, Solid
 from omniservo.scenes.lens_error import LensError
 from omniservo.scenes.light import Light
 from omniservo.scenes.panel import Panel
@@ -134,6 +134,8 @@ class Scene:
     obstacles: tuple[SceneBox | Ball, ...] = ()
     surroundings: tuple[SceneBox, ...] = ()
     """what else stands around: tables, walls"""
+    solids: tuple[Solid, ...] = ()
+    """obstacles of any kind, in the world; those of one name are one body"""
     floor: float | None = None
     """height of a horizontal floor [m]; None: no floor"""
     true_camera: CentralModel | None = None
@@ -155,6 +157,7 @@ class Scene:
         if not self.lights or self.lights[0].since > 0.0 or list(self.lights) != sorted(self.lights):
             raise InputError("scene: lights: one since 0 s is needed, and later ones in their order")
         names = [body.name for body in (*self.bodies, *self.panels)]
+        names += {solid.name for solid in self.solids}
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise InputError(f"scene: the name {min(twice)!r} is given twice")
@@ -165,7 +168,7 @@ class Scene:
 
     @property
     def bodies(self) -> tuple[SceneBox | Ball, ...]:
-        """Everything that can be touched but the arm and the floor."""
+        """Boxes and balls that can be touched."""
         return (*self.boards, *self.obstacles, *self.surroundings)
 
     def world_T_camera(self, q: FloatArray) -> RigidTransform:

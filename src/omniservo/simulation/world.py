@@ -15,7 +15,7 @@ from omniservo.robots import CAMERA_HOUSING, SHOWN_GROUP, ArmBodies
 from omniservo.robots.collision.arm_bodies import MOUNTED
 from omniservo.robots.collision.plain import PLAIN
 from omniservo.scenes.panel import Panel
-from omniservo.scenes.scene import BOARD_COLOUR, Ball, Colour, Dots, Scene, SceneBox
+from omniservo.scenes.scene import BOARD_COLOUR, OBSTACLE_COLOUR, Ball, Colour, Dots, Scene, SceneBox
 
 TICK = 0.001
 """Physics step [s]."""
@@ -35,7 +35,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green, blue (R
 _THICKNESS = 1e-5  # [m] of dots and panels: thinner than any pixel shows from the side
 
 _DOT_KIND = mujoco.mjtGeom.mjGEOM_CYLINDER
-"""only dots are cylinders among what does not move"""
+"""only dots are cylinders among what does not move and cannot be touched"""
 
 _CAMERA_SHAPE = "camera shape {}"
 
@@ -62,6 +62,7 @@ class World:
         _let_camera_touch_wrist(spec, scene)
         for body in scene.bodies:
             _add_body(spec, body)
+        _add_solids(spec, scene)
         if scene.dots is not None:
             _add_dots(spec, scene.dots)
         for panel in scene.panels:
@@ -76,12 +77,13 @@ class World:
         is_arms = (self.model.geom_group != SURROUNDINGS_GROUP) & (self.model.geom_contype != 0)
         self.arm_geoms: IntArray = np.flatnonzero(is_arms)
         """geoms of the arm's links and the camera's housing that can be touched"""
-        is_dots = (self.model.geom_group == SURROUNDINGS_GROUP) & (self.model.geom_type == _DOT_KIND)
+        still = self.model.geom_group == SURROUNDINGS_GROUP
+        is_dots = still & (self.model.geom_type == _DOT_KIND) & (self.model.geom_contype == 0)
         self.dot_geoms: IntArray = np.flatnonzero(is_dots)
         """geoms of the target's dots"""
         self._panel_of_geom = _panel_of_geom(self.model, scene.panels)
         self._panel_faces = np.array([p.world_T_panel.rotation.apply([0.0, 0.0, -1.0]) for p in scene.panels])
-        obstacles = {body.name for body in scene.obstacles}
+        obstacles = {body.name for body in (*scene.obstacles, *scene.solids)}
         owners = [self.body_of(geom) for geom in range(self.model.ngeom)]
         self.obstacle_geoms: IntArray = np.flatnonzero([owner in obstacles for owner in owners])
         """geoms of the scene's obstacles"""
@@ -183,6 +185,13 @@ def _add_body(spec: Any, body: SceneBox | Ball) -> None:
         name=body.name, pos=pose.translation, quat=_mujoco_quaternion(pose.rotation)
     )
     _paint(holder.add_geom(PLAIN, type=kind, size=size), body.colour)
+
+
+def _add_solids(spec: Any, scene: Scene) -> None:
+    names = dict.fromkeys(solid.name for solid in scene.solids)
+    holders = {name: spec.worldbody.add_body(name=name) for name in names}
+    for solid in scene.solids:
+        _paint(solid.add_to(spec, holders[solid.name]), OBSTACLE_COLOUR)
 
 
 def _add_dots(spec: Any, dots: Dots) -> None:

@@ -68,7 +68,12 @@ _FARTHER = 0.02
 
 
 def plan_with_arm(
-    problem: PlanningProblem, setting: ArmSetting, *, seed: int = 0, attempts: int = ATTEMPTS
+    problem: PlanningProblem,
+    setting: ArmSetting,
+    *,
+    seed: int = 0,
+    attempts: int = ATTEMPTS,
+    time_budget: float | None = None,
 ) -> ArmPlan:
     """Return a certified camera path that the arm can follow on one branch, clear of everything.
 
@@ -84,11 +89,12 @@ def plan_with_arm(
         seed: turns the directions in which detours are tried.
         attempts: camera paths from different starts at most, up to the thousand that `plan_path` tries; what
             is beyond `ATTEMPTS` comes after the curves, which are not counted.
+        time_budget: [s] after which no other start is taken; None: all of them are.
 
     Raises:
         InputError: an obstacle that cannot be judged for the whole arm; or what `plan_path` refuses.
     """
-    budget = TimeBudget(None)
+    budget = TimeBudget(time_budget)
     finite_number("seed", seed, minimum=0)
     finite_number("attempts", attempts, minimum=1)
     bodies = setting.bodies(problem.obstacles)

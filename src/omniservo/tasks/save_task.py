@@ -1,0 +1,64 @@
+"""Tasks as files: what `load_task` reads back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from omniservo.errors import InputError
+from omniservo.files import write_whole
+from omniservo.robots import shipped_arms
+from omniservo.tasks.task import FORMAT, Task
+
+_UNSAVED = {"camera", "simulation", "planning", "arm"}
+
+
+def task_text(task: Task) -> str:
+    """Return a task file: lengths in m, angles in rad, everything in the initial camera frame.
+
+    An arm that does not ship with the package is named by its path; the file has to lie in its folder.
+
+    Raises:
+        InputError: what the task keeps in values, no file can name: a tracking tube.
+    """
+    fields: dict[str, Any] = {"format": FORMAT, **_dumped(task, exclude=_UNSAVED)}
+    fields["camera"] = task.camera.to_dict()
+    fields["simulation"] = _dumped(task.simulation, exclude={"true_camera"})
+    if task.simulation.true_camera is not None:
+        fields["simulation"]["true_camera"] = task.simulation.true_camera.to_dict()
+    fields["arm"] = _dumped(task.arm)
+    if task.arm.model not in shipped_arms():
+        fields["arm"]["model"] = Path(task.arm.model).name
+        fields["arm"].pop("packages", None)
+    if task.planning.tracking_tube is not None:
+        raise InputError(
+            f"{task.name}: planning.tracking_tube: a measured tube cannot be written into a task"
+        )
+    fields["planning"] = _dumped(task.planning, exclude={"workspace", "obstacles", "arm_clearance"})
+    fields["planning"]["arm_clearance"] = task.planning.arm_clearance
+    fields["planning"]["obstacles"] = [
+        {**_dumped(section, exclude={"file"}), "type": section.type} for section in task.planning.obstacles
+    ]
+    if task.planning.workspace is not None:
+        low, high = task.planning.workspace.bounds.tolist()
+        fields["planning"]["workspace"] = {"min": low, "max": high}
+    return yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)
+
+
+def save_task(task: Task, path: str | Path, *, force: bool = False) -> None:
+    """Write a task, whole or not at all.
+
+    Raises:
+        InputError: as `task_text`; or the file exists and ``force`` is False.
+    """
+    write_whole(path, task_text(task), force=force)
+
+
+def _dumped(section: Any, exclude: set[str] | None = None) -> dict[str, Any]:
+    """Return a section's fields by their names in a file, without those that are as by default."""
+    found: dict[str, Any] = section.model_dump(
+        mode="json", by_alias=True, exclude_defaults=True, exclude=exclude
+    )
+    return found

@@ -1,0 +1,84 @@
+"""The whole job in the simulator, watched while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from omniservo.geometry.arrays import FloatArray
+from omniservo.results import RunResult
+from omniservo.runs import run_task
+from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.safety import Supervisor
+from omniservo.simulation import SimulatedCell
+from omniservo.tasks import Task
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What is known of the arm at one time of the servo."""
+
+    time: float
+    """on the simulator's clock [s]"""
+    joints: FloatArray
+    """(n,) [rad]"""
+    supervisor: str
+    """its state: "moving", "standing", or why it stopped the arm"""
+
+
+class WatchedCell(SimulatedCell):
+    """The simulated cell, whose supervisor and arm are reported whenever time passes while it is supervised.
+
+    Args:
+        task: says what stands where.
+        seed: of the sensor's noise.
+        watch: called with every moment.
+    """
+
+    def __init__(self, task: Task, seed: int, watch: Callable[[Moment], None]) -> None:
+        super().__init__(task, seed)
+        self._task, self._watch = task, watch
+
+    @cached_property
+    def drive(self) -> Supervisor:  # type: ignore[override]
+        """The supervisor in this process, kept so that its state can be read."""
+        return Supervisor(
+            self.driver,
+            self.scene.arm,
+            self.scene.flange_T_camera,
+            camera=self.camera,
+            wait=self.wait,
+            clock=self.clock,
+            options=safety_of_task(self._task),
+        )
+
+    def wait(self, duration: float) -> None:
+        """Let time [s] pass, and report the arm."""
+        super().wait(duration)
+        supervisor = self.__dict__.get("drive")
+        if supervisor is not None:
+            state = self.robot.read()
+            self._watch(Moment(state.time, state.joint_positions, _state_of(supervisor)))
+
+
+def servo_live(
+    task: Task, watch: Callable[[Moment], None], progress: Callable[[str, float], None]
+) -> RunResult:
+    """Do the job: images, estimate, plan, servo. Where it is stopped, the log says why.
+
+    Args:
+        task: the job.
+        watch: called with every moment of the servo; what it raises ends it.
+        progress: called with what is being done, and the share of that stage that is behind.
+
+    Raises:
+        InputError, NoSolutionError: as `run_task`.
+    """
+    return run_task(task, lambda job, seed: WatchedCell(job, seed, watch), filmed=False, progress=progress)
+
+
+def _state_of(supervisor: Supervisor) -> str:
+    if supervisor.stopped is not None:
+        return f"stopped: {supervisor.stopped.reason}"
+    return "moving" if supervisor.moving else "standing"

@@ -1,0 +1,440 @@
+"""The live page: a thread plans, one moves what is shown, one renders; the server's loop does none of it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import InputError, OmniservoError
+from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Plan, plan_path
+from omniservo.viewer.along_path import curves_of
+from omniservo.viewer.answer import Answer
+from omniservo.viewer.camera_view import CameraView
+from omniservo.viewer.edited_task import edited_task
+from omniservo.viewer.executed_run import ExecutedRun, executed_of
+from omniservo.viewer.live_servo import Moment, servo_live
+from omniservo.viewer.open_viewed import Viewed, judged_again
+from omniservo.viewer.plots import plots_html
+from omniservo.viewer.repeating import Repeating
+from omniservo.viewer.replay_file import places_of_replay, replay_page
+from omniservo.viewer.scene_nodes import SceneNodes
+from omniservo.viewer.situation import Situation
+from omniservo.viewer.status import PLANNING, job_html, refused_html, status_html
+from omniservo.whole_arm import plan_with_arm
+
+Edit: TypeAlias = Callable[[Situation], Situation]
+
+WHILE_DRAGGED = 0.06
+"""[s] for the arm's plan while a handle is dragged; the next place is more than the last one's best plan"""
+
+_AT_REST = 0.15
+"""[s] without a change after which the arm's plan is searched for to the end"""
+
+_SOON = 0.5
+"""[s] after which it is said that a plan is not there yet"""
+
+_TICK = 1.0 / 25.0
+"""[s] between two places of a path that is played"""
+
+SECONDS = 6.0
+"""[s] in which a path is played"""
+
+_KEPT_TIMES = 4096
+
+
+@dataclass
+class Shown:
+    """The page's elements that answers are written to."""
+
+    status: Any
+    plots: Any
+    view: Any
+    w: Any
+    """slider"""
+    job: Any
+    """what a run does or did"""
+    message: Callable[[str, str], None]
+    """shows a title and a text on every window"""
+
+
+@dataclass
+class Timings:
+    """How long the parts of updates took [s], the newest of them."""
+
+    plans: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
+    publishing: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
+    views: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
+
+
+class Page:
+    """Holds what is planned for, plans it again when it is changed, and shows the answer.
+
+    Args:
+        server: viser's.
+        viewed: what the page begins with.
+    """
+
+    def __init__(self, server: Any, viewed: Viewed) -> None:
+        self.server = server
+        self._jobs: deque[Callable[[], None]] = deque()
+        self.whole_arm = True
+        """whether the arm's plan is searched for, where there is an arm"""
+        self.playing = False
+        self.timings = Timings()
+        self._answer: Answer | None = None
+        self._number = 0
+        self._changed = threading.Condition()
+        self.settled = threading.Event()
+        """set once the first situation is planned for, or refused"""
+        self._view = CameraView()
+        self.run_shown = False
+        """whether what is played is the run; the slider then goes along its time"""
+        self._moment: Moment | None = None
+        """of a servo that is watched"""
+        self.shown: Shown
+        self.listeners: list[Callable[[Situation], None]] = []
+        """called, by the thread that plans, with what an edit or a drag made of the situation"""
+        self._take(viewed)
+        self._planner = Repeating("planner", self._plan, self._refused)
+        self._mover = Repeating("mover", self._move, self._failed)
+        self._painter = Repeating("painter", self._paint, self._failed)
+        self._player = Repeating("player", self._play, self._failed)
+        self._said = threading.Event()
+        """whether the sign on the page is that of the situation as it is"""
+        self._watcher = Repeating("watcher", self._watch, self._failed)
+
+    def begin(self, shown: Shown) -> None:
+        """Plan for the first time, and go on until `close`."""
+        self.shown = shown
+        for thread in (self._planner, self._mover, self._painter, self._player, self._watcher):
+            thread.start()
+        self.replan()
+
+    def close(self) -> None:
+        """End the threads."""
+        self.playing = False
+        self._said.set()
+        for thread in (self._player, self._planner, self._watcher, self._mover, self._painter):
+            thread.close()
+
+    @property
+    def answer(self) -> Answer | None:
+        """The newest."""
+        return self._answer
+
+    def wait_for(self, holds: Callable[[Answer], bool], seconds: float) -> Answer:
+        """Return the first answer from now on, or the newest, of which something holds.
+
+        Raises:
+            TimeoutError: there was none within so many seconds.
+        """
+        end = time.monotonic() + seconds
+        with self._changed:
+            while True:
+                answer = self._answer
+                if answer is not None and holds(answer):
+                    return answer
+                if not self._changed.wait(end - time.monotonic()):
+                    raise TimeoutError(f"no such answer within {seconds:g} s")
+
+    def edit(self, change: Edit) -> None:
+        """Have the situation changed and planned for; one that is not legal is refused, and said."""
+
+        def change_it() -> None:
+            self._base = change(self.situation)
+
+        self._jobs.append(change_it)
+        self.replan()
+
+    def open(self, viewed: Viewed) -> None:
+        """Have another task, plan or problem in the place of what is shown."""
+
+        def take_it() -> None:
+            self.server.scene.reset()
+            self._take(viewed)
+
+        self._jobs.append(take_it)
+        self.replan()
+
+    def _take(self, viewed: Viewed) -> None:
+        self.name, self.run, self._stated = viewed.name, viewed.run, viewed.plan
+        self._base = viewed.situation
+        """what the handles' places are counted from: it changes by edits alone"""
+        self.nodes = SceneNodes(self.server, viewed.situation, self.replan)
+        self._take_run(viewed.run)
+
+    def _take_run(self, run: ExecutedRun | None) -> None:
+        self.run, self.run_shown = run, run is not None
+        if run is not None:
+            self.nodes.show_executed(run.world_T_camera.translation)
+
+    def replan(self) -> None:
+        """Have it planned for as the handles are now."""
+        self._planner.wake()
+
+    def show_at(self) -> None:
+        """Have arm, camera and view shown at the slider's w."""
+        self._mover.wake()
+        self._painter.wake()
+
+    def play(self, playing: bool) -> None:
+        """Begin or end to go along the path."""
+        self.playing = playing
+        self._player.wake()
+
+    @property
+    def situation(self) -> Situation:
+        """What is planned for, as the handles are now."""
+        there = self.nodes.dragged()
+        return self._base.moved(there.start, there.goal, there.obstacles)
+
+    def _watch(self) -> None:
+        """Say that it is planned, where that takes a while: the sign of before is none of what is now."""
+        if not self._said.wait(_SOON):
+            self.shown.status.content = PLANNING
+
+    def _plan(self) -> None:
+        self._said.clear()
+        self._watcher.wake()
+        situation = self._edited()
+        stated, self._stated = self._stated, None
+        plan = plan_path(situation.problem) if stated is None else judged_again(stated)
+        self.timings.plans.append(plan.seconds)
+        with_arm = self.whole_arm and situation.arm is not None and stated is None
+        self._publish(Answer(self._number + 1, situation, plan, searching=with_arm))
+        if with_arm and not self._planner.woken:
+            final = self._arm_planned(situation, plan, WHILE_DRAGGED)
+            if not final and not self._planner.woken_within(_AT_REST):
+                self._arm_planned(situation, plan, None)
+        if not self._planner.woken:
+            self._tell(situation)
+
+    def _edited(self) -> Situation:
+        """Return the situation as the handles are, after the jobs that wait."""
+        while self._jobs:
+            before = self._base
+            self._jobs.popleft()()
+            if self._base is not before:
+                self.nodes.put(self._base)
+                self._tell(self._base)
+        return self.situation
+
+    def _tell(self, situation: Situation) -> None:
+        for listener in self.listeners:
+            listener(situation)
+
+    def _arm_planned(self, situation: Situation, plan: Plan, budget: float | None) -> bool:
+        """Publish the arm's plan; return whether a longer search would change nothing."""
+        arm = situation.arm
+        if arm is None:
+            return True
+        found = plan_with_arm(situation.problem, arm.setting, time_budget=budget)
+        final = budget is None or found.plan.status in ("certified", "infeasible") or found.seconds < budget
+        self._publish(Answer(self._number + 1, situation, plan, found, searching=not final))
+        return final
+
+    def _publish(self, answer: Answer) -> None:
+        begin = time.perf_counter()
+        self._number = answer.number
+        with self.server.atomic():
+            self.nodes.show(answer)
+            self._said.set()
+            self.shown.status.content = status_html(answer)
+        with self._changed:
+            self._answer = answer
+            self._changed.notify_all()
+        if not answer.searching:
+            self.settled.set()
+        worst = answer.worst
+        if answer.verdict == "no path" and worst is not None and not self.playing:
+            self.shown.w.value = round(worst.w, 2)
+        self.timings.publishing.append(time.perf_counter() - begin)
+        self.show_at()
+
+    def servo(self) -> None:
+        """Do the whole job in the simulator, watched; then its motion is played. For a thread of its own.
+
+        Raises:
+            InputError, NoSolutionError: the situation has no arm, or its job is refused.
+        """
+        if self._moment is not None:
+            raise InputError("a servo is going on")
+        situation, stage = self.situation, ""
+        task = edited_task(situation)
+
+        def progress(now: str, done: float) -> None:
+            nonlocal stage
+            stage = now
+            if now == "following the path":
+                self.shown.w.value = round(min(done, 1.0), 3)
+            self.shown.job.content = job_html(f"servo: {now}")
+
+        def watch(moment: Moment) -> None:
+            self._moment = moment
+            self.shown.job.content = job_html(
+                f"servo: {stage}; supervisor: {moment.supervisor}; {moment.time:.2f} s"
+            )
+            self.show_at()
+
+        try:
+            result = servo_live(task, watch, progress)
+        except Exception as error:
+            self.shown.job.content = job_html(f"servo: {error}")
+            raise
+        finally:
+            self._moment = None
+        run = executed_of(result, situation.world_T_initial)
+        self.shown.job.content = job_html(f"servo: {'stopped before a step' if run is None else run.ended}")
+        self._take_run(run)
+        self.show_at()
+
+    def replay(self) -> str:
+        """Return the page as a file that opens without Python. For a thread of its own.
+
+        Raises:
+            InputError: there is no plan yet.
+        """
+        done, found = threading.Event(), list[str | Exception]()
+
+        def record() -> None:
+            try:
+                found.append(self._recorded())
+            except Exception as error:
+                found.append(error)
+            done.set()
+
+        self._jobs.append(record)
+        self._planner.wake()
+        done.wait()
+        if isinstance(found[0], Exception):
+            raise found[0]
+        return found[0]
+
+    def _recorded(self) -> str:
+        """Record the motion along the shown path, by the thread that plans: nothing changes meanwhile."""
+        answer, view = self._answer, CameraView()
+        if answer is None:
+            raise InputError("there is no plan yet")
+        self.playing = False
+        serializer = self.server.get_scene_serializer()
+        for w in places_of_replay(answer):
+            joints = answer.joints(w)
+            self.nodes.show_camera(answer.world_T_camera(w))
+            if joints is not None:
+                self.nodes.show_arm(joints)
+            serializer.insert_sleep(_TICK)
+        self.show_at()
+        return replay_page(
+            self.name,
+            answer,
+            serializer.as_html(),
+            plots_html(curves_of(answer), 0.0),
+            lambda w: view.drawn(
+                answer.situation, answer.plan, answer.world_T_camera(w), answer.joints(min(w, answer.end)), w
+            ),
+        )
+
+    def guarded(self, work: Callable[[Any], None]) -> Callable[[Any], Awaitable[None]]:
+        """Return a callback for the server's loop, where events keep their order: it must be quick.
+
+        What it raises is said on the page.
+        """
+
+        async def called(event: Any) -> None:
+            try:
+                work(event)
+            except Exception as error:
+                self._failed(error)
+
+        return called
+
+    def in_background(self, work: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback for a thread of its own, where it may take its time."""
+
+        def called(event: Any) -> None:
+            try:
+                work(event)
+            except Exception as error:
+                self._failed(error)
+
+        return called
+
+    def _refused(self, error: Exception) -> None:
+        """Say why what a hand did is not planned for: the last answer is none for it."""
+        self._said.set()
+        with self._changed:
+            self.shown.status.content = refused_html(_said(error))
+            self._changed.notify_all()
+        self.settled.set()
+        if not isinstance(error, OmniservoError):
+            self._failed(error)
+
+    def _failed(self, error: Exception) -> None:
+        self.shown.message("That did not work", _said(error))
+
+    def _move(self) -> None:
+        answer, moment = self._answer, self._moment
+        if answer is None:
+            return
+        camera, joints, planned = self._shown_now(answer, moment)
+        with self.server.atomic():
+            self.nodes.show_planned(planned)
+            self.nodes.show_camera(camera)
+            if joints is not None:
+                self.nodes.show_arm(joints)
+
+    def _shown_now(
+        self, answer: Answer, moment: Moment | None
+    ) -> tuple[RigidTransform, FloatArray | None, RigidTransform | None]:
+        """Return camera and joints as they are shown; of a run, where its plan has the camera, too."""
+        w, run, arm = float(self.shown.w.value), self.run, answer.situation.arm
+        if moment is not None and arm is not None:
+            return arm.scene.world_T_camera(moment.joints), moment.joints, None
+        if run is not None and self.run_shown:
+            step = run.step_at(w * float(run.times[-1]))
+            return run.world_T_camera[step], run.joints[step], run.world_T_planned(step)
+        return answer.world_T_camera(w), answer.joints(min(w, answer.end)), None
+
+    def _paint(self) -> None:
+        answer, moment = self._answer, self._moment
+        if answer is None:
+            return
+        begin = time.perf_counter()
+        plan, w = self._followed(answer)
+        self.shown.plots.content = plots_html(curves_of(answer), w)
+        camera, joints, _ = self._shown_now(answer, moment)
+        self.shown.view.image = self._view.drawn(answer.situation, plan, camera, joints, w)
+        self.timings.views.append(time.perf_counter() - begin)
+
+    def _followed(self, answer: Answer) -> tuple[Plan, float]:
+        """Return the plan whose trajectories are drawn, and where on its path that is which is shown."""
+        w, run = float(self.shown.w.value), self.run
+        if run is None or not self.run_shown or run.plan is None or self._moment is not None:
+            return answer.plan, w
+        place = float(run.w[run.step_at(w * float(run.times[-1]))])
+        return run.plan, place if np.isfinite(place) else w
+
+    def _play(self) -> None:
+        """Go along the path again and again until it is ended."""
+        last = time.monotonic()
+        while self.playing:
+            if self._player.woken_within(_TICK):
+                return
+            now = time.monotonic()
+            w = (float(self.shown.w.value) + (now - last) / SECONDS) % 1.0
+            last = now
+            self.shown.w.value = round(w, 3)
+            self.show_at()
+
+
+def _said(error: Exception) -> str:
+    """Return an error in words: of one that is no fault of the user's, with its name."""
+    return str(error) if isinstance(error, OmniservoError) else f"{type(error).__name__}: {error}"

@@ -1,0 +1,35 @@
+"""Real mouse drags in a headless Chromium."""
+
+import numpy as np
+import pytest
+from benchmarks.page_mouse import PageMouse, browser, missing
+from tests.viewer.conftest import PATIENCE, settled
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "there is a browser")
+
+
+@pytest.fixture(scope="module")
+def opened():
+    with browser() as found:
+        yield found
+
+
+def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_and_a_reload(page, opened):
+    small = (760, 430)
+    first = PageMouse(opened, page, small, PATIENCE)
+    handle = page.nodes.handles[0]
+    place, number = np.array(handle.position), page.answer.number
+    first.drag(handle, 40.0, axis=2, steps=4)
+    answer = settled(page, number)
+    assert np.linalg.norm(np.asarray(handle.position) - place) > 0.01
+    assert np.allclose(answer.situation.handles[0].translation, handle.position, atol=1e-6)
+    first.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
+    assert first.verdict() == answer.verdict
+    second = PageMouse(opened, page, small, PATIENCE)
+    second.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
+    assert len(page.server.get_clients()) == 2
+    second.window.close()
+    first.window.reload()
+    first.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
+    assert first.errors == second.errors == []
+    first.window.close()

@@ -1,0 +1,146 @@
+import json
+
+import numpy as np
+import pytest
+from tests.viewer.conftest import PATIENCE, settled
+
+from omniservo.planning import plan_path
+from omniservo.planning.obstacles.obstacle import KINDS
+from omniservo.verification import verify_plan
+from omniservo.viewer.along_path import curves_of
+from omniservo.viewer.new_obstacle import new_obstacle
+from omniservo.viewer.open_viewed import Viewed, open_viewed
+from omniservo.viewer.repeating import Repeating
+
+
+def test_the_first_answer_is_certified_for_the_whole_arm_by_the_planner(page):
+    answer = settled(page)
+    assert answer.verdict == "certified"
+    assert answer.arm_plan.certified
+    assert 'data-verdict="certified"' in page.shown.status.content
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_obstacle_of_every_kind_can_be_added_and_deleted(page, kind):
+    number = page.answer.number
+    page.edit(lambda situation: situation.with_added(new_obstacle(kind, situation)))
+    answer = settled(page, number)
+    assert [type(o) for o in answer.situation.problem.obstacles][1:] == [KINDS[kind]]
+    assert answer.verdict == "certified"
+    page.edit(lambda situation: situation.without(1))
+    assert len(settled(page, answer.number).situation.problem.obstacles) == 1
+
+
+def test_a_moved_handle_is_planned_for_and_the_plan_passes_the_independent_check(page):
+    before = page.answer
+    handle = page.nodes.handles[0]
+    handle.position = np.add(handle.position, [0.0, 0.0, 0.05])
+    page.replan()
+    answer = settled(page, before.number)
+    moved = answer.situation.handles[0].translation - before.situation.handles[0].translation
+    assert np.allclose(moved, [0.0, 0.0, 0.05], atol=1e-9)
+    assert answer.verdict == "certified"
+    verify_plan(answer.plan)
+
+
+def test_no_path_is_said_with_what_stands_against_it_at_its_place(page):
+    number = page.answer.number
+    page.edit(lambda situation: situation.with_problem(clearance=0.2))
+    answer = settled(page, number)
+    assert answer.verdict == "no path"
+    assert "clearance obstacle 0" in answer.worst.words
+    assert answer.worst.violated
+    start, nearest = answer.worst.line
+    assert np.allclose(start, answer.situation.world_T_initial.translation)
+    gap = answer.situation.problem.obstacles[0].distance(np.zeros((1, 3)))[0]
+    assert np.linalg.norm(start - nearest) == pytest.approx(gap, abs=1e-5)
+    assert "NO PATH" in page.shown.status.content
+
+
+def test_an_edit_that_is_not_legal_is_refused_in_words_and_the_page_lives_on(page):
+    number = page.answer.number
+    page.edit(lambda situation: situation.with_problem(clearance=-1.0))
+    with page._changed:
+        assert page._changed.wait_for(lambda: "REFUSED" in page.shown.status.content, PATIENCE)
+    assert "clearance: -1 given" in page.shown.status.content
+    page.edit(lambda situation: situation.with_problem(clearance=0.002))
+    assert settled(page, number).situation.problem.clearance == 0.002
+
+
+def test_an_exception_in_a_callback_is_a_message(page):
+    said = []
+    page.shown.message, before = lambda title, text: said.append(text), page.shown.message
+    try:
+        page.in_background(lambda event: 1 / 0)(None)
+    finally:
+        page.shown.message = before
+    assert said == ["ZeroDivisionError: division by zero"]
+
+
+def test_curves_keep_above_what_is_certified(page):
+    curves = {curve.title: curve for curve in curves_of(settled(page))}
+    assert set(curves) == {
+        "camera to obstacles",
+        "points to image limits",
+        "joints to their limits",
+        "links to bodies",
+    }
+    for curve in curves.values():
+        assert curve.certified is not None
+        assert np.nanmin(curve.values) >= curve.certified - 1e-6
+        assert curve.certified >= curve.required - 1e-6
+
+
+def shown(page, plan, path):
+    """The answer that a plan file gives."""
+    path.write_text(json.dumps(plan))
+    number = page.answer.number
+    page.open(open_viewed(path))
+    return settled(page, number)
+
+
+def test_a_plan_file_is_shown_certified_only_where_it_and_the_planner_say_so(page, tmp_path):
+    plan = plan_path(open_viewed("whole-arm-1").situation.problem).to_dict()
+    assert shown(page, plan, tmp_path / "plan.json").verdict == "certified"
+    assert shown(page, {**plan, "status": "undecided"}, tmp_path / "other.json").verdict == "no path"
+    nearer = {**plan, "problem": {**plan["problem"], "clearance": 0.07}}
+    answer = shown(page, nearer, tmp_path / "false.json")
+    assert answer.verdict == "no path"
+    assert "judged again: clearance obstacle 0" in answer.reason
+
+
+def test_the_replay_is_one_file_without_outside_references(page):
+    text = page.replay()
+    assert "srcdoc=" in text
+    assert 'data-verdict="certified"' in text
+    assert "http://" not in text.split("<aside>")[1]
+    assert len(text) < 5e6
+
+
+def test_a_thread_that_fails_goes_on():
+    failed, worked = [], []
+
+    def work():
+        worked.append(1)
+        if len(worked) == 1:
+            raise ValueError("first")
+        repeating._ended = True
+        repeating.wake()
+
+    def report(error):
+        failed.append(str(error))
+        repeating.wake()
+
+    repeating = Repeating("test", work, report)
+    repeating.start()
+    repeating.wake()
+    repeating._thread.join(PATIENCE)
+    assert (failed, len(worked)) == (["first"], 2)
+
+
+def test_viewed_of_another_task_takes_its_place(page):
+    number = page.answer.number
+    page.open(Viewed("other", open_viewed("paper-example-1").situation))
+    answer = settled(page, number)
+    assert len(answer.situation.problem.obstacles) == 2
+    assert len(page.nodes.handles) == 2

@@ -1,0 +1,67 @@
+"""A job in the simulator, watched, and its folder on the page."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.viewer.conftest import settled
+
+from omniservo.runs import run_task
+from omniservo.runs.run_inputs import RunInputs
+from omniservo.tasks import load_task
+from omniservo.viewer.live_servo import WatchedCell
+from omniservo.viewer.open_viewed import open_viewed
+
+RATE, TIME = 10.0, 1.2
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """The folder of a job that is cut short, and the moments that were watched."""
+    folder, moments = tmp_path_factory.mktemp("run"), []
+    task = load_task("whole-arm-1")
+    sensor = task.sensor.model_copy(update={"rate": RATE})
+    servo = task.servo.model_copy(update={"time_limit": TIME})
+    short = task.model_copy(update={"sensor": sensor, "servo": servo})
+    result = run_task(short, lambda job, seed: WatchedCell(job, seed, moments.append), filmed=False)
+    (folder / "log.csv").write_text(result.log.to_csv())
+    (folder / "metrics.json").write_text(json.dumps(result.metrics))
+    result.plan.save(folder / "plan.json")
+    result.goal.save(folder / "goal.json")
+    RunInputs.now("certified", 0, task.sources.kept(task)).write(folder)
+    return folder, moments
+
+
+def test_a_watched_servo_reports_arm_and_supervisor_as_time_passes(run):
+    _, moments = run
+    assert moments[len(moments) // 2].supervisor == "moving"
+    assert moments[-1].supervisor == "stopped: time_limit"
+    assert np.ptp([moment.joints for moment in moments], axis=0).max() > 1e-3
+    assert (np.diff([moment.time for moment in moments]) >= 0.0).all()
+
+
+def test_a_run_s_folder_is_opened_with_its_plan_and_what_was_executed(run):
+    folder, _ = run
+    viewed = open_viewed(folder)
+    assert viewed.plan.status == "certified"
+    assert viewed.run.ended.startswith("stopped: not at the goal after 1.2 s")
+    camera = viewed.situation.arm.scene.world_T_camera(viewed.run.joints[-1])
+    assert np.linalg.norm(camera.translation - viewed.run.world_T_camera[-1].translation) < 2e-3
+    first = viewed.run.world_T_camera[0].translation
+    assert np.linalg.norm(first - viewed.situation.world_T_initial.translation) < 1e-4
+    assert viewed.run.step_at(-1.0) == 0
+    assert viewed.run.step_at(1e9) == len(viewed.run.times) - 1
+
+
+def test_a_run_is_played_beside_its_plan(run, page):
+    number = page.answer.number
+    page.open(open_viewed(run[0]))
+    answer = settled(page, number)
+    page.shown.w.value = 1.0
+    camera, joints, planned = page._shown_now(answer, None)
+    assert np.array_equal(joints, page.run.joints[-1])
+    assert np.allclose(planned.as_matrix(), answer.world_T_camera(float(page.run.w[-1])).as_matrix())
+    assert page._followed(answer) == (page.run.plan, float(page.run.w[-1]))
+    assert np.linalg.norm(camera.translation - planned.translation) < 5e-3
+    page.run_shown = False
+    assert page._shown_now(answer, None)[2] is None
