@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 from tests.runs.changed_task import PlainCell, shipped, written
 
-from omniservo.reporting.run_summary import run_summary
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.looks import looks_section
+from omniservo.reporting.run_summary import run_summary
 from omniservo.runs.begun_elsewhere import begun_elsewhere
 from omniservo.runs.joined_views import MOST_JOINED
 from omniservo.runs.run_task import run_task
