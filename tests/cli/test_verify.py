@@ -42,7 +42,8 @@ def test_a_plan_for_another_problem_is_exit_code_1_and_says_what_differs(capsys,
     assert (code, err.count("\n")) == (1, 1)
     assert err == (
         "omniservo: refuted: problem.obstacles[0].radius: 0.02 in the plan, 0.021 was meant; "
-        "problem.visibility_margin: 0.0 in the plan, 1.0 was meant\n"
+        "problem.visibility_margin: 0.0 in the plan, 1.0 was meant; "
+        "next: omniservo plan makes another; do not move along this one\n"
     )
     assert json.loads(out)["differences"] == [
         {"field": "obstacles[0].radius", "plan": 0.02, "problem": 0.021},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -117,34 +118,37 @@ def render(
         data = mujoco.MjData(world)
         mujoco.mj_forward(world, data)
         renderer = ModelRenderer(world, lens)
-        taken: list[ByteArray] = []
         places = np.linspace(0.0, 1.0, frames) if way is not None else np.zeros(1)
-        for k, w in enumerate(places):
-            progress(f"drawing image {k + 1} of {len(places)}", k / len(places))
-            seen = renderer.render(data, world_T_start if way is None else world_T_start * way(w))
-            taken.append(seen.image)
-        progress("writing", 1.0)
-        _write(files, taken, seen)
+        last: list[Rendering] = []
+
+        def images() -> Iterator[ByteArray]:
+            for k, w in enumerate(places):
+                progress(f"drawing image {k + 1} of {len(places)}", k / len(places))
+                last[:] = [renderer.render(data, world_T_start if way is None else world_T_start * way(w))]
+                yield last[0].image
+
+        _write(files, images(), last)
     for file in filter(None, (out, depth, segmentation)):
         output.written(file)
-    output.result({"out": str(out), "frames": len(taken), **_fields(world, seen)})
+    output.result({"out": str(out), "frames": len(places), **_fields(world, last[0])})
 
 
-def _write(files: _Files, taken: list[ByteArray], last: Rendering) -> None:
-    """Write the images, and what is requested of the last."""
+def _write(files: _Files, images: Iterator[ByteArray], last: list[Rendering]) -> None:
+    """Write the images as they are drawn, and what is requested of the last."""
     import numpy as np
 
     from omniservo.files.image_files import write_png
     from omniservo.simulation.video import video_bytes
 
     if files.is_video:
-        write_whole(files.out, video_bytes(taken, files.out.suffix, _RATE), force=files.force)
+        write_whole(files.out, video_bytes(images, files.out.suffix, _RATE), force=files.force)
     else:
-        write_png(last.image, files.out, force=files.force)
-    millimetres = np.nan_to_num(1e3 * last.distance).clip(0, 65535)
+        write_png(next(images), files.out, force=files.force)
+    (seen,) = last
+    millimetres = np.nan_to_num(1e3 * seen.distance).clip(0, 65535)
     for path, values, whole in (
-        (files.depth, last.distance.astype(np.float32), millimetres),
-        (files.segmentation, last.geoms.astype(np.int32), last.geoms + 1),
+        (files.depth, seen.distance.astype(np.float32), millimetres),
+        (files.segmentation, seen.geoms.astype(np.int32), seen.geoms + 1),
     ):
         if path is not None:
             write_whole(path, _array_bytes(path, values, whole), force=files.force)
