@@ -98,7 +98,7 @@ def views_schema() -> Schema:
     further = mapping(
         {
             "pose": POSE,
-            "points": COUNT,
+            "points": said(NOT_NEGATIVE, "that it is expected to show"),
             "position_sigma": several(NUMBER),
             "rotation_sigma": several(NUMBER),
             "size_sigma": several(NUMBER),
