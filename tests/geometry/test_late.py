@@ -22,31 +22,33 @@ import omniservo
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.planning.end_poses import violation_at_end
 
-obstacle = {"type": "sphere", "center": [0, -0.05, 0.1], "radius": 0.02}
-if sys.argv[1] == "wall":
-    obstacle = {"type": "half_space", "normal": [0, 0, 1], "offset": -0.3}
+obstacles = {
+    "ball": {"type": "sphere", "center": [0, -0.05, 0.1], "radius": 0.02},
+    "wall": {"type": "half_space", "normal": [0, 0, 1], "offset": -0.3},
+}
 names = []
 with CompilerWatch(names.append) as watch:
-    violation_at_end(omniservo.PlanningProblem.from_dict({
-        "format": "omniservo.problem/1",
-        "camera": omniservo.preset("fe185").to_dict(),
-        "points": [[x, y, 0.5 + abs(x)] for x in (-0.1, 0, 0.1) for y in (-0.1, 0, 0.1)],
-        "goal": {"translation": [0, -0.1, 0.2], "quaternion": [0, 0, 0, 1]},
-        "obstacles": [obstacle],
-        "clearance": 0.05,
-    }))
+    for obstacle in sys.argv[1:]:
+        violation_at_end(omniservo.PlanningProblem.from_dict({
+            "format": "omniservo.problem/1",
+            "camera": omniservo.preset("fe185").to_dict(),
+            "points": [[x, y, 0.5 + abs(x)] for x in (-0.1, 0, 0.1) for y in (-0.1, 0, 0.1)],
+            "goal": {"translation": [0, -0.1, 0.2], "quaternion": [0, 0, 0, 1]},
+            "obstacles": [obstacles[obstacle]],
+            "clearance": 0.05,
+        }))
 print(*names)
 """
 
 
 @pytest.fixture(scope="module")
 def compiled_by(tmp_path_factory):
-    """What a process compiles that judges the ends of a path past a ball or a wall, after those before it."""
+    """What a process compiles that judges the ends of paths past a ball or a wall, after those before it."""
     cache = tmp_path_factory.mktemp("cache")
 
-    def names(obstacle):
+    def names(*obstacles):
         environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(SOURCE)}
-        command = [sys.executable, "-c", JUDGED, obstacle]
+        command = [sys.executable, "-c", JUDGED, *obstacles]
         return subprocess.run(
             command, env=environment, capture_output=True, text=True, check=True
         ).stdout.split()
@@ -60,7 +62,7 @@ def test_families_that_a_problem_lacks_are_not_compiled_and_later_only_what_was_
     assert not first & {"free_side_margin", "body_margin", "cloud_margin", "mask_margin", "sight_margin"}
     assert "free_side_margin" in second
     assert not second & {"pose_margins", "body_margin", "cloud_margin", "mask_margin", "sight_margin"}
-    assert compiled_by("wall") == compiled_by("ball") == []
+    assert compiled_by("wall", "ball") == []
 
 
 @late
