@@ -146,11 +146,12 @@ def _draw(folder: Path) -> None:
         _keep(mouse, folder / "live-page-drag.png")
         mouse.window.mouse.up()
         number = live.answer.number
-        live.whole_arm = False
+        whole_arm = mouse.window.locator("input[type=checkbox]").first
+        whole_arm.click(force=True)
         live.edit(_blocked)
-        _settled(live, number)
+        live.wait_for(lambda answer: answer.number > number and answer.verdict == "no path", _PATIENCE)
         _keep(mouse, folder / "live-page-no-path.png")
-        live.whole_arm = True
+        whole_arm.click(force=True)
         number = live.answer.number
         live.open(open_viewed("whole-arm-1"))
         _settled(live, number)

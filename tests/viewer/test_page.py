@@ -8,9 +8,11 @@ from omniservo.planning import plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
+from omniservo.viewer.answer import Answer
 from omniservo.viewer.new_obstacle import new_obstacle
 from omniservo.viewer.open_viewed import Viewed, open_viewed
 from omniservo.viewer.repeating import Repeating
+from omniservo.viewer.status import status_html
 
 
 def test_the_first_answer_is_certified_for_the_whole_arm_by_the_planner(page):
@@ -144,3 +146,15 @@ def test_viewed_of_another_task_takes_its_place(page):
     answer = settled(page, number)
     assert len(answer.situation.problem.obstacles) == 2
     assert len(page.nodes.handles) == 2
+
+
+def test_the_sign_says_of_what_the_plan_is_certified(page):
+    answer = settled(page)
+    begun = Answer(1, answer.situation, answer.camera_plan, searching=True)
+    assert begun.verdict == "searching"
+    assert "<b>CERTIFIED</b> camera's path; of the whole arm not yet" in status_html(begun)
+    longer = Answer(2, answer.situation, answer.camera_plan, answer.arm_plan, searching=True)
+    assert "<b>SEARCHING</b>" in status_html(longer)
+    alone = Answer(3, answer.situation, answer.camera_plan)
+    assert "<b>CERTIFIED</b> camera's path" in status_html(alone)
+    assert "<b>CERTIFIED</b> whole arm" in status_html(answer)

@@ -47,6 +47,11 @@ class Answer:
         return "searching" if self.searching and self.camera_plan.status == "certified" else "no path"
 
     @property
+    def camera_alone(self) -> bool:
+        """Whether this much is certified: the camera's path, for which the arm's plan is just begun."""
+        return self.searching and self.arm_plan is None and self.camera_plan.status == "certified"
+
+    @property
     def reason(self) -> str:
         """Why there is no path; empty where there is one."""
         return "" if self.verdict == "certified" else self.plan.reason

@@ -128,7 +128,7 @@ class SceneNodes:
 
     def show(self, answer: Answer) -> None:
         """Show the path and which constraint is tight."""
-        colour = _COLOURS[answer.verdict]
+        colour = CERTIFIED if answer.camera_alone else _COLOURS[answer.verdict]
         self._path.points = answer.places(_PLACES).astype(np.float32)
         self._path.color = colour
         worst = answer.worst

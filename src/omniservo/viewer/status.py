@@ -32,8 +32,9 @@ def status_html(answer: Answer) -> str:
     """
     verdict = answer.verdict
     attributes = f'data-update="{answer.number}" data-verdict="{verdict}" data-stage="{_stage(answer)}"'
-    words = f"<b>{verdict.upper()}</b> {_what(answer)}"
-    sign = f'<div {attributes} role="status" style="{_sign(verdict)}">{words}</div>'
+    said: Verdict = "certified" if answer.camera_alone else verdict
+    words = f"<b>{said.upper()}</b> {_what(answer)}"
+    sign = f'<div {attributes} role="status" style="{_sign(said)}">{words}</div>'
     return sign + _against(answer) + _numbers(answer)
 
 
@@ -58,6 +59,8 @@ def _stage(answer: Answer) -> str:
 
 def _what(answer: Answer) -> str:
     milliseconds = 1e3 * (answer.camera_plan.seconds if answer.arm_plan is None else answer.arm_plan.seconds)
+    if answer.camera_alone:
+        return "camera's path; of the whole arm not yet"
     if answer.searching:
         return "the camera's path is certified; for the whole arm…"
     whose = "camera's path" if answer.arm_plan is None else "whole arm"
