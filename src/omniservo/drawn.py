@@ -1,4 +1,4 @@
-"""Methods of values whose work stands in the room of figures, above them: loaded when it is asked for."""
+"""Methods of values whose work stands in the room of figures, above them: loaded when they are called."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ def asked(capsys):
     return code, {check["name"]: check for check in said["checks"]}, err
 
 
-def test_a_machine_on_which_all_is_well_is_exit_code_0(capsys, monkeypatch):
+def test_a_machine_on_which_all_is_well_is_exit_code_0(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(machine_checks, "_DEVICES", tmp_path)
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
     code, checks, err = asked(capsys)
     assert (code, err) == (0, "")
@@ -33,6 +34,7 @@ def test_a_machine_on_which_all_is_well_is_exit_code_0(capsys, monkeypatch):
 
 
 def test_every_thing_that_is_wrong_has_a_next_step_and_exit_code_1(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(machine_checks, "_DEVICES", tmp_path)
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {3})
     monkeypatch.setattr(machine_checks, "_LEAST_MEMORY", 2**60)
     monkeypatch.setattr(machine_checks, "_requirements", lambda extra: {"numba": "==0.1", "no-such": ">=1"})
