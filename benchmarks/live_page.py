@@ -97,14 +97,24 @@ def _measure(live: Any, mouse: PageMouse, stage: str, steps: int) -> None:
     mouse.window.mouse.up()
     mouse.window.wait_for_timeout(500)
     seen = mouse.window.evaluate("() => window.seen")
-    signs = [t for _, what, t in seen["signs"] if what == stage]
-    moves = seen["moves"][1:]
-    delays = [min(t for t in signs if t > move) - move for move in moves if any(t > move for t in signs)]
+    found = [_delay(move, seen["signs"], stage) for move in seen["moves"][1:]]
+    delays = [delay for delay in found if delay is not None]
     plans, updates = (1e3 * np.array(times) for times in (live.timings.plans, live.timings.publishing))
     print(
-        f"{stage}: {len(moves)} moves, {len(signs)} updates shown; move to new plan on the page "
+        f"{stage}: {len(found)} moves, {len(delays)} followed; move to new plan on the page "
         f"{_spread(delays)}; camera's plan {_spread(plans)}; Python's part of an update {_spread(updates)}"
     )
+
+
+def _delay(move: float, signs: list[Any], stage: str) -> float | None:
+    """Return the time from a mouse move to the plan for where it led [ms]; None: there is none.
+
+    With the arm every place has two numbers, the camera's plan and the arm's: what follows the last number
+    before the move at once may be the arm's plan for the place before.
+    """
+    last = max((number for number, _, t in signs if t <= move), default=0)
+    least = last + (2 if stage == "arm" else 1)
+    return next((t - move for number, what, t in signs if what == stage and number >= least), None)
 
 
 def _watch_memory(live: Any, mouse: PageMouse, minutes: float) -> None:

@@ -52,13 +52,14 @@ QUICK = {
     "render": ("scene.xml", "--camera", "fe185", "--pose", "0,0,2,1,0,0,0", "--out", "seen.png"),
     "estimate": ("paper-example-1",),
     "teach": ("paper-example-1", "--out", "goal.json"),
+    "schema": ("plan",),
     "sim serve": ("paper-example-1", "--projected", "--free-ports", "--seconds", "0"),
 }
 """Commands that take a second or two, with what they are called with."""
 
 LONG = {
     "run", "export", "warm-up", "camera calibrate", "robot calibrate-hand-eye", "robot measure-tube",
-    "robot check", "robot delay",
+    "robot check", "robot delay", "view",
 }  # fmt: skip
 """What takes longer, or needs a robot or many images: their own tests call them."""
 
