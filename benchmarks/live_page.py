@@ -156,12 +156,12 @@ def _draw(folder: Path) -> None:
         _keep(mouse, folder / "live-page-drag.png")
         mouse.window.mouse.up()
         number = live.answer.number
-        whole_arm = mouse.window.locator("input[type=checkbox]").first
-        whole_arm.click(force=True)
+        whole_arm = mouse.window.get_by_text("whole arm", exact=True)
+        whole_arm.click()
         live.edit(_blocked)
         live.wait_for(lambda answer: answer.number > number and answer.verdict == "no path", _PATIENCE)
         _keep(mouse, folder / "live-page-no-path.png")
-        whole_arm.click(force=True)
+        whole_arm.click()
         number = live.answer.number
         live.open(open_viewed("whole-arm-1"))
         _settled(live, number)

@@ -49,7 +49,7 @@ def test_a_run_s_folder_is_opened_with_its_plan_and_what_was_executed(run):
     assert np.linalg.norm(camera.translation - viewed.run.world_T_camera[-1].translation) < 2e-3
     first = viewed.run.world_T_camera[0].translation
     assert np.linalg.norm(first - viewed.situation.world_T_initial.translation) < 1e-4
-    assert viewed.run.step_at(-1.0) == 0
+    assert [viewed.run.step_at(time) for time in (-1.0, *viewed.run.times[:3])] == [0, 0, 1, 2]
     assert viewed.run.step_at(1e9) == len(viewed.run.times) - 1
 
 

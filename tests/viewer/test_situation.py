@@ -96,6 +96,11 @@ def test_a_saved_task_has_what_was_moved_and_added_and_its_bodies(situation, tmp
     places = put.world_T_initial.apply(np.random.default_rng(3).uniform(-0.3, 0.6, (40, 3)))
     assert np.abs(world_distances(again, places) - world_distances(put, places)).max() < 1e-9
     assert np.allclose(again.world_T_goal.as_matrix(), put.world_T_goal.as_matrix(), atol=1e-9)
+    points = [s.world_T_initial.apply(s.problem.points) for s in (again, put, situation)]
+    assert np.abs(points[0] - points[1]).max() < 1e-9
+    assert np.abs(points[1] - points[2]).max() < 1e-9
+    boards = [s.arm.scene.boards[0].world_T_box.as_matrix() for s in (again, situation)]
+    assert np.allclose(*boards, atol=1e-9)
 
 
 def test_a_plan_file_is_shown_as_it_is_and_other_files_are_refused(tmp_path):

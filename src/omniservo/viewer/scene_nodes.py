@@ -35,6 +35,9 @@ _TARGET: Colour = (200, 30, 30)
 _PLACES = 25
 """of the path's line"""
 
+_SPELLED = 3
+"""obstacles whose labels say that they are some; of more there would be no room"""
+
 _MOST_SHOWN = 5000
 """points of a cloud"""
 
@@ -87,7 +90,9 @@ class SceneNodes:
         )
         self._camera_frame = server.scene.add_frame("/camera", show_axes=False)
         self._worst = server.scene.add_line_segments("/worst", np.zeros((1, 2, 3)), VIOLATED, **_pixels(4.0))
-        self._label = server.scene.add_label("/worst_label", "", font_screen_scale=1.0, anchor="bottom-left")
+        self._label = server.scene.add_label(
+            "/worst_label", "", font_screen_scale=1.0, anchor="bottom-center"
+        )
         self.put(situation)
         self._look_at(situation)
 
@@ -230,7 +235,10 @@ class SceneNodes:
         )  # fmt: skip
         self._draw_obstacle(f"{name}/body", obstacle)
         self._server.scene.add_label(
-            f"{name}/label", f"obstacle {i}", anchor="top-center", font_screen_scale=0.8
+            f"{name}/label",
+            f"obstacle {i}" if i < _SPELLED else str(i),
+            anchor="top-center",
+            font_screen_scale=0.8,
         )
         handle.on_update(self._on_drag)
         return handle
