@@ -29,7 +29,7 @@ def wrong(call):
     """Return what of a call does not exist; nothing where it is right."""
     command = COMMAND
     words = shlex.split(call.replace("'", ""))
-    while words and hasattr(command, "commands"):
+    while words and hasattr(command, "commands") and not words[0].startswith("--"):
         name = words.pop(0)
         if name not in command.commands:
             return f"no command {name!r}"
@@ -56,6 +56,8 @@ def test_there_are_commands_to_look_at():
     [
         ("plan problem.json --out plan.json", ""),
         ("camera convert a b --to kalibr", ""),
+        ("--install-completion", ""),
+        ("--instal-completion", "no option --instal-completion"),
         ("plans problem.json", "no command 'plans'"),
         ("camera turn", "no command 'turn'"),
         ("plan problem.json --oot x", "no option --oot"),
