@@ -162,9 +162,8 @@ def _draw(folder: Path) -> None:
         live.wait_for(lambda answer: answer.number > number and answer.verdict == "no path", _PATIENCE)
         _keep(mouse, folder / "live-page-no-path.png")
         whole_arm.click()
-        number = live.answer.number
         live.open(open_viewed("whole-arm-1"))
-        _settled(live, number)
+        live.wait_for(lambda found: len(found.situation.handles) == 1 and not found.searching, _PATIENCE)
         live.servo()
         live.shown.w.value = 0.6
         live.show_at()

@@ -38,6 +38,9 @@ WHILE_DRAGGED = 0.06
 _AT_REST = 0.15
 """[s] without a change after which the arm's plan is searched for to the end"""
 
+_BETWEEN_VIEWS = 0.1
+"""[s] that are left to the plans and to the browser: what is seen meanwhile is in the next view"""
+
 _SOON = 0.5
 """[s] after which it is said that a plan is not there yet"""
 
@@ -413,6 +416,7 @@ class Page:
         camera, joints, _ = self._shown_now(answer, moment)
         self.shown.view.image = self._view.drawn(answer.situation, plan, camera, joints, w)
         self.timings.views.append(time.perf_counter() - begin)
+        time.sleep(_BETWEEN_VIEWS)
 
     def _followed(self, answer: Answer) -> tuple[Plan, float]:
         """Return the plan whose trajectories are drawn, and where on its path that is which is shown."""
