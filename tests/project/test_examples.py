@@ -167,6 +167,13 @@ def test_own_feature_is_matched_estimated_from_and_followed(tmp_path):
     assert numbers("9 found near predictions, # px off", text)[0] < 0.1
 
 
+def test_own_method_reaches_the_goal_later_than_the_one_that_turns_and_moves_at_once(tmp_path):
+    first, at_once = run("own_method", tmp_path).splitlines()
+    for line in (first, at_once):
+        assert numbers("# mm and .* deg from the goal", line)[0] < 1.0
+    assert numbers("turn first: # s", first)[0] > numbers("pbvs: # s", at_once)[0] + 2.0
+
+
 def test_own_robot_is_driven_to_the_goal(tmp_path):
     text = run("own_robot", tmp_path)
     assert numbers("servo done, # mm from the goal", text)[0] < 0.3

@@ -334,7 +334,7 @@ def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
     of_joints = {word for word in structure.words if word.startswith("Joint path")}
     assert of_joints == {"Joint path: Certified plan"}
     assert '<span class="no">21.00 mm</span>' in page
-    assert "omniservo run paper-example-1 --method compare" in structure.words
+    assert "omniservo run paper-example-1 --method certified --method ibvs" in structure.words
 
 
 def test_a_stopped_run_is_named_after_its_reason(stopped_run):

@@ -236,7 +236,7 @@ REFUSED = {
         "an image of 432 × 659 px; the camera has 659 × 432 px",
     ),
     "another format": (with_asked(format="omniservo.run/9"), "legal: 'omniservo.run/1'"),
-    "a method": (with_asked(method="os.system"), "legal: certified, paper, ibvs"),
+    "a method": (with_asked(method="os.system"), "legal: certified, certified-once, paper, ibvs"),
     "a seed": (with_asked(seed=-1), "seed: -1"),
     "a task elsewhere": (with_asked(task="../../etc/passwd"), "legal: one of the files kept with it"),
     "a package elsewhere": (with_asked(packages={"a": "../b"}), "legal: one that stays inside"),

@@ -14,7 +14,7 @@ from omniservo.robots import ArmMode
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
 from omniservo.safety.camera_motion import CameraMotion
 from omniservo.scenes import Sensor
-from omniservo.servoing import ImageServoOptions, RestToRestLaw
+from omniservo.servoing import RestToRestLaw, servo_method
 from omniservo.simulation import SimulatedRobot
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
 
@@ -90,9 +90,7 @@ class Drive:
             self.controller = PathTracker(plan, scene.camera, options=delay, time_law=RestToRestLaw(seconds))
         else:
             goal, _ = scene.camera.project(bent_path()(0.5).inv().apply(points))
-            self.controller = GoalServo(
-                scene.camera, points, goal, tolerance_px=0.1, options=ImageServoOptions(gain=2.0)
-            )
+            self.controller = GoalServo(scene.camera, points, goal, method=servo_method("ibvs", 2.0))
         self.supervisor = Supervisor(
             written, scene.arm, scene.flange_T_camera, camera=self.line, wait=written.advance,
             options=SafetyOptions(**self.options),

@@ -6,7 +6,7 @@ from kinematic_loop import FISHEYE, FRONT, Loop, bent_path, plan_of
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
-from omniservo.servoing import ImageServoOptions, RestToRestLaw
+from omniservo.servoing import RestToRestLaw
 from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
 
 LAW = RestToRestLaw(4.0)
@@ -112,7 +112,7 @@ def test_a_reading_that_is_older_than_the_image_carries_nothing():
 @pytest.mark.parametrize("did", [half, standing])
 def test_a_servo_without_a_path_predicts_by_the_joints_too(did):
     goal, _ = FISHEYE.project(planned(4.0).inv().apply(FRONT))
-    servo = GoalServo(FISHEYE, FRONT, goal, tolerance_px=0.1, options=ImageServoOptions(gain=1.0))
+    servo = GoalServo(FISHEYE, FRONT, goal)
     servo.carried_by(Joints(did))
     pixels, seen = FISHEYE.project(did(1.5).inv().apply(FRONT))
     servo.step(1.5, pixels, seen)

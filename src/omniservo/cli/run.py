@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -38,6 +38,7 @@ from omniservo.cli.robot_file import (
 from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
 from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 from omniservo.files import exists, require_file, unused, whole_folder, write_whole
+from omniservo.run_methods import COMPARE, RunMethod, run_methods
 from omniservo.shipped_tasks import task_file
 
 if TYPE_CHECKING:
@@ -53,8 +54,14 @@ OutOption = Annotated[
     typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
 ]
 MethodOption = Annotated[
-    Literal["certified", "paper", "ibvs", "compare"],
-    typer.Option("--method", help="compare runs all three and shows them side by side."),
+    list[str],
+    typer.Option(
+        "--method",
+        metavar="NAME",
+        help="certified, certified-once, paper, ibvs, ibvs-desired, ibvs-mean, bearing, spherical, pbvs, "
+        "pbvs-target, hybrid-2.5d, switched, or FILE.py:CLASS, a method of your own: its code is run. Given "
+        "several times they are shown side by side; compare stands for certified, paper, ibvs.",
+    ),
 ]
 GoalOption = Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")]
 CameraOption = Annotated[str | None, typer.Option("--camera", help="Replaces the task's camera.")]
@@ -73,7 +80,7 @@ class _Call:
 
     task: str
     out: Path | None
-    method: Literal["certified", "paper", "ibvs", "compare"]
+    methods: tuple[RunMethod, ...]
     goal: Path | None
     camera: CameraOptions
     package: list[str] | None
@@ -87,7 +94,7 @@ def run(
     context: typer.Context,
     task: Annotated[str | None, typer.Argument(help="A shipped task or a YAML file.")] = None,
     out: OutOption = None,
-    method: MethodOption = "certified",
+    method: MethodOption = ["certified"],  # noqa: B006
     goal: GoalOption = None,
     camera: CameraOption = None,
     camera_name: CameraNameOption = None,
@@ -119,7 +126,7 @@ def run(
     if task is None:
         raise InputError("TASK: missing; legal: a shipped task, a YAML file, or --replay FILE")
     lens = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
-    call = _Call(task, out, method, goal, lens, package, allow_outside, seed, film, force)
+    call = _Call(task, out, run_methods(method), goal, lens, package, allow_outside, seed, film, force)
     robot = OnRobot(on, camera_source, driver, speed, yes, allow_outside)
     _refuse_early(call, robot)
     with output.working("starting") as progress:
@@ -132,8 +139,12 @@ def _refuse_early(call: _Call, robot: OnRobot) -> None:
     """Refuse what is wrong without loading anything."""
     task_file(call.task)
     robot.refuse_mixed()
-    if robot.file is not None and call.method != "certified":
-        raise InputError(f"--method: {call.method} given; a real arm follows certified plans alone")
+    names = [method.name for method in call.methods]
+    if robot.file is not None and names != ["certified"]:
+        raise InputError(f"--method: {', '.join(names)} given; a real arm follows certified plans alone")
+    for method in call.methods:
+        if method.source is not None:
+            require_file(method.source.rpartition(":")[0])
     if robot.file is not None and call.goal is None:
         raise InputError("--goal: needed with --on: save one with omniservo teach TASK --on ROBOT --out GOAL")
     if call.out is not None and exists(call.out) and not call.force:
@@ -154,8 +165,8 @@ def _done(
     taught = None if call.goal is None else TaughtGoal.load(call.goal)
     replacement, known = call.camera.opened(), packages_of(call.package)
     loaded = load_task(call.task, camera=replacement, packages=known, allow_outside=call.allow_outside)
-    folder = call.out if call.out is not None else _folder(loaded.name, call.method, call.force)
-    room = _ROOM * (3 if call.method == "compare" else 1)
+    folder = call.out if call.out is not None else _folder(loaded.name, call.methods, call.force)
+    room = _ROOM * len(call.methods)
     try:
         with (
             compiling_ahead(),
@@ -164,8 +175,8 @@ def _done(
         ):
             if robot.file is None or taught is None:
                 found = run_into(
-                    work, begun, open_cell, method=call.method, goal=taught, seed=call.seed,
-                    filmed=call.film, progress=progress,
+                    work, begun, open_cell, method=[method.source or method.name for method in call.methods],
+                    goal=taught, seed=call.seed, filmed=call.film, progress=progress,
                 )  # fmt: skip
             else:
                 with recording_beside(folder, work, output.written) as recording:
@@ -192,9 +203,10 @@ def _drawn(refused: NoPath, out: Path | None) -> str:
     return f"; drawn: {picture}"
 
 
-def _folder(name: str, method: str, force: bool) -> Path:
+def _folder(name: str, methods: tuple[RunMethod, ...], force: bool) -> Path:
     """Return where results go that have no stated place: such as runs/paper-example-1-compare-2."""
-    folder = Path("runs") / (name if method == "certified" else f"{name}-{method}")
+    called = COMPARE if len(methods) > 1 else methods[0].name
+    folder = Path("runs") / (name if called == "certified" else f"{name}-{called}")
     return folder if force else unused(folder)
 
 

@@ -14,6 +14,8 @@ _STAGES = ("estimation", "planning")
 def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
     """Yield the lines of one run, from what metrics.json holds of it."""
     yield f"{how_it_ended(metrics)}"
+    if metrics["status"] == "refused":
+        return
     if metrics["clearance_executed_m"] is not None:
         asked = f" ({_of(metrics, 'clearance_asked_m')} required)" if metrics["clearance_asked_m"] else ""
         yield (

@@ -15,6 +15,7 @@ from omniservo.files.documents import (
     require_file,
     stated_units,
 )
+from omniservo.files.python_class import python_class
 from omniservo.files.results import exists, unused, whole_folder, writable, write_whole
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "is_file",
     "noting_reads",
     "parse_document",
+    "python_class",
     "read_bytes",
     "read_document",
     "read_text",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
-from pathlib import Path
 
 from omniservo.errors import InputError, did_you_mean, spelled
 from omniservo.field_docs import with_field_docs
-from omniservo.files import require_file
+from omniservo.files import python_class
 from omniservo.hardware.arm_connection import ArmConnection
 from omniservo.robots import Arm
 
@@ -70,7 +67,7 @@ def _driver_named(name: str) -> Callable[..., ArmConnection]:
 
         return open_ros2_arm
     if ".py:" in name:
-        return _from_file(name)
+        return python_class(name, "driver")
     installed = {point.name: point for point in entry_points(group=GROUP)}
     if name not in installed:
         legal = (*OWN, *installed)
@@ -79,19 +76,4 @@ def _driver_named(name: str) -> Callable[..., ArmConnection]:
             f"{did_you_mean(name, legal)}"
         )
     found: Callable[..., ArmConnection] = installed[name].load()
-    return found
-
-
-def _from_file(name: str) -> Callable[..., ArmConnection]:
-    path, _, class_name = name.rpartition(":")
-    require_file(path)
-    spec = importlib.util.spec_from_file_location(f"omniservo_driver_{Path(path).stem}", path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"driver: {path}: not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    found: Callable[..., ArmConnection] | None = getattr(module, class_name, None)
-    if not callable(found):
-        raise InputError(f"driver: {path} has no class {spelled(class_name)}")
     return found

@@ -24,21 +24,21 @@ from omniservo.reporting.paper_table import PAPER, comparison_table
 from omniservo.reporting.spelling import NOTHING, reads_less, spell, spell_bound
 from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
 from omniservo.results.run_result import RunResult
+from omniservo.run_methods import COMPARE, COMPARED, METHODS
 from omniservo.tasks import shipped_tasks
 
-METHODS = {
-    "certified": "Certified plan",
-    "paper": "The paper's own search",
-    "ibvs": "Classical servo, no plan",
-}
-
 _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-python-headless", "matplotlib")
+
+
+def title_of(result: RunResult) -> str:
+    """Return the title of a run's method."""
+    return METHODS[result.method].title if result.method in METHODS else result.method
 
 
 def verdict(result: RunResult, *, named: bool) -> Markup:
     """Return the verdict's box; ``named``: with the method's name."""
     found = verdict_of(result)
-    name = [tag("span", METHODS.get(result.method, result.method), class_="method")] if named else []
+    name = [tag("span", title_of(result), class_="method")] if named else []
     return judged(
         found.good,
         *name,
@@ -48,6 +48,12 @@ def verdict(result: RunResult, *, named: bool) -> Markup:
         *([tag("p", why, class_="quiet")] if (why := planner_sentence(result)) else []),
         *(tag("p", f"Notice: {notice}.") for notice in result.notices),
     )
+
+
+def refusal(method: str, why: str) -> Markup:
+    """Return the box of a method that refused the task."""
+    name = METHODS[method].title if method in METHODS else method
+    return judged(False, tag("span", name, class_="method"), tag("strong", "Refused"), tag("p", f"{why}."))
 
 
 def key_numbers(result: RunResult) -> Markup:
@@ -172,7 +178,7 @@ def side_by_side(results: Sequence[RunResult]) -> Markup:
     for name in names:
         if name not in skipped:
             rows.append([meaning_of(name).label, *(_judged(r, name) for r in results)])
-    return table(["", *(METHODS.get(r.method, r.method) for r in results)], rows)
+    return table(["", *(title_of(r) for r in results)], rows)
 
 
 def paper_and_ours(result: RunResult) -> Markup | None:
@@ -275,7 +281,8 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
     first = results[0]
     name = first.task.name
     task, where = (name, "") if name in shipped_tasks() else ("TASK.yaml", f"TASK.yaml: the file of {name}. ")
-    method = "compare" if len(results) > 1 else first.method
+    names = tuple(_called(r.method) for r in results)
+    method = COMPARE if names == COMPARED else " --method ".join(names)
     seed = f" --seed {first.metrics['seed']}" if "seed" in first.metrics else ""
     robot = "" if first.truth is not None else " --on ROBOT.yaml --goal goal.json"
     versions = [f"{package} {version(package)}" for package in _PACKAGES]
@@ -285,6 +292,11 @@ def reproduce(results: Sequence[RunResult]) -> Markup:
             tag("p", f"{where}Python {platform.python_version()}, {', '.join(versions)}.", class_="quiet"),
         ]
     )
+
+
+def _called(method: str) -> str:
+    """Return what ``--method`` takes: FILE.py:CLASS for a method from a file."""
+    return method if method in METHODS else ".py:".join(method.rsplit(".", 1))
 
 
 def animation(data: bytes, result: RunResult) -> Markup:

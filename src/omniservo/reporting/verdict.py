@@ -70,7 +70,7 @@ def planner_sentence(result: RunResult) -> str:
 def plan_sentence(result: RunResult) -> str:
     """Return what the plan promised."""
     if result.plan is None:
-        return "Nothing was planned: the classical image-based servo follows no plan."
+        return "Nothing was planned: the goal image is the reference from the start."
     if result.plan.status == "certified":
         proven = "The path was certified: every constraint is proven for the whole path, not sampled."
         return proven if result.risk is None else f"{proven} {_risk_sentence(result.risk)}"

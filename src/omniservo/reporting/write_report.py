@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from omniservo.errors import InputError
 from omniservo.files import write_whole
@@ -26,6 +27,9 @@ from omniservo.results.run_result import RunResult
 _WIDE = 9.0
 """Figures wider than this [inch] get the page's whole width."""
 
+_BESIDE = 3
+"""Methods that are shown beside each other"""
+
 _PICTURES = ("views", "outside")
 """Wide figures that are still legible at a third of the page."""
 
@@ -40,7 +44,10 @@ class RunPictures:
 
 
 def write_report(
-    folder: Path, results: Sequence[RunResult], pictures: Sequence[RunPictures] | None = None
+    folder: Path,
+    results: Sequence[RunResult],
+    pictures: Sequence[RunPictures] | None = None,
+    refused: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write ``report.html`` into the folder; an existing one is replaced.
 
@@ -51,6 +58,7 @@ def write_report(
         folder: where to.
         results: of the runs.
         pictures: of each run; None: drawn now.
+        refused: of methods that refused the task, by name, why.
 
     Raises:
         InputError: no result is given, or the folder cannot be written.
@@ -58,21 +66,27 @@ def write_report(
     if not results:
         raise InputError("results: none given; at least one is needed")
     drawn = [_pictures(r) for r in results] if pictures is None else pictures
-    page = report_html(results, drawn, folder if folder.is_dir() else None)
+    page = report_html(results, drawn, folder if folder.is_dir() else None, refused)
     write_whole(folder / "report.html", page, force=True)
 
 
 def report_html(
-    results: Sequence[RunResult], pictures: Sequence[RunPictures], folder: Path | None = None
+    results: Sequence[RunResult],
+    pictures: Sequence[RunPictures],
+    folder: Path | None = None,
+    refused: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return the report's text; it lists the files of ``folder``, in which it will stand."""
+    """Return the report's text; it lists the files of ``folder``, in which it will stand.
+
+    ``refused`` says of methods without a run why they have none.
+    """
     task = results[0].task
     drawn = [p.drawings for p in pictures]
     beside = None if folder is None else files_beside(folder, {d.name: d.title for d in drawn[0]})
     several = len(results) > 1
     body = [
         banner(task.name, task.summary),
-        tag("div", *(section.verdict(r, named=several) for r in results), class_=f"columns of{len(results)}"),
+        *_verdicts(results, refused),
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
         *(_animations(results, [p.animation for p in pictures])),
@@ -90,6 +104,15 @@ def report_html(
         ),
     ]
     return page(task.name, body)
+
+
+def _verdicts(results: Sequence[RunResult], refused: Mapping[str, str]) -> list[Markup]:
+    """Return a box for each method, three in a row."""
+    named = len(results) + len(refused) > 1
+    boxes = [section.verdict(r, named=named) for r in results]
+    boxes += [section.refusal(name, why) for name, why in refused.items()]
+    rows = [boxes[k : k + _BESIDE] for k in range(0, len(boxes), _BESIDE)]
+    return [tag("div", *row, class_=f"columns of{min(len(boxes), _BESIDE)}") for row in rows]
 
 
 def _pictures(result: RunResult) -> RunPictures:
@@ -139,7 +162,7 @@ def _beside_each_other(same: Sequence[tuple[RunResult, Drawing]], columns: int) 
     return [
         tag("h3", first.title),
         *([tag("p", first.caption, class_="caption")] if agreed else []),
-        tag("div", *figures, class_="columns" if alone else f"columns of{columns}"),
+        tag("div", *figures, class_="columns" if alone else f"columns of{min(columns, _BESIDE)}"),
     ]
 
 
@@ -190,4 +213,4 @@ def _details(result: RunResult, several: bool) -> Markup:
 
 
 def _method(result: RunResult) -> str:
-    return section.METHODS.get(result.method, result.method)
+    return section.title_of(result)

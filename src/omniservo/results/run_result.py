@@ -63,7 +63,7 @@ class RunResult:
 
     task: Task
     method: str
-    """"certified", "paper" or "ibvs\""""
+    """a name of `omniservo.run_methods.METHODS`, or FILE.CLASS of one from a file"""
     goal: TaughtGoal
     seen: Seen
     estimate: TwoViewEstimate
@@ -71,11 +71,11 @@ class RunResult:
     followed: IntArray
     """(m,) rows of the points that are planned for and servoed on"""
     plan: Plan | None
-    """None for "ibvs", which plans nothing"""
+    """None where the method plans nothing"""
     risk: RiskPlan | None
     """what is known of the plan's risk, where the task states one"""
     motion: PlannedMotion | None
-    """the plan in joints and in time; None for "ibvs\""""
+    """the plan in joints and in time; None where nothing was planned"""
     whole_arm: WholeArm | None
     """the clearance of all links; None where nothing was planned"""
     log: RunLog

@@ -1,29 +1,37 @@
-"""What follows a plan, or serves the goal image where nothing was planned."""
+"""What follows a plan, or leads to the goal image where nothing was planned."""
 
 from __future__ import annotations
 
-from omniservo.geometry.arrays import FloatArray
+from omniservo.errors import NoSolutionError, ServoStop
+from omniservo.estimation import TwoViewEstimate
+from omniservo.geometry.arrays import IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
+from omniservo.run_methods import RunMethod
+from omniservo.runs.own_method import OwnMethod
 from omniservo.safety import Controller
-from omniservo.servoing import ImageServoOptions
+from omniservo.servoing import ServoMethod, servo_method
 from omniservo.tasks import Task
-from omniservo.tracking import GoalServo, PathTracker, TrackerOptions
+from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
 from omniservo.tracking.planned_motion import PlannedMotion
 
 
 def controller_of(
-    task: Task, plan: Plan | None, motion: PlannedMotion | None, points: FloatArray, matched: MatchedPoints
+    task: Task,
+    method: RunMethod,
+    plan: Plan | None,
+    motion: PlannedMotion | None,
+    estimate: TwoViewEstimate,
+    followed: IntArray,
+    matched: MatchedPoints,
 ) -> Controller:
-    """Return the controller of points (n, 3) [m] that were ``matched``."""
+    """Return the controller of the ``followed`` rows (m,) of the estimated points, which were ``matched``.
+
+    Raises:
+        NoSolutionError: the method gives no twist at the goal image itself; nothing has moved yet.
+    """
     if plan is None or motion is None:
-        return GoalServo(
-            task.camera,
-            points,
-            matched.goal,
-            tolerance_px=task.servo.tolerance_px,
-            options=ImageServoOptions(gain=task.servo.rate),
-        )
+        return _goal_servo(task, method, estimate, followed, matched)
     options = TrackerOptions(
         feature=task.servo.feature,
         gain=task.servo.gain,
@@ -38,3 +46,27 @@ def controller_of(
         options=options,
         time_law=motion.law,
     )
+
+
+def _goal_servo(
+    task: Task, method: RunMethod, estimate: TwoViewEstimate, followed: IntArray, matched: MatchedPoints
+) -> GoalServo:
+    def new() -> ServoMethod:
+        own, gain = method.source, task.servo.rate
+        return servo_method(method.name, gain) if own is None else OwnMethod(own, gain)
+
+    servo = GoalServo(
+        task.camera,
+        estimate.points[followed],
+        matched.goal,
+        method=new(),
+        initial_T_goal=estimate.initial_T_goal,
+        options=GoalServoOptions(tolerance_px=task.servo.tolerance_px),
+    )
+    try:
+        new().step(servo.goal)
+    except ServoStop as stop:
+        raise NoSolutionError(
+            f"{method.name}: no twist at the goal image: {stop.reason}: {stop}; nothing was commanded"
+        ) from None
+    return servo

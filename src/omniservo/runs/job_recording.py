@@ -43,7 +43,6 @@ from omniservo.ros_messages.messages import (
     TwistStampedMessage,
     Vector3Message,
 )
-from omniservo.runs.planned_job import Method
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.safety import SafetyOptions, Step, Waiting
 from omniservo.safety.closed_loop import ControllerReport
@@ -98,7 +97,7 @@ class JobRecording:
         self._read_at = self._shown = np.nan
         self._calls, self._values = bytearray(), array("d")
 
-    def begin(self, task: Task, goal: TaughtGoal, scene: Scene, method: Method, seed: int) -> None:
+    def begin(self, task: Task, goal: TaughtGoal, scene: Scene, method: str, seed: int) -> None:
         """Say what is going to be done: the task with its files, the goal, the parameters.
 
         Raises:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Literal, TypeAlias, TypeVar
+from typing import TypeVar
 
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.perception import FeatureKind
 from omniservo.planning import Plan
 from omniservo.risk import RiskPlan
+from omniservo.run_methods import RunMethod
 from omniservo.runs.estimate_task import estimate_task
 from omniservo.runs.followed_of import followed_of
 from omniservo.runs.joined_views import Job
@@ -21,8 +22,6 @@ from omniservo.runs.see import see
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking.planned_motion import PlannedMotion
-
-Method: TypeAlias = Literal["certified", "paper", "ibvs"]
 
 T = TypeVar("T")
 
@@ -50,17 +49,17 @@ def first_job(
 
 
 def planned_job(
-    planner: LookingPlanner, method: Method, seed: int, seconds: dict[str, float]
+    planner: LookingPlanner, method: RunMethod, seed: int, seconds: dict[str, float]
 ) -> tuple[Plan | None, RiskPlan | None, PlannedMotion | None]:
-    """Return plan, risk and motion; nothing for "ibvs", which plans nothing. "paper" never looks again."""
-    if method == "ibvs":
+    """Return plan, risk and motion; nothing where the method plans nothing. "paper" never looks again."""
+    if method.plans is None:
         return None, None, None
-    if method == "paper":
+    if method.plans == "paper":
         job = planner.job
         plan, risk = timed(
             "planning",
             seconds,
-            lambda: plan_task(job.task, job.scene, job.estimate, job.followed, method, seed),
+            lambda: plan_task(job.task, job.scene, job.estimate, job.followed, "paper", seed),
         )
     else:
         plan, risk = timed("planning", seconds, planner.plan)

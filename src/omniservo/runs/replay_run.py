@@ -21,6 +21,7 @@ from omniservo.recording import RecordedRun
 from omniservo.recording.recorded_messages import StepMessage
 from omniservo.risk import RiskPlan
 from omniservo.robots import Arm
+from omniservo.run_methods import run_method
 from omniservo.runs.comparison import Comparison
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
@@ -141,6 +142,7 @@ class _Replayed:
     ) -> None:
         self._job, self._asked, self._progress = job, inputs, progress
         self._task, self._scene, self._goal = begun
+        self._method = run_method(inputs.method)
         self._kind: FeatureKind = feature_kind_of(self._task)
         self.steps = 0
         """that were replayed"""
@@ -160,7 +162,7 @@ class _Replayed:
             begun = first_job(task, scene, self._kind, first[1], self._goal, first[2], {})
             self._progress("planning", 0.0)
             planner = LookingPlanner(begun, job.take_shot, self._goal, inputs.seed, self._progress)
-            plan, risk, motion = planned_job(planner, inputs.method, inputs.seed, {})
+            plan, risk, motion = planned_job(planner, self._method, inputs.seed, {})
         except (NoSolutionError, InputError) as refused:
             while job.look() is not None:
                 pass
@@ -200,11 +202,15 @@ class _Replayed:
         self._progress("following the path", 0.0)
         task, scene, estimate, followed = job.task, job.scene, job.estimate, job.followed
         matched, options = job.seen.matched.where(followed), safety_of_task(job.task)
-        controller = controller_of(task, plan, motion, estimate.points[followed], matched)
+        try:
+            controller = controller_of(task, self._method, plan, motion, estimate, followed, matched)
+        except NoSolutionError as refused:
+            found.differ("method", f"it was followed as recorded; replayed: {refused}")
+            return
         replanner = replanner_of(task, scene, plan, risk, motion, controller, self._asked.seed)
         tracker = self._kind.tracker(task.camera, job.seen.initial_image, self._goal.image, matched)
         robot = RecordedRobot(self._job, scene.arm, scene.flange_T_camera, options)
-        moves = Moves(task, _nobody_moves, replanner)
+        moves = Moves(task, _nobody_moves, replanner if self._method.replans else None)
 
         warmed, (predicted, expected) = robot.warmed(), controller.predict(0.0)
         if warmed is not None:
@@ -213,7 +219,7 @@ class _Replayed:
         def after(step: Step) -> None:
             moves.at(step.time)
             self._compare_step(found, robot, step, controller, replanner)
-            if replanner is not None:
+            if replanner is not None and self._method.replans:
                 replanner.look(step.time)
 
         stop = servo(

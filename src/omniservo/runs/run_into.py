@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, cast
 
+from omniservo.errors import NoSolutionError
 from omniservo.files import write_whole
 from omniservo.files.image_files import write_png
 from omniservo.recording import RunRecording
@@ -14,15 +15,12 @@ from omniservo.reporting.figure_files import write_drawings
 from omniservo.reporting.write_figures import drawings
 from omniservo.reporting.write_report import RunPictures, write_report
 from omniservo.results.run_result import RunResult
+from omniservo.run_methods import run_methods
 from omniservo.runs.job_progress import JobProgress, Progress
-from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_cell import OpenCell
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.run_task import run_task
 from omniservo.tasks import Task, TaughtGoal
-
-METHODS: tuple[Method, ...] = ("certified", "paper", "ibvs")
-"""in the order of the comparison"""
 
 
 def run_into(
@@ -30,7 +28,7 @@ def run_into(
     task: Task,
     open_cell: OpenCell,
     *,
-    method: Literal["certified", "paper", "ibvs", "compare"] = "certified",
+    method: str | Sequence[str] = "certified",
     goal: TaughtGoal | None = None,
     seed: int = 0,
     filmed: bool = True,
@@ -38,14 +36,15 @@ def run_into(
 ) -> dict[str, dict[str, object]]:
     """Run a task and leave everything that interface files promise in ``folder``; return metrics by method.
 
-    "compare" runs all methods: the folder holds the certified run, each other run has a folder of its own
-    below it, and the report shows them side by side.
+    Of several methods the folder holds the first run, each other run has a folder of its own below it, and
+    the report shows them side by side. One that refuses the task, `NoSolutionError`, has metrics with the
+    status "refused" and the reason; if all do, that of the first is raised.
 
     Args:
         folder: an empty one.
         task: the job.
         open_cell: says where it is done.
-        method: of planning.
+        method: one or several, as `omniservo.run_methods.run_methods` takes them.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
         filmed: whether there is an animation.
@@ -54,19 +53,34 @@ def run_into(
     Raises:
         InputError, NoSolutionError: as `run_task`.
     """
-    methods = METHODS if method == "compare" else (method,)
-    job = JobProgress(progress, methods, filmed=filmed)
-    results, pictures = [], []
-    for number, name in enumerate(methods):
+    methods = run_methods([method] if isinstance(method, str) else method)
+    job = JobProgress(progress, tuple(each.name for each in methods), filmed=filmed)
+    results: list[RunResult] = []
+    pictures: list[RunPictures] = []
+    refusals: dict[str, NoSolutionError] = {}
+    for number, each in enumerate(methods):
         job.begin_run(number)
-        result = run_task(task, open_cell, method=name, goal=goal, seed=seed, filmed=filmed, progress=job)
+        called = each.source or each.name
+        try:
+            result = run_task(
+                task, open_cell, method=called, goal=goal, seed=seed, filmed=filmed, progress=job
+            )
+        except NoSolutionError as refusal:
+            refusals[each.name] = refusal
+            continue
+        target = folder / each.name if results else folder
         results.append(result)
-        target = folder if number == 0 else folder / name
         target.mkdir(exist_ok=True)
         pictures.append(_write(result, target, job))
+    if not results:
+        raise next(iter(refusals.values()))
     job.report()
-    write_report(folder, results, pictures)
-    return {result.method: result.metrics for result in results}
+    reasons = {name: str(refusal) for name, refusal in refusals.items()}
+    write_report(folder, results, pictures, reasons)
+    found = {result.method: result.metrics for result in results}
+    for name, reason in reasons.items():
+        found[name] = {"task": task.name, "method": name, "status": "refused", "reason": reason}
+    return {each.name: found[each.name] for each in methods}
 
 
 def run_recorded_into(
@@ -85,7 +99,7 @@ def run_recorded_into(
     Raises:
         InputError, NoSolutionError: as `run_task`.
     """
-    job = JobProgress(progress, METHODS[:1], filmed=filmed)
+    job = JobProgress(progress, ("certified",), filmed=filmed)
     job.begin_run(0)
     result = run_task(task, open_cell, goal=goal, seed=seed, filmed=filmed, progress=job, recording=recording)
     pictures = _write(result, folder, job)
@@ -130,4 +144,4 @@ def _keep_inputs(result: RunResult, folder: Path) -> None:
     if result.truth is None or task.sources is None or not isinstance(seed, int):
         return
     kept = task.sources.kept(task)
-    RunInputs.now(cast(Method, result.method), seed, kept).write(folder)
+    RunInputs.now(result.method, seed, kept).write(folder)

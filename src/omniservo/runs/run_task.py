@@ -19,6 +19,7 @@ from omniservo.planning import Plan
 from omniservo.recording import RunRecording
 from omniservo.results import Film, RunLog, RunResult, Truth, WholeArm
 from omniservo.robots import CameraImage, next_image
+from omniservo.run_methods import RunMethod, run_method
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.film import film_of
@@ -29,7 +30,7 @@ from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.looking import looking
 from omniservo.runs.motion_metrics import motion_metrics
 from omniservo.runs.moves import Moves
-from omniservo.runs.planned_job import Method, first_job, planned_job
+from omniservo.runs.planned_job import first_job, planned_job
 from omniservo.runs.recorded_cell import RecordedCell
 from omniservo.runs.recorder import Recorder
 from omniservo.runs.replanner_of import followed_way, replanner_of
@@ -57,7 +58,7 @@ def run_task(
     task: Task,
     open_cell: OpenCell,
     *,
-    method: Method = "certified",
+    method: str = "certified",
     goal: TaughtGoal | None = None,
     seed: int = 0,
     filmed: bool = True,
@@ -69,7 +70,7 @@ def run_task(
     Args:
         task: the job.
         open_cell: says where it is done.
-        method: "certified" plans with proof, "paper" with the paper's own search, "ibvs" not at all.
+        method: a name of `omniservo.run_methods.METHODS`, or ``FILE.py:CLASS``, whose code is run.
         goal: what `teach_goal` saved; None: taught now.
         seed: of everything random.
         filmed: whether to render the animation's images, which takes about a fifth of the time.
@@ -77,19 +78,20 @@ def run_task(
         recording: takes in what passes between job and cell, and what the job makes of it.
 
     Raises:
-        InputError: the task or the goal cannot be worked on: too few features, another camera, out of reach.
-        NoSolutionError: no match, no motion estimate, no path that the arm can follow.
+        InputError: the task, the goal or the method cannot be worked on: too few features, another camera,
+            out of reach, an unknown name.
+        NoSolutionError: no match, no motion estimate, no path that the arm can follow, no twist at the goal.
     """
-    started = perf_counter()
+    started, way = perf_counter(), run_method(method)
     unified_image(task.camera)  # fitted once, in none of the times that are taken
     goal = _goal(task, open_cell, goal, seed, progress)
     with closing(open_cell(task, seed)) as cell:
         told = None if recording is None else JobRecording(recording)
         try:
             if told is not None:
-                told.begin(task, goal, cell.scene, method, seed)
+                told.begin(task, goal, cell.scene, way.name, seed)
                 cell = RecordedCell(cell, told)
-            result = _run_in(cell, task, method, goal, seed, (filmed, told), progress)
+            result = _run_in(cell, task, way, goal, seed, (filmed, told), progress)
         except BaseException as error:
             if told is not None:
                 told.broken_off(error)
@@ -106,7 +108,7 @@ def run_task(
 def _run_in(
     cell: RobotCell,
     task: Task,
-    method: Method,
+    method: RunMethod,
     goal: TaughtGoal,
     seed: int,
     kept: tuple[bool, JobRecording | None],
@@ -135,13 +137,13 @@ def _run_in(
     if cell.truth is not None:
         points = true_points(task, cell.truth, scene.start_joints, matched.initial)
         truth = _truth(task, scene, goal, points)
+    controller = controller_of(task, method, plan, motion, estimate, followed, matched)
     cell.approve(_in_words(plan, motion))
     _refuse_moved(cell, scene)
-    controller = controller_of(task, plan, motion, estimate.points[followed], matched)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points, recording)
-    log = _drive(task, cell, controller, replanner, tracker, recorder, progress)
+    log = _drive(task, cell, controller, (replanner, method.replans), tracker, recorder, progress)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
     progress("measuring the run", 0.0)
@@ -151,7 +153,7 @@ def _run_in(
     way = None if replanner is None else followed_way(replanner)
     whole_arm = whole_arm_of(task, scene, plan, risk, motion, way, log)
     return RunResult(
-        task, method, goal, seen, estimate, followed, plan, risk, motion, whole_arm, log, final, outside,
+        task, method.name, goal, seen, estimate, followed, plan, risk, motion, whole_arm, log, final, outside,
         film, truth, way, () if replanner is None else tuple(replanner.events), seconds,
         looks=looks,
     )  # fmt: skip
@@ -225,17 +227,19 @@ def _drive(
     task: Task,
     cell: RobotCell,
     controller: Controller,
-    replanner: Replanner | None,
+    replanning: tuple[Replanner | None, bool],
     tracker: FeatureTracker,
     recorder: Recorder,
     progress: Progress,
 ) -> RunLog:
-    options, moves = safety_of_task(task), Moves(task, cell.move_obstacles, replanner)
+    replanner, replans = replanning
+    options = safety_of_task(task)
+    moves = Moves(task, cell.move_obstacles, replanner if replans else None)
 
     def after(step: Step) -> None:
         moves.at(step.time)
         recorder.step(step)
-        if replanner is not None:
+        if replanner is not None and replans:
             replanner.look(step.time)
         progress("following the path", behind())
 

@@ -11,7 +11,6 @@ from omniservo.calibration.boards import Checkerboard, find_board
 from omniservo.geometry.late import fill_all
 from omniservo.planning import PlanningProblem, plan_path
 from omniservo.runs.job_progress import Progress
-from omniservo.runs.planned_job import Method
 from omniservo.runs.robot_cell import OpenCell
 from omniservo.runs.run_task import run_task
 from omniservo.tasks import load_task
@@ -19,7 +18,7 @@ from omniservo.tasks import load_task
 _RATE, _TIME = 10.0, 1.2
 """[Hz, s] of the tasks' runs: long enough for everything to happen once, also what happens on the way"""
 
-_TASKS: tuple[tuple[str, Method, float], ...] = (
+_TASKS: tuple[tuple[str, str, float], ...] = (
     ("whole-arm-1", "certified", 330.0),
     ("tag-board", "certified", 25.0),
     ("textured-object", "certified", 60.0),
@@ -54,7 +53,7 @@ def warm_up(open_cell: OpenCell, progress: Progress = lambda job, done: None) ->
         behind += time
 
 
-def _short_run(name: str, open_cell: OpenCell, method: Method) -> None:
+def _short_run(name: str, open_cell: OpenCell, method: str) -> None:
     task = load_task(name)
     sensor = task.sensor.model_copy(update={"rate": _RATE})
     servo = task.servo.model_copy(update={"time_limit": _TIME})

@@ -1,7 +1,7 @@
 """Following a plan by the image, and replanning: joins a plan and features."""
 
 from omniservo.tracking.following_arm import FollowingArm
-from omniservo.tracking.goal_servo import GoalServo
+from omniservo.tracking.goal_servo import GoalServo, GoalServoOptions
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
 from omniservo.tracking.replan_options import ReplanOptions
@@ -13,6 +13,7 @@ from omniservo.tracking.tracker_report import TrackerReport
 __all__ = [
     "FollowingArm",
     "GoalServo",
+    "GoalServoOptions",
     "Leg",
     "PathTracker",
     "ReplanOptions",

@@ -1,4 +1,4 @@
-"""Classical image-based servoing in a closed loop: straight to the goal image, distances from the image."""
+"""Servoing without a plan in a closed loop: a servo method, with the measurements it needs from the image."""
 
 from __future__ import annotations
 
@@ -6,19 +6,38 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
-from omniservo.errors import Divergence, FeatureLoss
+from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
 from omniservo.estimation import refine_pose
-from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.servoing import ImageServo, ImageServoOptions, MeasuredPose
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
+from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod, limited_twist
 
 LEAST_POINTS = 4
 """The pose needs four."""
 
 SETTLED_FRAMES = 5
 """The goal counts as reached after this many frames in a row within the tolerance."""
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class GoalServoOptions:
+    """When the goal counts as reached, and how fast the camera may be led to it."""
+
+    tolerance_px: float = 0.1
+    """rms distance to the goal image at which the goal counts as reached [px]"""
+    max_linear_speed: float = 1.0
+    """The whole twist is scaled down to this [m/s]."""
+    max_angular_speed: float = 3.0
+    """The whole twist is scaled down to this [rad/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("tolerance_px", "max_linear_speed", "max_angular_speed"):
+            finite_number(name, getattr(self, name), above=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +50,8 @@ class GoalServoReport:
     """rms distance of the points to the goal image [px]"""
     initial_T_camera: RigidTransform
     """the camera's pose, from the image"""
+    limited: bool
+    """the twist was scaled down to a speed limit"""
     w: float = math.nan
     """no path"""
 
@@ -41,40 +62,57 @@ class GoalServoReport:
 
 
 class GoalServo:
-    """Drive the camera to the goal image without a plan: v = −λ L⁺ (s − s*).
+    """Drive the camera to the goal image without a plan, by a `ServoMethod`.
 
-    The points' distances come from the current image: the camera's pose is refined on the reconstructed
-    points in every frame, as (44) does for the planned path.
+    What the method is given comes from images: the camera's pose is refined on the reconstructed points in
+    every frame, as (44) does for the planned path, and once for the goal image.
 
     Args:
         camera: the camera.
-        points: (n, 3) the target in the initial camera frame [m].
+        points: (n, 3) the target in the initial camera frame, as estimated [m].
         goal_pixels: (n, 2) [px].
-        tolerance_px: rms distance to the goal image at which the goal counts as reached.
-        options: gain, feature and interaction matrix.
+        method: measurement in, twist out; None: classical image-based servoing.
+        initial_T_goal: the goal's pose as estimated, from which the one that explains the goal image is
+            refined; None: near the initial one.
+        options: see GoalServoOptions.
+
+    Raises:
+        InputError: wrong shapes, numbers that are not finite, a goal pixel that the camera cannot unproject.
     """
 
     def __init__(
         self,
         camera: CentralModel,
-        points: FloatArray,
-        goal_pixels: FloatArray,
+        points: npt.ArrayLike,
+        goal_pixels: npt.ArrayLike,
         *,
-        tolerance_px: float,
-        options: ImageServoOptions | None = None,
+        method: ServoMethod | None = None,
+        initial_T_goal: RigidTransform | None = None,
+        options: GoalServoOptions | None = None,
     ) -> None:
+        self.method = method or ImageServo()
+        """as given"""
+        self.options = options or GoalServoOptions()
+        """as given"""
+        self.report: GoalServoReport | None = None
+        """of the last step"""
         self._camera = camera
-        self._points = points
-        self._goal_pixels = goal_pixels
-        self._servo = ImageServo(camera, goal_pixels, options=options)
-        self._tolerance = tolerance_px
+        self._points = finite_array("points", points, (None, 3))
+        self._goal_pixels = finite_array("goal_pixels", goal_pixels, (len(self._points), 2))
+        self._goal_bearings, seen = camera.unproject(self._goal_pixels)
+        if not seen.all():
+            j = int(np.argmin(seen))
+            raise InputError(f"goal_pixels: row {j}, {self._goal_pixels[j]}, is outside the camera's domain")
+        guess = RigidTransform.identity() if initial_T_goal is None else initial_T_goal
+        refined = refine_pose(camera, self._points, self._goal_pixels, guess)
+        goal = guess if refined.reference_T_camera is None else refined.reference_T_camera
+        self._goal_T_initial = goal.inv()
+        self._goal_distances = np.linalg.norm(self._points - goal.translation, axis=1)
         self._settled = 0
         self._time = 0.0
         self._twist = np.zeros(6)
         self._where: MeasuredPose | None = None
         self._initial_T_camera = RigidTransform.identity()
-        self.report: GoalServoReport | None = None
-        """of the last step"""
 
     @property
     def points(self) -> FloatArray:
@@ -85,6 +123,12 @@ class GoalServo:
     def done(self) -> bool:
         """True once the goal image was met in `SETTLED_FRAMES` frames in a row."""
         return self._settled >= SETTLED_FRAMES
+
+    @property
+    def goal(self) -> ServoMeasurement:
+        """What the method would be given at the goal."""
+        everything = np.ones(len(self._points), dtype=np.bool_)
+        return self._measurement(0.0, self._goal_bearings, everything, self._goal_T_initial.inv())
 
     def carried_by(self, where: MeasuredPose) -> None:
         """Carry the pose along the camera's measured motion from now on, in place of the last twist.
@@ -126,7 +170,7 @@ class GoalServo:
 
         Args:
             time: of the exposure.
-            pixels: (n, 2) [px].
+            pixels: (n, 2) [px]; rows of points that are not ``valid`` may hold anything.
             valid: (n,) the points seen.
             acts_at: not used; the reference does not move.
             time_sigma: not used; every image stands for itself.
@@ -134,18 +178,38 @@ class GoalServo:
         Raises:
             Divergence: no pose explains the image.
             FeatureLoss: too few points are left.
-            SingularInteraction: the points do not determine a twist.
+            NotFinite: the method gives no six finite numbers.
+            ServoStop: what else the method raises, such as `SingularInteraction`.
         """
-        if valid.sum() < LEAST_POINTS:
-            raise FeatureLoss(f"{int(valid.sum())} points are left; at least {LEAST_POINTS} are needed")
-        refined = refine_pose(self._camera, self._points, pixels, self._initial_T_camera, valid)
+        bearings, use = self._camera.unproject(np.where(valid[:, None], pixels, self._goal_pixels))
+        use &= valid
+        if use.sum() < LEAST_POINTS:
+            raise FeatureLoss(f"{int(use.sum())} points are left; at least {LEAST_POINTS} are needed")
+        refined = refine_pose(self._camera, self._points, pixels, self._initial_T_camera, use)
         if refined.reference_T_camera is None:
-            raise Divergence(f"no camera pose explains the {int(valid.sum())} points in the image")
-        self._initial_T_camera = refined.reference_T_camera
-        distances = np.linalg.norm(self._points - self._initial_T_camera.translation, axis=1)
-        self._twist = self._servo.step(pixels, distances, valid)
+            raise Divergence(f"no camera pose explains the {int(use.sum())} points in the image")
+        self._initial_T_camera = pose = refined.reference_T_camera
+        twist = np.asarray(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
+        if twist.shape != (6,) or not np.isfinite(twist).all():
+            raise NotFinite(f"{type(self.method).__name__} gives the twist {twist.tolist()}; it was not sent")
+        limits = self.options.max_linear_speed, self.options.max_angular_speed
+        self._twist, factor = limited_twist(twist, *limits)
         self._time = time
-        error = self._servo.report.error_px if self._servo.report is not None else math.inf
-        self._settled = self._settled + 1 if error <= self._tolerance else 0
-        self.report = GoalServoReport(self._goal_pixels, error, self._initial_T_camera)
+        error = float(np.sqrt(((pixels - self._goal_pixels)[use] ** 2).sum() / use.sum()))
+        self._settled = self._settled + 1 if error <= self.options.tolerance_px else 0
+        self.report = GoalServoReport(self._goal_pixels, error, pose, factor < 1.0)
         return self._twist
+
+    def _measurement(
+        self, time: float, bearings: FloatArray, use: BoolArray, initial_T_camera: RigidTransform
+    ) -> ServoMeasurement:
+        """Return what is known of the points ``use`` (n,), seen along ``bearings`` (n, 3)."""
+        distances = np.linalg.norm(self._points - initial_T_camera.translation, axis=1)
+        return ServoMeasurement(
+            time,
+            bearings[use],
+            distances[use],
+            self._goal_bearings[use],
+            self._goal_distances[use],
+            self._goal_T_initial * initial_T_camera,
+        )

@@ -1,0 +1,50 @@
+"""A servo method of the user's own, from a Python file."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from pathlib import Path
+
+from omniservo.errors import InputError, InvalidData, ServoStop
+from omniservo.files import python_class
+from omniservo.geometry.arrays import FloatArray
+from omniservo.servoing import ServoMeasurement, ServoMethod
+
+
+class OwnMethod:
+    """Runs ``CLASS(gain).step(measurement)`` of a file; whatever it raises is a named stop.
+
+    Args:
+        source: ``FILE.py:CLASS``, whose code is run.
+        gain: λ of the task [1/s].
+
+    Raises:
+        InputError: no such class, or not one that is made from a gain and has ``step``.
+    """
+
+    def __init__(self, source: str, gain: float) -> None:
+        made = python_class(source, "method")
+        try:
+            inspect.signature(made).bind(gain)
+        except TypeError as error:
+            raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
+        method = made(gain)
+        if not isinstance(method, ServoMethod):
+            raise InputError(f"method: {source} has no step(measurement)")
+        self._method, self._source = method, source
+
+    def step(self, seen: ServoMeasurement) -> FloatArray:
+        """Return the method's own twist (6,).
+
+        Raises:
+            ServoStop: as the method raises it; `InvalidData` for anything else.
+        """
+        try:
+            return self._method.step(seen)
+        except ServoStop:
+            raise
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(place.filename).name}:{place.lineno}"
+            raise InvalidData(f"{self._source}: {where}: {type(error).__name__}: {error}") from error

@@ -1,0 +1,140 @@
+"""Decoupled servoing on the sphere: areas that no rotation changes, and a rotation between two views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from omniservo.errors import FeatureLoss
+from omniservo.field_docs import with_field_docs
+from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
+from omniservo.servoing.feedback import feedback
+from omniservo.servoing.rotation_vector import cross_matrix, rotation_vector_interaction
+from omniservo.servoing.servo_measurement import ServoMeasurement
+
+MOST_TRIANGLES = 84
+"""All triangles of nine points; of more points as many, evenly chosen."""
+
+LEAST_AREA = 0.1
+"""A triangle smaller than this share of the largest one is not used: of a thin one 1/√Δ runs away."""
+
+LEAST_TRIANGLES = 3
+"""The translation has three components."""
+
+
+@with_field_docs
+@dataclass(frozen=True)
+class SphericalServoOptions:
+    """How decoupled servoing on the sphere is run."""
+
+    gain: Gain = 1.0
+    """λ [1/s]"""
+
+    def __post_init__(self) -> None:
+        refuse_wrong_gain(self.gain)
+
+
+class SphericalServo:
+    """v = −λ L⁺ e of e = (1/√Δ_k − 1/√Δ_k*, θu), on bearings in any direction.
+
+    Tahri, Mezouar, Chaumette and Corke, *Decoupled image-based visual servoing for cameras obeying the
+    unified projection model* (2010): Δ is the area of the triangle that three bearings span. It is invariant
+    to rotation, so its block of L is [L_Δ 0]; 1/√Δ is nearly linear in the distance. θu is the rotation
+    vector of the R that turns the bearings into those of the goal image best, min Σ‖s* − R s‖² over all
+    points (Wahba 1965). A rotation of the camera alone is found exactly, and its block [J W  J] says how much
+    of one a translation looks like.
+
+    Args:
+        options: see SphericalServoOptions.
+    """
+
+    def __init__(self, options: SphericalServoOptions | None = None) -> None:
+        self.options = options or SphericalServoOptions()
+        """as given"""
+
+    def error(self, seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
+        """Return e (k + 3,) and its interaction matrix L (k + 3, 6).
+
+        Raises:
+            FeatureLoss: fewer than three triangles are left.
+        """
+        corners = _triangles(len(seen.bearings))
+        area, slope = _areas(seen, corners)
+        goal_area = 0.5 * np.linalg.norm(_normals(seen.goal_bearings[corners]), axis=1)
+        use = np.ones(len(corners), dtype=np.bool_)
+        for each in (area, goal_area):
+            use &= each > LEAST_AREA * each.max(initial=0.0)
+        if use.sum() < LEAST_TRIANGLES:
+            raise FeatureLoss(
+                f"{len(seen.bearings)} points span {int(use.sum())} triangles that are wide enough, now and "
+                f"in the goal image; at least {LEAST_TRIANGLES} are needed"
+            )
+        turn, rates = _rotation(seen)
+        translational = (-0.5 * area[use] ** -1.5)[:, None] * slope[use]
+        matrix = np.zeros((len(translational) + 3, 6))
+        matrix[:-3, :3], matrix[-3:] = translational, rates
+        return np.concatenate((area[use] ** -0.5 - goal_area[use] ** -0.5, turn)), matrix
+
+    def step(self, seen: ServoMeasurement) -> FloatArray:
+        """Return the camera twist (6,), (linear [m/s], angular [rad/s]) in the camera frame.
+
+        Raises:
+            FeatureLoss: fewer than three triangles are left.
+            SingularInteraction: they do not determine a translation.
+        """
+        return feedback(*self.error(seen), self.options.gain)
+
+
+@lru_cache(maxsize=64)
+def _triangles(count: int) -> IntArray:
+    """Return corners (k, 3) of at most MOST_TRIANGLES triangles of ``count`` points."""
+    every = np.array(list(combinations(range(count), 3)), dtype=np.int64).reshape(-1, 3)
+    if len(every) <= MOST_TRIANGLES:
+        return every
+    return every[np.linspace(0, len(every) - 1, MOST_TRIANGLES).round().astype(np.int64)]
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """Return (b − a) × (c − a), (k, 3), of triangles (k, 3, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _areas(seen: ServoMeasurement, corners: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return Δ (k,) and ∂Δ/∂(linear velocity) (k, 3) of the triangles."""
+    spanned = seen.bearings[corners]
+    normals = _normals(spanned)
+    twice = np.linalg.norm(normals, axis=1)
+    unit = normals / np.maximum(twice, 1e-300)[:, None]
+    # 2 dΔ = Σ ds_i · ((s_{i+1} − s_{i+2}) × n) round the triangle, ds_i = −(1/d_i)(I − s_i s_iᵀ) υ dt
+    opposite = np.roll(spanned, -1, axis=1) - np.roll(spanned, -2, axis=1)
+    pull = np.cross(opposite, unit[:, None])
+    across = pull - spanned * (pull * spanned).sum(axis=2, keepdims=True)
+    slope: FloatArray = -0.5 * (across / seen.distances[corners][:, :, None]).sum(axis=1)
+    return 0.5 * twice, slope
+
+
+def _rotation(seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
+    """Return θu (3,) of the best R with s* ≈ R s, and its rates (3, 6).
+
+    With S = Σ (Rᵀs*) sᵀ, symmetric at the optimum, and K = tr(S) I − S: R turns with φ = −K⁻¹ Σ (Rᵀs*) × ds,
+    hence with ω + W υ for ds = −(1/d)(I − s sᵀ) υ + s × ω.
+    """
+    s, goal = seen.bearings, seen.goal_bearings
+    u, _, vt = np.linalg.svd(goal.T @ s)
+    keep = np.diag([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
+    rotation: FloatArray = u @ keep @ vt
+    back = goal @ rotation
+    spread = back.T @ s
+    weigh = np.trace(spread) * np.eye(3) - spread
+    # Σ (1/d) back × (I − s sᵀ) υ = Σ (1/d) ([back]× − (back × s) sᵀ) υ
+    near = 1.0 / seen.distances
+    crossed = np.cross(back, s) * near[:, None]
+    moved = cross_matrix(back.T @ near) - crossed.T @ s
+    turn = Rotation.from_matrix(rotation).as_rotvec()
+    rates = rotation_vector_interaction(turn)
+    return turn, np.hstack((rates @ np.linalg.solve(weigh, moved), rates))
