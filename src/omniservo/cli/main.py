@@ -14,7 +14,20 @@ from typing import Annotated, NoReturn
 import typer
 
 import omniservo
-from omniservo.cli import camera, estimate, examples, export, plan, robot, run, sim, teach, verify, warm_up
+from omniservo.cli import (
+    camera,
+    estimate,
+    examples,
+    export,
+    plan,
+    robot,
+    run,
+    sim,
+    study,
+    teach,
+    verify,
+    warm_up,
+)
 from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError, ServoStop
@@ -40,6 +53,7 @@ app.command("warm-up")(warm_up.warm_up)
 app.add_typer(camera.app, name="camera")
 app.add_typer(robot.app, name="robot")
 app.add_typer(sim.app, name="sim")
+app.add_typer(study.app, name="study")
 
 
 def _version(wanted: bool) -> None:
