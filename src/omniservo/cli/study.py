@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -75,12 +76,12 @@ def run(
         DOING.written.append(out)  # whoever ends it finds its finished parts there
         whole = run_study(loaded, out, workers=workers, shard=share, progress=progress)
         if whole:
-            header, rows, found = _finished(out, progress)
+            done = _finished(out, progress)
     if not whole:
         output.line(f"{out}: this share is done; omniservo study merge joins the folders of all")
         output.result({"status": "share done", "out": str(out), "study_hash": loaded.hash})
         return
-    _say(output, out, header, rows, found)
+    _say(output, out, done)
 
 
 @app.command("merge")
@@ -98,9 +99,9 @@ def merge(
 
         with whole_folder(out, force=force) as work:
             _, certificates = merge_studies(folders, work, progress)
-            header, rows, found = _finished(work, progress)
+            done = _finished(work, progress)
     output.line(f"{certificates} certificates verified again")
-    _say(output, out, header, rows, found)
+    _say(output, out, done)
 
 
 @app.command("compare")
@@ -133,30 +134,46 @@ def _few(rows: tuple[int, ...]) -> str:
     return f"{shown}, … ({len(rows)})" if len(rows) > 10 else shown
 
 
-def _finished(folder: Path, progress: Progress) -> tuple[StudyHeader, list[StudyRow], list[MethodSummary]]:
+@dataclass(frozen=True)
+class _Finished:
+    """A whole study."""
+
+    header: StudyHeader
+    rows: list[StudyRow]
+    found: list[MethodSummary]
+    cpu_seconds: dict[str, float]
+    """method → of one row, on average; of those who computed it"""
+
+
+def _finished(folder: Path, progress: Progress) -> _Finished:
     """Write table and report of a folder with all parts."""
     from omniservo.reporting.study_report import write_study_report
     from omniservo.studies import read_header, read_parts, summaries, write_rows
 
     header = read_header(folder)
-    rows = [row for part in read_parts(folder) for row in part.rows]
+    rows: list[StudyRow] = []
+    taken = dict.fromkeys(header.study.methods, 0.0)
+    for part in read_parts(folder):
+        rows += part.rows
+        for method, seconds in part.cpu_seconds.items():
+            taken[method] += seconds
     write_rows(folder, rows)
     progress("writing the report")
     write_study_report(header, rows, folder / "report.html")
-    return header, rows, summaries(rows)
+    each = len(rows) / len(taken)
+    return _Finished(header, rows, summaries(rows), {m: seconds / each for m, seconds in taken.items()})
 
 
-def _say(
-    output: Output, out: Path, header: StudyHeader, rows: list[StudyRow], found: list[MethodSummary]
-) -> None:
+def _say(output: Output, out: Path, done: _Finished) -> None:
     from omniservo.studies.study_rows import CSV, PARQUET
     from omniservo.studies.study_summary import percent
 
-    for each in found:
+    for each in done.found:
         low, high = (100 * end for end in each.success.interval)
         output.line(
             f"{each.method:<16}success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
-            f"collision {percent(each.collision):>6}  feature lost {percent(each.feature_lost):>6}"
+            f"collision {percent(each.collision):>6}  feature lost {percent(each.feature_lost):>6}  "
+            f"{done.cpu_seconds[each.method]:.2f} CPU s a row"
         )
     output.written(out / "report.html")
     if (out / PARQUET).exists():
@@ -166,11 +183,12 @@ def _say(
     output.result(
         {
             "status": "done",
-            "study": header.study.name,
-            "study_hash": header.study.hash,
-            "version": header.version,
-            "rows": len(rows),
-            "methods": [each.to_dict() for each in found],
+            "study": done.header.study.name,
+            "study_hash": done.header.study.hash,
+            "version": done.header.version,
+            "rows": len(done.rows),
+            "methods": [each.to_dict() for each in done.found],
+            "cpu_seconds_per_row": done.cpu_seconds,
             "out": str(out),
         }
     )

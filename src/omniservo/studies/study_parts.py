@@ -19,7 +19,7 @@ import omniservo
 from omniservo.errors import InputError, NotWritten
 from omniservo.files import read_bytes
 from omniservo.studies.study import Study
-from omniservo.studies.study_row import COLUMNS, RowResult, StudyRow, fields_of_row, row_of_fields, run_row
+from omniservo.studies.study_row import RowResult, StudyRow, fields_of_row, row_of_fields, run_row
 
 FORMAT = "omniservo.study-part/1"
 _FOLDER = "parts"
@@ -126,19 +126,19 @@ def read_part(study: Study, folder: Path, number: int) -> StudyPart:
     try:
         head, *rows, end = (json.loads(line) for line in lines)
         whole = end["digest"] == _digest("".join(lines[:-1]))
-        numbers = [entry["row"]["row"] for entry in rows]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        raise _damaged(path, "not a part") from None
+        found = tuple(row_of_fields(entry["row"]) for entry in rows)
+        taken = {method: float(end["cpu_seconds"].get(method, 0.0)) for method in study.methods}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise _damaged(path, f"not a part ({type(error).__name__})") from None
     if not whole:
         raise _damaged(path, "its digest does not fit")
     for name, value in {"format": FORMAT, "part": number, **_identity(study)}.items():
         if head.get(name) != value:
             raise InputError(f"{path}: {name}: {head.get(name)!r}; {value!r} is needed")
-    if numbers != list(rows_of_part(study, number)) or any(set(e["row"]) != set(COLUMNS) for e in rows):
+    if [row.row for row in found] != list(rows_of_part(study, number)):
         raise _damaged(path, "not the rows of this part")
-    found = tuple(row_of_fields(entry["row"]) for entry in rows)
     plans = {entry["row"]["row"]: entry["plan"] for entry in rows if "plan" in entry}
-    return StudyPart(number, found, plans, end["cpu_seconds"])
+    return StudyPart(number, found, plans, taken)
 
 
 def _text(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from dataclasses import asdict, dataclass, fields, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -156,8 +157,23 @@ def _scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajecto
     )
 
 
+_KINDS: dict[str, tuple[type, ...]] = {
+    "int": (int,), "str": (str,), "bool": (bool,), "float | None": (float, type(None)),
+}  # fmt: skip
+
+
 def row_of_fields(given: dict[str, Any]) -> StudyRow:
-    """Return the row of a part's line."""
+    """Return the row of a part's line.
+
+    Raises:
+        ValueError: a field is missing, unknown, of another type, or not finite.
+    """
+    if set(given) != set(COLUMNS):
+        raise ValueError("other columns")
+    for field in fields(StudyRow):
+        value = given[field.name]
+        if type(value) not in _KINDS[str(field.type)] or (isinstance(value, float) and not isfinite(value)):
+            raise ValueError(f"{field.name}: {value!r}")
     return StudyRow(**given)
 
 
