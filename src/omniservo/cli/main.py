@@ -26,6 +26,7 @@ from omniservo.cli import (
     run,
     schema,
     sim,
+    study,
     teach,
     verify,
     view,
@@ -59,6 +60,7 @@ app.command("doctor")(doctor.doctor)
 app.add_typer(camera.app, name="camera")
 app.add_typer(robot.app, name="robot")
 app.add_typer(sim.app, name="sim")
+app.add_typer(study.app, name="study")
 
 
 def _version(wanted: bool) -> None:

@@ -28,6 +28,7 @@ from omniservo.cli.output import (
 )
 from omniservo.cli.replay import refuse_other_options
 from omniservo.cli.replay import replay as replay_file
+from omniservo.cli.replay_row import is_row, replay_row
 from omniservo.cli.robot_file import (
     CameraSourceOption,
     DriverOption,
@@ -77,7 +78,10 @@ FilmOption = Annotated[
 ]
 ReplayOption = Annotated[
     Path | None,
-    typer.Option("--replay", help="In place of a task: a recording, which is computed again and compared."),
+    typer.Option(
+        "--replay",
+        help="In place of a task: a recording, which is computed again and compared, or STUDY:ROW.",
+    ),
 ]
 
 
@@ -128,6 +132,9 @@ def run(
     output = Output(as_json, quiet)
     if replay is not None:
         refuse_other_options(context)
+        if is_row(replay):
+            replay_row(replay, output)
+            return
         replay_file(replay, allow_outside, output)
         return
     if task is None:

@@ -1,0 +1,194 @@
+"""``omniservo study``."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer.core import TyperGroup
+
+from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.progress import DOING, Progress
+from omniservo.files import whole_folder
+from omniservo.shipped_studies import shipped_studies, study_file
+
+if TYPE_CHECKING:
+    from omniservo.studies import MethodSummary, StudyHeader, StudyRow
+
+_RUN = "run"
+
+
+class _StudyGroup(TyperGroup):
+    """``omniservo study STUDY`` is ``omniservo study run STUDY``."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Put the command's name before what is not one."""
+        if args and args[0] not in (*self.commands, "--help"):
+            args = [_RUN, *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=_StudyGroup,
+    help="Run many closed loops over stated distributions: omniservo study STUDY --out DIR.",
+    no_args_is_help=True,
+)
+
+StudyArgument = Annotated[
+    str, typer.Argument(help=f"A study file, or a shipped study: {', '.join(shipped_studies())}.")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Processes; default one for each core.")
+]
+ShardOption = Annotated[
+    str | None,
+    typer.Option("--shard", metavar="K/N", help="The K-th of N shares; study merge joins them."),
+]
+FoldersArgument = Annotated[list[Path], typer.Argument(metavar="DIR…", help="Folders of the study's shards.")]
+
+
+@app.command(_RUN)
+def run(
+    study: StudyArgument,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the rows; an existing one is gone on with.")],
+    workers: WorkersOption = None,
+    shard: ShardOption = None,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a study; the same command goes on with one that was interrupted.
+
+    DIR holds rows.parquet (rows.csv where pyarrow is not installed), report.html, the parts that rows are
+    kept in, and study.json. The word run may be left out.
+    """
+    output = Output(as_json, quiet)
+    study_file(study)
+    # before NumPy is loaded: rows that this process runs are then those of one-thread workers
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+    with output.working("loading") as progress:
+        from omniservo.studies import Shard, load_study, run_study
+
+        share = None if shard is None else Shard.parse(shard)
+        loaded = load_study(study)
+        DOING.written.append(out)  # whoever ends it finds its finished parts there
+        whole = run_study(loaded, out, workers=workers, shard=share, progress=progress)
+        if whole:
+            done = _finished(out, progress)
+    if not whole:
+        output.line(f"{out}: this share is done; omniservo study merge joins the folders of all")
+        output.result({"status": "share done", "out": str(out), "study_hash": loaded.hash})
+        return
+    _say(output, out, done)
+
+
+@app.command("merge")
+def merge(
+    folders: FoldersArgument,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the whole study.")],
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Join the folders of a study's shards; every certificate is verified again."""
+    output = Output(as_json, quiet)
+    with output.working("loading") as progress:
+        from omniservo.studies import merge_studies
+
+        with whole_folder(out, force=force) as work:
+            _, certificates = merge_studies(folders, work, progress)
+            done = _finished(work, progress)
+    output.line(f"{certificates} certificates verified again")
+    _say(output, out, done)
+
+
+@app.command("compare")
+def compare(
+    before: Annotated[Path, typer.Argument(metavar="A", help="Folder of a study.")],
+    after: Annotated[Path, typer.Argument(metavar="B", help="Folder of another.")],
+    as_json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Compare the success of each method in two studies; rows one by one where both ran the same study."""
+    output = Output(as_json, quiet)
+    with output.working("loading") as progress:
+        from omniservo.studies import compare_studies, read_parts
+
+        both = [[row for part in read_parts(d, progress) for row in part.rows] for d in (before, after)]
+    found = compare_studies(*both)
+    for each in found:
+        low, high = each.interval
+        rows = f"; lost rows {_few(each.lost)}; won rows {_few(each.won)}" if each.lost or each.won else ""
+        output.line(
+            f"{each.method:<16}{100 * each.before.share:6.1f}% → {100 * each.after.share:.1f}%  "
+            f"difference {100 * low:+.1f} to {100 * high:+.1f} points (95%)"
+            f"{'' if each.differs else ', which may be none'}{rows}"
+        )
+    output.result({"methods": [each.to_dict() for each in found]})
+
+
+def _few(rows: tuple[int, ...]) -> str:
+    shown = ", ".join(map(str, rows[:10])) or "none"
+    return f"{shown}, … ({len(rows)})" if len(rows) > 10 else shown
+
+
+@dataclass(frozen=True)
+class _Finished:
+    """A whole study."""
+
+    header: StudyHeader
+    rows: list[StudyRow]
+    found: list[MethodSummary]
+    cpu_seconds: dict[str, float]
+    """method → of one row, on average; of those who computed it"""
+
+
+def _finished(folder: Path, progress: Progress) -> _Finished:
+    """Write table and report of a folder with all parts."""
+    from omniservo.reporting.study_report import write_study_report
+    from omniservo.studies import read_header, read_parts, summaries, write_rows
+
+    header = read_header(folder)
+    rows: list[StudyRow] = []
+    taken = dict.fromkeys(header.study.methods, 0.0)
+    for part in read_parts(folder):
+        rows += part.rows
+        for method, seconds in part.cpu_seconds.items():
+            taken[method] += seconds
+    write_rows(folder, rows)
+    progress("writing the report")
+    write_study_report(header, rows, folder / "report.html")
+    each = len(rows) / len(taken)
+    return _Finished(header, rows, summaries(rows), {m: seconds / each for m, seconds in taken.items()})
+
+
+def _say(output: Output, out: Path, done: _Finished) -> None:
+    from omniservo.studies.study_rows import CSV, PARQUET
+    from omniservo.studies.study_summary import percent
+
+    for each in done.found:
+        low, high = (100 * end for end in each.success.interval)
+        output.line(
+            f"{each.method:<16}success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
+            f"collision {percent(each.collision):>6}  feature lost {percent(each.feature_lost):>6}  "
+            f"{done.cpu_seconds[each.method]:.2f} CPU s a row"
+        )
+    output.written(out / "report.html")
+    if (out / PARQUET).exists():
+        output.written(out / PARQUET)
+    else:
+        output.written(out / CSV, f"; {PARQUET} needs: pip install omniservo[study]")
+    output.result(
+        {
+            "status": "done",
+            "study": done.header.study.name,
+            "study_hash": done.header.study.hash,
+            "version": done.header.version,
+            "rows": len(done.rows),
+            "methods": [each.to_dict() for each in done.found],
+            "cpu_seconds_per_row": done.cpu_seconds,
+            "out": str(out),
+        }
+    )

@@ -1,0 +1,183 @@
+"""Figures of a study: rates by method, where each converges from, and single rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Rectangle
+
+from omniservo.reporting.style import (
+    CERTIFIED,
+    EXECUTED,
+    GOAL,
+    OBSTACLE,
+    QUIET,
+    SEVEN,
+    START,
+    Drawing,
+    legend_below,
+    new_figure,
+    styled,
+)
+from omniservo.studies import MethodSummary, RowResult, StudyRow
+
+_SCATTERED = 400
+"""Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
+_CELLS = (12, 8)
+_COLUMNS = 4
+
+
+def study_drawings(rows: Sequence[StudyRow], found: Sequence[MethodSummary]) -> Iterator[Drawing]:
+    """Yield the figures of a study."""
+    with styled():
+        yield _rates(found)
+    with styled():
+        yield _regions(rows, found)
+
+
+def _rates(found: Sequence[MethodSummary]) -> Drawing:
+    figure = new_figure(9.0, 1.6 + 0.5 * len(found))
+    axes = figure.subplots()
+    middle = np.arange(len(found), dtype=np.float64)
+    kinds = (("success", "success", SEVEN[2]), ("collision", "collision", SEVEN[1]),
+             ("feature_lost", "feature lost", SEVEN[0]))  # fmt: skip
+    for k, (name, label, colour) in enumerate(kinds):
+        rates = [getattr(each, name) for each in found]
+        known = [i for i, rate in enumerate(rates) if rate.of]
+        share = np.array([100.0 * rates[i].share for i in known])
+        ends = np.array([[100.0 * end for end in rates[i].interval] for i in known]).reshape(-1, 2)
+        place = middle[known] + 0.25 * (k - 1)
+        off = np.abs(np.array([share - ends[:, 0], ends[:, 1] - share]))
+        axes.barh(place, share, 0.23, color=colour, alpha=0.75, label=label)
+        axes.errorbar(share, place, xerr=off, fmt="none", ecolor="#222222", elinewidth=1.1, capsize=2.5)
+    axes.set_yticks(middle, [each.method for each in found])
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel("share of the runs [%]; collision: of those with an obstacle")
+    axes.grid(axis="y", visible=False)
+    legend_below(figure, axes, 3)
+    caption = "Lines are 95% confidence intervals (Wilson). All methods met the same scenes."
+    return Drawing("study-rates", "By method", caption, figure)
+
+
+def _regions(rows: Sequence[StudyRow], found: Sequence[MethodSummary]) -> Drawing:
+    columns = min(_COLUMNS, len(found))
+    lines = -(-len(found) // columns)
+    figure = new_figure(2.9 * columns + 0.6, 2.5 * lines + 0.7)
+    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in grid.flat[len(found) :]:
+        axes.set_visible(False)
+    scattered = True
+    for axes, each in zip(grid.flat, found, strict=False):
+        own = [row for row in rows if row.method == each.method and row.start_rotation_rad is not None]
+        turned = np.degrees([row.start_rotation_rad or 0.0 for row in own])
+        ratio = np.array([row.start_distance_ratio or 0.0 for row in own])
+        good = np.array([row.success for row in own], dtype=np.bool_)
+        scattered = len(own) <= _SCATTERED
+        _region(axes, turned, ratio, good, scattered)
+        axes.set_title(each.method)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("distance / goal's")
+    for axes in grid[-1]:
+        axes.set_xlabel("start rotation [deg]")
+    if scattered:
+        legend_below(figure, grid.flat[0], 2)
+    caption = (
+        "Each start by its rotation from the goal and its distance to the target over the goal's."
+        if scattered
+        else "Share of starts that reach the goal, from none (white) to all (dark); empty: no start."
+    )
+    return Drawing("study-regions", "Where each method reaches the goal from", caption, figure)
+
+
+def _region(axes: Axes, turned: Any, ratio: Any, good: Any, scattered: bool) -> None:
+    if scattered:
+        axes.plot(turned[good], ratio[good], "o", ms=4, color=SEVEN[2], alpha=0.8, label="success")
+        axes.plot(turned[~good], ratio[~good], "x", ms=5, color=CERTIFIED, label="no success")
+        return
+    edges = [turned.min(), turned.max()], [ratio.min() - 1e-9, ratio.max() + 1e-9]
+    both, x, y = np.histogram2d(turned, ratio, bins=_CELLS, range=edges)
+    reached, _, _ = np.histogram2d(turned[good], ratio[good], bins=_CELLS, range=edges)
+    share = np.where(both > 0, reached / np.maximum(both, 1), np.nan)
+    axes.pcolormesh(x, y, share.T, vmin=0.0, vmax=1.0, cmap="Greens")
+    axes.grid(visible=False)
+
+
+def draw_row(result: RowResult) -> Drawing:
+    """Draw what a row's camera saw and where it went; of one without a scene nothing but words."""
+    with styled():
+        return _drawn_row(result)
+
+
+def _drawn_row(result: RowResult) -> Drawing:
+    row, scene, trajectory = result.row, result.scene, result.trajectory
+    figure = new_figure(9.0, 3.6)
+    name, title = f"row-{row.row}", f"Row {row.row}: {row.method}, {row.camera}"
+    if scene is None or trajectory is None:
+        figure.text(0.02, 0.5, row.reason[:120])
+        return Drawing(name, title, row.reason, figure)
+    image, space = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
+    _draw_image(image, result)
+    _draw_space(space, result)
+    legend_below(figure, space, 4)
+    ended = f"{row.status}{': ' if row.reason else ''}{row.reason}"
+    off = 1e3 * (row.final_translation_error_m or 0.0), math.degrees(row.final_rotation_error_rad or 0.0)
+    gap = "" if row.least_gap_m is None else f"; least distance to an obstacle {1e3 * row.least_gap_m:.0f} mm"
+    caption = (
+        f"{ended}. Turned by {math.degrees(scene.drawn.rotation):.0f}° at {scene.drawn.distance_ratio:.2f} "
+        f"times the distance; ends {off[0]:.1f} mm and {off[1]:.2f}° off the goal{gap}."
+    )
+    return Drawing(name, title, caption, figure)
+
+
+def _draw_image(axes: Axes, result: RowResult) -> None:
+    """Draw the points' true trajectories in the image."""
+    scene, trajectory = result.scene, result.trajectory
+    assert scene is not None  # noqa: S101
+    assert trajectory is not None  # noqa: S101
+    camera = scene.camera
+    seen = [scene.shown(pose.inv().apply(scene.points)) for pose in trajectory.poses]
+    pixels = np.array([np.where(ok[:, None], place, np.nan) for place, ok in seen])
+    for points in pixels.transpose(1, 0, 2):
+        axes.plot(*points.T, color=EXECUTED, lw=0.8, alpha=0.6)
+    axes.plot(*pixels[0].T, "o", color=START, ms=3.5)
+    axes.plot(*scene.shown(scene.initial_T_goal.inv().apply(scene.points))[0].T, "*", color=GOAL, ms=6)
+    axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=QUIET))
+    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
+    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
+    axes.set_aspect("equal")
+    axes.set_xlabel("u [px]")
+    axes.set_ylabel("v [px]")
+
+
+def _draw_space(axes: Axes, result: RowResult) -> None:
+    """Draw the camera's way on the plane through start, goal and the target's middle."""
+    scene, trajectory = result.scene, result.trajectory
+    assert scene is not None  # noqa: S101
+    assert trajectory is not None  # noqa: S101
+    goal = np.array(scene.initial_T_goal.translation)
+    first, second = _plane(goal, scene.points.mean(axis=0))
+    flat = np.array([first, second]).T
+    axes.plot(*(scene.points @ flat).T, ".", color=QUIET, ms=4, label="target")
+    for ball in scene.obstacles:
+        middle = tuple((ball.center @ flat).tolist())
+        axes.add_patch(Circle(middle, ball.radius, color=OBSTACLE, alpha=0.7))
+        axes.add_patch(Circle(middle, ball.radius + scene.clearance, fill=False, ec=OBSTACLE, ls=":"))
+    axes.plot(*(trajectory.centres @ flat).T, color=EXECUTED, label="camera")
+    axes.plot(0.0, 0.0, "o", color=START, label="start")
+    axes.plot(*(goal @ flat), "*", color=GOAL, ms=9, label="goal")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("along start to goal [m]")
+    axes.set_ylabel("towards the target [m]")
+
+
+def _plane(goal: Any, middle: Any) -> tuple[Any, Any]:
+    length = float(np.linalg.norm(goal))
+    first = goal / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
+    rest = middle - (middle @ first) * first
+    size = float(np.linalg.norm(rest))
+    return first, rest / size if size > 1e-9 else np.cross(first, [0.0, 1.0, 0.0])

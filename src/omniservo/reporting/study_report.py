@@ -1,0 +1,119 @@
+"""The HTML report of a study: one file that needs nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from omniservo.files import write_whole
+from omniservo.reporting.framed_figure import framed
+from omniservo.reporting.html import Markup, banner, page, part, table, tag
+from omniservo.reporting.study_figures import draw_row, study_drawings
+from omniservo.studies import MethodSummary, StudyHeader, StudyRow, run_row, summaries
+from omniservo.studies.study_summary import errors, number, percent
+
+_WORST = 10
+_OF_ONE_METHOD = 2
+"""in the gallery: else it shows the worst method alone"""
+
+
+def write_study_report(
+    header: StudyHeader, rows: Sequence[StudyRow], path: Path, *, drawn: int = _WORST
+) -> None:
+    """Write the report, with figures of the worst rows, which are run again for it.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    write_whole(path, study_html(header, rows, drawn), force=True)
+
+
+def study_html(header: StudyHeader, rows: Sequence[StudyRow], drawn: int) -> str:
+    """Return the report's text."""
+    study, found = header.study, summaries(rows)
+    without = sum(not row.counts for row in rows)
+    summary = (
+        f"{len(rows)} closed loops: {study.scenes} scenes for each of {len(study.cameras)} cameras, "
+        f"{len(study.methods)} methods on the same scenes"
+    )
+    body: list[Markup] = [
+        banner(f"Study {study.name}", summary),
+        part("By method", _table(found), tag("p", _limits(header, without), class_="quiet")),
+        part(
+            "Figures",
+            tag(
+                "div", *(framed(drawing, "wide") for drawing in study_drawings(rows, found)), class_="figures"
+            ),
+        ),
+        part("How runs ended", _endings(found)),
+    ]
+    worst = worst_rows(rows, drawn)
+    if worst:
+        figures = (framed(draw_row(run_row(study, row.row)), "half") for row in worst)
+        words = "Rows without success: collisions, then the largest final errors; two of a method at most."
+        body.append(part("The worst", tag("p", words), tag("div", *figures, class_="figures")))
+    body.append(part("What it was run with", _run_with(header)))
+    return page(f"study {study.name}", body)
+
+
+def worst_rows(rows: Sequence[StudyRow], count: int) -> list[StudyRow]:
+    """Return the rows of the gallery, worst first."""
+    failed = [
+        row for row in rows if not row.success and row.final_translation_error_m is not None and row.images
+    ]
+    failed.sort(key=lambda row: (not row.collision, -(row.final_translation_error_m or 0.0), row.row))
+    taken: Counter[str] = Counter()
+    kept = []
+    for row in failed:
+        if taken[row.method] < _OF_ONE_METHOD:
+            taken[row.method] += 1
+            kept.append(row)
+    return kept[:count]
+
+
+def _table(found: Sequence[MethodSummary]) -> Markup:
+    head = ["method", "success", "95% interval", "collision", "feature lost", "final error, median",
+            "path, median", "time, median"]  # fmt: skip
+    lines = []
+    for each in found:
+        low, high = each.success.interval
+        lines.append(
+            [
+                each.method,
+                f"{percent(each.success)} ({each.success.count} of {each.success.of})",
+                f"{100 * low:.1f}–{100 * high:.1f}%",
+                f"{percent(each.collision)} ({each.collision.count} of {each.collision.of})",
+                percent(each.feature_lost),
+                errors(each),
+                number(each.path_length_m, ".2f", " m"),
+                number(each.seconds, ".1f", " s"),
+            ]
+        )
+    return table(head, lines)
+
+
+def _limits(header: StudyHeader, without: int) -> str:
+    limits, study = header.study.limits, header.study
+    left = f" {without} rows had no scene and are left out." if without else ""
+    return (
+        f"Success: within {1e3 * limits.translation:g} mm and {math.degrees(limits.rotation):.3g}° of the "
+        f"goal after {limits.seconds:g} s at most, and the camera's centre never within "
+        f"{1e3 * study.obstacles.clearance:g} mm of an obstacle. Collision: of the runs with an obstacle. "
+        f"Medians are those of successful runs.{left}"
+    )
+
+
+def _endings(found: Sequence[MethodSummary]) -> Markup:
+    kinds = sorted({status for each in found for status in each.statuses})
+    head = ["method", *(kind.replace("_", " ") for kind in kinds)]
+    return table(head, ([each.method, *(str(each.statuses.get(k, 0)) for k in kinds)] for each in found))
+
+
+def _run_with(header: StudyHeader) -> Markup:
+    lines = [["study", f"{header.study.name} {header.study.hash}"], ["version", header.version]]
+    for machine in header.machines:
+        lines.append(["machine", ", ".join(f"{name} {value}" for name, value in machine.items())])
+    lines.append(["repeat a row", "omniservo run --replay STUDY:ROW"])
+    return table(["", ""], lines)

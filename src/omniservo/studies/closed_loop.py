@@ -1,0 +1,135 @@
+"""One closed loop on projected points: images are taken, arrive, and move a free camera."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from omniservo.errors import ServoStop
+from omniservo.geometry.arrays import FloatArray
+from omniservo.studies.study import Study
+from omniservo.studies.study_camera import StudyCamera, StudyImage
+from omniservo.studies.study_controller import Led
+from omniservo.studies.study_scene import StudyScene
+
+HOLD = 0.25
+"""[s] that a twist acts at most: after so long without an image the camera stands"""
+
+
+@dataclass(eq=False)
+class Trajectory:
+    """Where the camera truly was: at every image, and whenever its twist changed."""
+
+    times: list[float] = field(default_factory=list)
+    """[s]"""
+    poses: list[RigidTransform] = field(default_factory=list)
+    """in the initial camera frame"""
+    feature_lost: bool = False
+    """a point left the image, or an obstacle hid it"""
+    images: int = 0
+    """that were taken"""
+
+    @property
+    def centres(self) -> FloatArray:
+        """(k, 3) [m]."""
+        return np.array([pose.translation for pose in self.poses])
+
+    @property
+    def length(self) -> float:
+        """Of the camera's way [m]."""
+        return float(np.linalg.norm(np.diff(self.centres, axis=0), axis=1).sum())
+
+    def least_gap(self, scene: StudyScene) -> float | None:
+        """Return the smallest distance of the camera's centre to an obstacle [m]; None: there is none.
+
+        Between two poses it moves straight: 1/30 s of a curve differs by less than it is scored to.
+        """
+        if not scene.obstacles:
+            return None
+        begin, gaps = self.centres, []
+        way = np.diff(begin, axis=0, append=begin[-1:])
+        squared = np.maximum((way**2).sum(axis=1), 1e-30)
+        for ball in scene.obstacles:
+            along = np.clip(((ball.center - begin) * way).sum(axis=1) / squared, 0.0, 1.0)
+            near = begin + along[:, None] * way
+            gaps.append(float(np.linalg.norm(near - ball.center, axis=1).min()) - ball.radius)
+        return min(gaps)
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """How a loop ended."""
+
+    status: str
+    """"converged", "timed_out" or "stopped" """
+    reason: str
+    trajectory: Trajectory
+
+
+class ClosedLoop:
+    """Runs a controller on a scene until it is done, stops by a named error, or its time is over.
+
+    An image acts when it arrives; one that arrives after a newer one is not used. Between changes of the
+    twist the camera moves by its exponential map.
+    """
+
+    def __init__(self, study: Study, scene: StudyScene, camera: StudyCamera, led: Led) -> None:
+        self._scene, self._camera, self._led = scene, camera, led
+        self._period = 1.0 / study.images.rate
+        self._most = study.limits.seconds
+        self._pose, self._time = RigidTransform.identity(), 0.0
+        self._twist, self._since, self._newest = np.zeros(6), 0.0, -1.0
+        self.trajectory = Trajectory()
+        self._note()
+
+    def run(self) -> Ended:
+        """Run it once, from the initial pose."""
+        waiting: list[tuple[float, float, int]] = []
+        images: dict[int, StudyImage] = {}
+        try:
+            for number in range(int(self._most / self._period) + 1):
+                exposed = number * self._period
+                while waiting and waiting[0][0] <= exposed:
+                    if self._act(*heapq.heappop(waiting), images):
+                        return Ended("converged", "", self.trajectory)
+                self._move(exposed)
+                image = self._camera.take(self._pose.rotation.as_matrix(), np.array(self._pose.translation))
+                self.trajectory.images += 1
+                self.trajectory.feature_lost |= not bool(image.in_view.all())
+                arrival = self._camera.arrival(exposed)
+                if arrival is not None:
+                    images[number] = image
+                    heapq.heappush(waiting, (arrival, exposed, number))
+        except ServoStop as stop:
+            return Ended("stopped", f"{stop.reason}: {stop}", self.trajectory)
+        return Ended("timed_out", f"not done after {self._most:g} s", self.trajectory)
+
+    def _act(self, arrival: float, exposed: float, number: int, images: dict[int, StudyImage]) -> bool:
+        """Let an image that arrives change the twist; return whether the goal is reached."""
+        self._move(arrival)
+        image = images.pop(number)
+        if exposed <= self._newest:
+            return False
+        self._newest, rows = exposed, self._led.followed
+        acts_at = arrival + 0.5 * self._period
+        self._twist = self._led.controller.step(exposed, image.pixels[rows], image.found[rows], acts_at)
+        self._since = arrival
+        return self._led.controller.done
+
+    def _move(self, until: float) -> None:
+        """Let the camera move until a time [s]."""
+        if until <= self._time:
+            return
+        acting = min(until, max(self._since + HOLD, self._time)) - self._time
+        if acting > 0.0 and self._twist.any():
+            linear, angular = acting * self._twist[:3], acting * self._twist[3:]
+            self._pose = self._pose * RigidTransform.from_exp_coords(np.concatenate((angular, linear)))
+        self._time = until
+        self._note()
+
+    def _note(self) -> None:
+        self.trajectory.times.append(self._time)
+        self.trajectory.poses.append(self._pose)

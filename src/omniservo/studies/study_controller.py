@@ -1,0 +1,146 @@
+"""From a scene's first two images to what leads the camera: only what is measured is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from omniservo.errors import NoSolutionError
+from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
+from omniservo.run_methods import RunMethod
+from omniservo.servoing import RestToRestLaw, servo_method
+from omniservo.studies.study import Study
+from omniservo.studies.study_camera import StudyImage
+from omniservo.studies.study_scene import StudyScene
+from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
+
+_PEAK = 1.875
+"""largest ẇ of the rest-to-rest law, over that of a constant one"""
+_SPEED_SHARE = 0.6
+"""of the largest speeds, what a path is paced for; the rest is left to feedback"""
+_LEAST_DURATION = 2.0
+"""[s] of a path"""
+_LEAST_DISTANCE = 0.03
+"""[m] that plans keep to the points"""
+_NOISE_SHARE = 2.5
+"""The goal image and this one both have noise: √2 · √2 σ on average, and this many σ for certain."""
+_PLACES = np.linspace(0.0, 1.0, 201)
+
+
+class StudyController(Protocol):
+    """Images in, twists out; `PathTracker` and `GoalServo` are ones."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the goal is reached."""
+        ...
+
+    def step(
+        self, time: float, pixels: FloatArray, valid: BoolArray, acts_at: float | None = None
+    ) -> FloatArray:
+        """Return the camera twist (6,) for the points seen at ``time`` [s]."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Led:
+    """What leads the camera, and what it rests on."""
+
+    controller: StudyController
+    followed: IntArray
+    """(m,) the scene's points that are servoed on"""
+    plan: Plan | None
+    """None: the method plans nothing"""
+
+
+class NotLed(NoSolutionError):
+    """There is nothing that leads the camera: no estimate, or no plan."""
+
+    def __init__(self, status: str, reason: str) -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+def controller_of_scene(
+    study: Study, scene: StudyScene, method: RunMethod, initial: StudyImage, goal: StudyImage
+) -> Led:
+    """Return the method's controller for the points found in both images.
+
+    Raises:
+        NotLed: the images give no estimate, or the planner no path to follow.
+    """
+    matched = np.flatnonzero(initial.found & goal.found)
+    length = float(np.linalg.norm(scene.initial_T_goal.translation)) * (1.0 + scene.conditions.depth)
+    if len(matched) < TrackerOptions().least_features:
+        raise NotLed("not_estimated", f"{len(matched)} points are found in both images")
+    estimate = estimate_two_view(scene.camera, initial.pixels[matched], goal.pixels[matched], scale=length)
+    if estimate.initial_T_goal is None:
+        raise NotLed("not_estimated", f"{estimate.status}: {estimate.message}")
+    rows = np.flatnonzero(estimate.inliers)
+    followed = matched[rows]
+    pixels = initial.pixels[followed], goal.pixels[followed]
+    tolerance = study.servo.tolerance_px + _NOISE_SHARE * estimate.noise_px
+    if method.plans is None:
+        return Led(_goal_servo(study, scene, method, estimate, rows, pixels[1], tolerance), followed, None)
+    plan = _plan(study, scene, method, estimate, rows)
+    if plan.path is None or (method.plans == "certified" and plan.status != "certified"):
+        raise NotLed("not_planned", f"{plan.status}: {plan.reason}")
+    options = TrackerOptions(
+        tolerance_px=tolerance,
+        max_linear_speed=study.servo.linear_speed,
+        max_angular_speed=study.servo.angular_speed,
+    )
+    tracker = PathTracker(
+        plan, scene.camera, goal_pixels=pixels[1], initial_pixels=pixels[0], options=options,
+        time_law=RestToRestLaw(_duration(study, plan.path)),
+    )  # fmt: skip
+    return Led(tracker, followed, plan)
+
+
+def _goal_servo(
+    study: Study,
+    scene: StudyScene,
+    method: RunMethod,
+    estimate: TwoViewEstimate,
+    rows: IntArray,
+    goal_pixels: FloatArray,
+    tolerance: float,
+) -> GoalServo:
+    options = GoalServoOptions(
+        tolerance_px=tolerance,
+        max_linear_speed=study.servo.linear_speed,
+        max_angular_speed=study.servo.angular_speed,
+    )
+    return GoalServo(
+        scene.camera, estimate.points[rows], goal_pixels, method=servo_method(method.name, study.servo.gain),
+        initial_T_goal=estimate.initial_T_goal, options=options,
+    )  # fmt: skip
+
+
+def _plan(
+    study: Study, scene: StudyScene, method: RunMethod, estimate: TwoViewEstimate, rows: IntArray
+) -> Plan:
+    certified = method.plans == "certified"
+    problem = PlanningProblem(
+        scene.camera,  # type: ignore[arg-type]  # of any model: its unified form is taken
+        estimate.points[rows],
+        estimate.initial_T_goal,  # type: ignore[arg-type]  # there is one
+        scene.obstacles,
+        clearance=scene.clearance + study.servo.clearance_margin,
+        least_distance=_LEAST_DISTANCE,
+        visibility_margin=study.servo.visibility_margin,
+        occlusion=certified and bool(scene.obstacles),  # the paper's method knows none
+    )
+    return plan_path(problem, method="certified" if certified else "paper", seed=scene.number)
+
+
+def _duration(study: Study, path: CameraPath) -> float:
+    """Return how long the path is to take [s], so that its own speeds leave room for feedback."""
+    twists = path(_PLACES, order=1)
+    linear = float(np.linalg.norm(twists[:, :3], axis=1).max()) / study.servo.linear_speed
+    angular = float(np.linalg.norm(twists[:, 3:], axis=1).max()) / study.servo.angular_speed
+    return max(_LEAST_DURATION, _PEAK * max(linear, angular) / _SPEED_SHARE)

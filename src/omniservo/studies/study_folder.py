@@ -1,0 +1,132 @@
+"""The folder of a study: its header, its lock, and its parts."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib.metadata
+import json
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import omniservo
+from omniservo.errors import InputError, NotWritten, spelled
+from omniservo.files import read_document, write_whole
+from omniservo.studies.load_study import study_of_fields
+from omniservo.studies.study import Study
+from omniservo.tasks.task_files import TaskFiles
+
+FORMAT = "omniservo.study-run/1"
+HEADER = "study.json"
+_LIBRARIES = ("numpy", "scipy", "numba")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyHeader:
+    """What all rows of a folder have in common."""
+
+    study: Study
+    version: str
+    machines: tuple[dict[str, str], ...]
+    """that rows were run on: processor, Python and libraries"""
+
+    def to_json(self) -> str:
+        """Return the header's file."""
+        fields = {
+            "format": FORMAT,
+            "study_hash": self.study.hash,
+            "version": self.version,
+            "machines": self.machines,
+            "study": json.loads(self.study.to_json()),
+        }
+        return json.dumps(fields, indent=1) + "\n"
+
+
+def this_machine() -> dict[str, str]:
+    """Return processor, Python and libraries: what the last digits of a row depend on."""
+    libraries = {name: importlib.metadata.version(name) for name in _LIBRARIES}
+    return {"cpu": _processor(), "python": platform.python_version(), **libraries}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or platform.machine())
+
+
+def read_header(folder: Path) -> StudyHeader:
+    """Return the header of a study's folder.
+
+    Raises:
+        InputError: there is none, or it is not one.
+    """
+    path = folder / HEADER
+    if not path.is_file():
+        raise InputError(f"{folder}: not a study's folder: {HEADER} is missing")
+    fields: Any = read_document(path)
+    if not isinstance(fields, dict) or fields.get("format") != FORMAT:
+        raise InputError(f"{path}: format: legal: {FORMAT!r}")
+    study = study_of_fields(fields.get("study"), TaskFiles(f"{path}: study", folder))
+    version, machines = fields.get("version"), fields.get("machines")
+    if fields.get("study_hash") != study.hash:
+        given = spelled(fields.get("study_hash"))
+        raise InputError(f"{path}: study_hash: {given}; its study has {study.hash!r}")
+    if not isinstance(version, str) or not isinstance(machines, list):
+        raise InputError(f"{path}: version and machines are needed")
+    return StudyHeader(study, version, tuple(machines))
+
+
+@contextmanager
+def opened_folder(study: Study, folder: Path) -> Iterator[StudyHeader]:
+    """Give the header of a new folder, or of one that holds rows of the same study and version; locked.
+
+    Raises:
+        InputError: it holds something else, another process works in it, or it cannot be written.
+    """
+    try:
+        if folder.is_dir() and not (folder / HEADER).exists() and any(folder.iterdir()):
+            raise InputError(f"{folder}: exists, and is not a study's folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".lock").open("w")
+    except OSError as error:
+        raise NotWritten(folder, error.strerror or str(error)) from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{folder}: another process works in it") from None
+        yield _header(study, folder)
+
+
+def _header(study: Study, folder: Path) -> StudyHeader:
+    """Return the folder's header, with this machine in it."""
+    here = this_machine()
+    machines: tuple[dict[str, str], ...] = ()
+    if (folder / HEADER).exists():
+        there = read_header(folder)
+        refuse_other(folder, there, study, omniservo.__version__)
+        machines = there.machines
+    header = StudyHeader(study, omniservo.__version__, (*machines, *([] if here in machines else [here])))
+    write_whole(folder / HEADER, header.to_json(), force=True)
+    return header
+
+
+def refuse_other(folder: Path, there: StudyHeader, study: Study, version: str) -> None:
+    """Refuse a folder of another study or version.
+
+    Raises:
+        InputError: it is of another.
+    """
+    if there.study.hash != study.hash:
+        raise InputError(
+            f"{folder}: holds rows of the study {there.study.name} {there.study.hash}; "
+            f"{study.name} {study.hash} is another"
+        )
+    if there.version != version:
+        raise InputError(f"{folder}: holds rows of version {there.version}; {version} is another")

@@ -1,0 +1,168 @@
+"""Parts of a study: rows that were run together, written whole under their number, never written again."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import io
+import json
+import os
+import zlib
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import omniservo
+from omniservo.errors import InputError, NotWritten
+from omniservo.files import read_bytes
+from omniservo.studies.study import Study
+from omniservo.studies.study_row import RowResult, StudyRow, fields_of_row, row_of_fields, run_row
+
+FORMAT = "omniservo.study-part/1"
+_FOLDER = "parts"
+_ENDING = ".jsonl.gz"
+_MOST_TEXT = 2**27
+"""[bytes] of a part's text that are read"""
+_MOST_ROWS, _LEAST_ROWS, _PARTS = 100, 8, 16
+"""Rows of a part: some 10 s of work, as a worker takes 5 to 10 s to start; small studies have 16 parts."""
+
+
+@dataclass(frozen=True)
+class StudyPart:
+    """A part that was read: its rows, the plan of each certified one, and what it took."""
+
+    number: int
+    rows: tuple[StudyRow, ...]
+    plans: dict[int, dict[str, Any]]
+    """row → plan file"""
+    cpu_seconds: dict[str, float]
+    """method → of all its rows"""
+
+
+def part_rows(study: Study) -> int:
+    """Return how many rows a part has: by the study alone, so that parts fit whoever ran them."""
+    few = -(-study.rows // _PARTS)
+    rows = min(_MOST_ROWS, max(_LEAST_ROWS, few))
+    return -(-rows // len(study.methods)) * len(study.methods)
+
+
+def part_count(study: Study) -> int:
+    """Return how many parts a study has."""
+    return -(-study.rows // part_rows(study))
+
+
+def rows_of_part(study: Study, number: int) -> range:
+    """Return the numbers of a part's rows."""
+    size = part_rows(study)
+    return range(number * size, min((number + 1) * size, study.rows))
+
+
+def part_file(folder: Path, number: int) -> Path:
+    """Return where a part is."""
+    return folder / _FOLDER / f"{number:06d}{_ENDING}"
+
+
+def missing_parts(study: Study, folder: Path, wanted: Iterable[int]) -> list[int]:
+    """Return which of the wanted parts are not there, and clear away what was left half-written."""
+    parts = folder / _FOLDER
+    parts.mkdir(exist_ok=True)
+    for left in parts.glob(".*"):
+        left.unlink(missing_ok=True)
+    there = {entry.name for entry in os.scandir(parts)}
+    return [number for number in wanted if part_file(folder, number).name not in there]
+
+
+def run_part(study: Study, folder: Path, number: int) -> None:
+    """Run a part's rows and write them.
+
+    Raises:
+        NotWritten: the disk is full, or the folder is not ours. Nothing of the part is left.
+    """
+    results: list[RowResult] = []
+    taken: dict[str, float] = defaultdict(float)
+    for row in rows_of_part(study, number):
+        begin = process_time()
+        results.append(run_row(study, row))
+        taken[results[-1].row.method] += process_time() - begin
+    lines = [_line({"format": FORMAT, "part": number, **_identity(study)})]
+    for result in results:
+        plan = result.plan_fields()
+        lines.append(_line({"row": fields_of_row(result.row), **({} if plan is None else {"plan": plan})}))
+    text = "".join(lines)
+    seconds = {method: round(value, 3) for method, value in taken.items()}
+    end = _line({"digest": _digest(text), "cpu_seconds": seconds})
+    _write(part_file(folder, number), gzip.compress((text + end).encode(), 5, mtime=0))
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file whole under a hidden name, then link it to its own; the first one there stays."""
+    hidden = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with hidden.open("xb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        try:
+            os.link(hidden, path)
+        except FileExistsError:
+            return
+    except OSError as error:
+        raise NotWritten(path, error.strerror or str(error)) from None
+    finally:
+        hidden.unlink(missing_ok=True)
+
+
+def read_part(study: Study, folder: Path, number: int) -> StudyPart:
+    """Return a part as it was written.
+
+    Raises:
+        InputError: missing, damaged, or of another study or version; the message names the file.
+    """
+    path = part_file(folder, number)
+    lines = _text(path).splitlines(keepends=True)
+    try:
+        head, *rows, end = (json.loads(line) for line in lines)
+        whole = end["digest"] == _digest("".join(lines[:-1]))
+        found = tuple(row_of_fields(entry["row"]) for entry in rows)
+        taken = {method: float(end["cpu_seconds"].get(method, 0.0)) for method in study.methods}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise _damaged(path, f"not a part ({type(error).__name__})") from None
+    if not whole:
+        raise _damaged(path, "its digest does not fit")
+    for name, value in {"format": FORMAT, "part": number, **_identity(study)}.items():
+        if head.get(name) != value:
+            raise InputError(f"{path}: {name}: {head.get(name)!r}; {value!r} is needed")
+    if [row.row for row in found] != list(rows_of_part(study, number)):
+        raise _damaged(path, "not the rows of this part")
+    plans = {entry["row"]["row"]: entry["plan"] for entry in rows if "plan" in entry}
+    return StudyPart(number, found, plans, taken)
+
+
+def _text(path: Path) -> str:
+    try:
+        with gzip.GzipFile(fileobj=io.BytesIO(read_bytes(path, max_bytes=_MOST_TEXT))) as stream:
+            text = stream.read(_MOST_TEXT + 1)
+        if len(text) > _MOST_TEXT:
+            raise _damaged(path, f"more than {_MOST_TEXT} bytes of text")
+        return text.decode()
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise _damaged(path, str(error)) from None
+
+
+def _damaged(path: Path, why: str) -> InputError:
+    return InputError(f"{path}: damaged: {why}; delete it and run the study into this folder again")
+
+
+def _identity(study: Study) -> dict[str, str]:
+    return {"study_hash": study.hash, "version": omniservo.__version__}
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _line(value: dict[str, Any]) -> str:
+    return json.dumps(value, allow_nan=False) + "\n"

@@ -1,0 +1,182 @@
+"""One row of a study: a closed loop, and how it is scored against the truth."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import asdict, dataclass, fields, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+import omniservo
+from omniservo.planning import Plan
+from omniservo.run_methods import run_method
+from omniservo.studies.closed_loop import ClosedLoop, Trajectory
+from omniservo.studies.study import Study
+from omniservo.studies.study_camera import StudyCamera
+from omniservo.studies.study_controller import NotLed, controller_of_scene
+from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene, generators
+
+STATUSES = ("converged", "timed_out", "stopped", "not_estimated", "not_planned", "no_scene", "error")
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """A row's numbers: a pure function of the study, its own number and the program."""
+
+    row: int
+    study_hash: str
+    version: str
+    seed: int
+    """of the study"""
+    method: str
+    camera: str
+    status: str
+    """one of `STATUSES`"""
+    reason: str
+    success: bool
+    """the final errors are within the study's limits, and there was no collision"""
+    collision: bool
+    """the camera's centre came nearer to an obstacle's surface than the clearance"""
+    feature_lost: bool
+    """a point of the target left the image on the way, or an obstacle hid it"""
+    final_translation_error_m: float | None
+    """of the true last pose; None: there was no scene, or an error"""
+    final_rotation_error_rad: float | None
+    seconds: float | None
+    """of the run, not of computing it"""
+    path_length_m: float | None
+    least_gap_m: float | None
+    """of the camera's centre to an obstacle's surface; None: there is no obstacle"""
+    images: int
+    """that were taken on the way"""
+    certified: bool
+    """there is a plan with a certificate"""
+    scene: int
+    """alike for all methods"""
+    start_rotation_rad: float | None
+    start_distance_ratio: float | None
+    start_distance_m: float | None
+    """of the start from the goal"""
+    obstacles: int
+    noise_px: float | None
+    latency_s: float | None
+
+    @property
+    def counts(self) -> bool:
+        """Whether it says anything of the method: there was a scene."""
+        return self.status != "no_scene"
+
+
+COLUMNS = tuple(field.name for field in fields(StudyRow))
+
+
+@dataclass(frozen=True, eq=False)
+class RowResult:
+    """A row with what it was made of."""
+
+    row: StudyRow
+    plan: Plan | None = None
+    scene: StudyScene | None = None
+    trajectory: Trajectory | None = None
+
+    def plan_fields(self) -> dict[str, Any] | None:
+        """Return the file of a certified plan, without the time that it took."""
+        return {**self.plan.to_dict(), "seconds": 0.0} if self.plan and self.row.certified else None
+
+
+def run_row(study: Study, number: int) -> RowResult:
+    """Run row ``number``; whatever goes wrong in it is a row, too."""
+    scene_number, camera, method = study.place(number)
+    empty = StudyRow(
+        row=number, study_hash=study.hash, version=omniservo.__version__, seed=study.seed, method=method,
+        camera=camera, status="error", reason="", success=False, collision=False, feature_lost=False,
+        final_translation_error_m=None, final_rotation_error_rad=None, seconds=None, path_length_m=None,
+        least_gap_m=None, images=0, certified=False, scene=scene_number, start_rotation_rad=None,
+        start_distance_ratio=None, start_distance_m=None, obstacles=0, noise_px=None, latency_s=None,
+    )  # fmt: skip
+    try:
+        return _run(study, empty)
+    except NoScene as none:
+        return RowResult(replace(empty, status="no_scene", reason=str(none)))
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(place.filename).name}:{place.lineno}"
+        return RowResult(replace(empty, reason=f"{type(error).__name__}: {error} ({where})"[:500]))
+
+
+def _run(study: Study, empty: StudyRow) -> RowResult:
+    scene = draw_scene(study, empty.scene, study.cameras[empty.camera])
+    _, random = generators(study, empty.scene)
+    camera, goal = StudyCamera(scene, random), scene.initial_T_goal
+    images = [camera.take(pose.rotation.as_matrix(), np.array(pose.translation)) for pose in (_HERE, goal)]
+    known = replace(
+        empty,
+        start_rotation_rad=scene.drawn.rotation,
+        start_distance_ratio=scene.drawn.distance_ratio,
+        start_distance_m=float(np.linalg.norm(goal.translation)),
+        obstacles=len(scene.obstacles),
+        noise_px=scene.conditions.noise,
+        latency_s=scene.conditions.latency,
+    )
+    try:
+        led = controller_of_scene(study, scene, run_method(empty.method), *images)
+    except NotLed as none:
+        still = Trajectory([0.0], [_HERE])
+        row = _scored(study, scene, replace(known, status=none.status, reason=none.reason), still)
+        return RowResult(row, None, scene, still)
+    certified = led.plan is not None and led.plan.status == "certified"
+    ended = ClosedLoop(study, scene, camera, led).run()
+    said = replace(known, status=ended.status, reason=ended.reason, certified=certified)
+    return RowResult(_scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
+
+
+_HERE = RigidTransform.identity()
+
+
+def _scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajectory) -> StudyRow:
+    off = scene.initial_T_goal.inv() * trajectory.poses[-1]
+    translation, rotation = float(np.linalg.norm(off.translation)), float(off.rotation.magnitude())
+    gap = trajectory.least_gap(scene)
+    collision = gap is not None and gap < scene.clearance
+    near = translation <= study.limits.translation and rotation <= study.limits.rotation
+    return replace(
+        row,
+        success=bool(near and not collision),
+        collision=collision,
+        feature_lost=trajectory.feature_lost,
+        final_translation_error_m=translation,
+        final_rotation_error_rad=rotation,
+        seconds=trajectory.times[-1],
+        path_length_m=trajectory.length,
+        least_gap_m=gap,
+        images=trajectory.images,
+    )
+
+
+_KINDS: dict[str, tuple[type, ...]] = {
+    "int": (int,), "str": (str,), "bool": (bool,), "float | None": (float, type(None)),
+}  # fmt: skip
+
+
+def row_of_fields(given: dict[str, Any]) -> StudyRow:
+    """Return the row of a part's line.
+
+    Raises:
+        ValueError: a field is missing, unknown, of another type, or not finite.
+    """
+    if set(given) != set(COLUMNS):
+        raise ValueError("other columns")
+    for field in fields(StudyRow):
+        value = given[field.name]
+        if type(value) not in _KINDS[str(field.type)] or (isinstance(value, float) and not isfinite(value)):
+            raise ValueError(f"{field.name}: {value!r}")
+    return StudyRow(**given)
+
+
+def fields_of_row(row: StudyRow) -> dict[str, Any]:
+    """Return a row's columns in their order."""
+    return asdict(row)

@@ -1,0 +1,222 @@
+"""One scene of a study: what is true, and how wrong what is given is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from omniservo.cameras.models import CentralModel
+from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.planning import Sphere
+from omniservo.scenes import LensError
+from omniservo.studies.study import Study
+
+_TRIES = 200
+_OBSTACLE_TRIES = 50
+_IMAGE_MARGIN = 10.0
+"""[px] that the points keep to the image's limits at both ends"""
+_END_ROOM = 0.02
+"""[m] that obstacles keep beyond the clearance at both ends, and beyond their surface to the points"""
+_FIELD_LENGTH = 0.2
+"""over which the camera model's error is alike, of the image's width"""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What was drawn for a scene beside its geometry; fields as in the study file."""
+
+    noise: float
+    lost: float
+    wrong: float
+    latency: float
+    jitter: float
+    dropped: float
+    delayed: float
+    delay: float
+    model: float
+    focal: float
+    centre: tuple[float, float]
+    depth: float
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What was drawn of start and target."""
+
+    points: int
+    size: float
+    distance: float
+    goal_off_axis: float
+    rotation: float
+    distance_ratio: float
+    start_off_axis: float
+    obstacles: int
+
+
+@dataclass(frozen=True, eq=False)
+class StudyScene:
+    """A camera that is to be led to the goal; everything in the initial camera frame."""
+
+    number: int
+    camera: CentralModel
+    """as it is stated to the methods"""
+    lens: LensError | None
+    """what its model is off"""
+    drawn: Geometry
+    conditions: Conditions
+    points: FloatArray
+    """(n, 3) [m]"""
+    initial_T_goal: RigidTransform
+    obstacles: tuple[Sphere, ...]
+    clearance: float
+    """the camera's own radius [m]"""
+
+    def shown(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return where points (n, 3) in the camera frame are truly seen, (n, 2) [px], and which are (n,)."""
+        return _shown(self.camera, self.lens, self.conditions, points)
+
+    def hidden(self, points: FloatArray, centre: FloatArray) -> BoolArray:
+        """Return which points (n, 3) an obstacle hides from a camera's ``centre`` (3,)."""
+        found = np.zeros(len(points), dtype=np.bool_)
+        ray = points - centre
+        length = (ray**2).sum(axis=1)
+        for ball in self.obstacles:
+            along = np.clip((ray @ (ball.center - centre)) / length, 0.0, 1.0)
+            found |= np.linalg.norm(centre + along[:, None] * ray - ball.center, axis=1) < ball.radius
+        return found
+
+
+class NoScene(Exception):
+    """No scene was found in which both ends see the whole target."""
+
+
+def generators(study: Study, scene: int) -> tuple[np.random.Generator, np.random.Generator]:
+    """Return what draws the scene, and what draws its images: alike for all methods, on every machine."""
+    seeds = np.random.SeedSequence(study.seed, spawn_key=(scene,)).spawn(2)
+    geometry, images = (np.random.Generator(np.random.PCG64(seed)) for seed in seeds)
+    return geometry, images
+
+
+def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
+    """Return scene ``number`` of the study.
+
+    Its numbers are drawn once. Directions and points are drawn until both ends see all points, 10 px within
+    the image's limits; so the numbers keep their stated distributions where every combination has a scene.
+
+    Raises:
+        NoScene: 200 tries found none.
+    """
+    random, _ = generators(study, number)
+    conditions, drawn = _drawn(study, random)
+    lens = LensError(conditions.model, _FIELD_LENGTH * camera.width, number) if conditions.model else None
+    for _ in range(_TRIES):
+        points, goal = _ends(drawn, random)
+        ends = points, goal.inv().apply(points)
+        if not all(_well_inside(camera, *_shown(camera, lens, conditions, end)) for end in ends):
+            continue
+        obstacles = _placed(study, drawn, points, goal, random)
+        clearance = study.obstacles.clearance
+        return StudyScene(number, camera, lens, drawn, conditions, points, goal, obstacles, clearance)
+    raise NoScene(
+        f"no scene in {_TRIES} tries: turned by {math.degrees(drawn.rotation):.1f} deg at "
+        f"{drawn.distance_ratio:.2f} times the distance, an end does not see all points"
+    )
+
+
+def _drawn(study: Study, random: np.random.Generator) -> tuple[Conditions, Geometry]:
+    images, errors, target, start = study.images, study.errors, study.target, study.start
+    conditions = Conditions(
+        noise=images.noise.draw(random),
+        lost=images.lost.draw(random),
+        wrong=images.wrong.draw(random),
+        latency=images.latency.draw(random),
+        jitter=images.jitter.draw(random),
+        dropped=images.dropped.draw(random),
+        delayed=images.delayed.draw(random),
+        delay=images.delay.draw(random),
+        model=errors.model.draw(random),
+        focal=errors.focal.draw(random),
+        centre=(errors.centre.draw(random), errors.centre.draw(random)),
+        depth=errors.depth.draw(random),
+    )
+    geometry = Geometry(
+        points=int(target.points.draw(random)),
+        size=target.size.draw(random),
+        distance=target.distance.draw(random),
+        goal_off_axis=target.off_axis.draw(random),
+        rotation=start.rotation.draw(random),
+        distance_ratio=start.distance_ratio.draw(random),
+        start_off_axis=start.off_axis.draw(random),
+        obstacles=int(study.obstacles.count.draw(random)),
+    )
+    return conditions, geometry
+
+
+def _ends(drawn: Geometry, random: np.random.Generator) -> tuple[FloatArray, RigidTransform]:
+    """Return points and goal in the initial camera frame; both cameras see the cube's middle as drawn."""
+    goal_middle = drawn.distance * _off_axis(drawn.goal_off_axis, random)
+    initial_middle = drawn.distance_ratio * drawn.distance * _off_axis(drawn.start_off_axis, random)
+    axis = random.standard_normal(3)
+    turn = Rotation.from_rotvec(drawn.rotation * axis / np.linalg.norm(axis))
+    initial_T_goal = RigidTransform.from_components(initial_middle - turn.apply(goal_middle), turn)
+    cube = drawn.size * random.uniform(-0.5, 0.5, (drawn.points, 3))
+    return initial_middle + cube, initial_T_goal
+
+
+def _off_axis(angle: float, random: np.random.Generator) -> FloatArray:
+    round_axis = random.uniform(0.0, 2.0 * math.pi)
+    across = math.sin(angle)
+    return np.array([across * math.cos(round_axis), across * math.sin(round_axis), math.cos(angle)])
+
+
+def _shown(
+    camera: CentralModel, lens: LensError | None, conditions: Conditions, points: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return where the true camera, which is not quite the stated one, shows points."""
+    pixels, valid = camera.project(points)
+    if lens is not None:
+        pixels = pixels + lens.at(pixels)
+    if conditions.focal or any(conditions.centre):
+        middle = 0.5 * np.array([camera.width - 1.0, camera.height - 1.0])
+        pixels = middle + (1.0 + conditions.focal) * (pixels - middle) + conditions.centre
+    seen = valid.copy()
+    seen[valid] = camera.in_image(pixels[valid])
+    return pixels, seen
+
+
+def _well_inside(camera: CentralModel, pixels: FloatArray, seen: BoolArray) -> bool:
+    if not seen.all():
+        return False
+    shifts = _IMAGE_MARGIN * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    return bool(camera.in_image((pixels[:, None] + shifts).reshape(-1, 2)).all())
+
+
+def _placed(
+    study: Study, drawn: Geometry, points: FloatArray, goal: RigidTransform, random: np.random.Generator
+) -> tuple[Sphere, ...]:
+    """Return balls across the straight line, clear of both ends and of what these see of the points."""
+    end, found = np.array(goal.translation), []
+    length = float(np.linalg.norm(end))
+    for _ in range(drawn.obstacles):
+        radius = study.obstacles.radius.draw(random)
+        free = radius + study.obstacles.clearance + study.servo.clearance_margin + _END_ROOM
+        for _ in range(_OBSTACLE_TRIES):
+            middle = random.uniform(0.3, 0.7) * end + 0.1 * length * random.standard_normal(3)
+            clear = min(np.linalg.norm(middle), np.linalg.norm(middle - end)) > free
+            if clear and not _hides(middle, radius + _END_ROOM, points, end):
+                found.append(Sphere(middle, radius))
+                break
+    return tuple(found)
+
+
+def _hides(middle: FloatArray, radius: float, points: FloatArray, end: FloatArray) -> bool:
+    """Return whether a ball lies before or in a point, for the camera at the start or at the ``end``."""
+    for centre in (np.zeros(3), end):
+        ray = points - centre
+        along = np.clip((ray @ (middle - centre)) / (ray**2).sum(axis=1), 0.0, 1.0)
+        if (np.linalg.norm(centre + along[:, None] * ray - middle, axis=1) < radius).any():
+            return True
+    return False

@@ -1,0 +1,99 @@
+import json
+
+import pyarrow.parquet as parquet
+import pytest
+from tests.studies.conftest import rows_of, undisturbed, written  # noqa: F401
+from tests.studies.conftest import study as study_fixture
+
+from omniservo.cli.main import main
+from omniservo.studies.study_row import COLUMNS
+
+study = study_fixture
+
+FIXED = [
+    *("row", "study_hash", "version", "seed", "method", "camera", "status", "reason", "success", "collision"),
+    *("feature_lost", "final_translation_error_m", "final_rotation_error_rad", "seconds"),
+]
+
+
+def called(capsys, *arguments):
+    """Return exit code, standard output and standard error of a command."""
+    with pytest.raises(SystemExit) as end:
+        main(list(map(str, arguments)))
+    return end.value.code or 0, *capsys.readouterr()
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The path of a study of 12 rows."""
+    return written(tmp_path_factory.mktemp("small"), scenes=2)
+
+
+def test_a_study_is_run_and_leaves_rows_and_a_report(small, tmp_path, capsys):
+    code, out, _ = called(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1, "--json")
+    found = json.loads(out)
+    assert (code, found["rows"], found["status"]) == (0, 12, "done")
+    table = parquet.read_table(tmp_path / "rows" / "rows.parquet")
+    assert table.column_names == list(COLUMNS)
+    assert table.column_names[: len(FIXED)] == FIXED
+    assert table.to_pylist() == [vars(row) for row in rows_of(tmp_path / "rows")]
+    report = (tmp_path / "rows" / "report.html").read_text()
+    assert "http" not in report.replace("http://www.w3.org", "").replace("https://www.w3.org", "")
+    for name in ("certified", "ibvs", "pbvs", found["study_hash"]):
+        assert name in report
+
+
+def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
+    for k in (1, 2):
+        shard = ("--shard", f"{k}/2", "--workers", 1)
+        assert called(capsys, "study", small, "--out", tmp_path / f"{k}", *shard)[0] == 0
+        assert not (tmp_path / f"{k}" / "rows.parquet").exists()
+    code, out, _ = called(capsys, "study", "merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "all")
+    assert code == 0
+    assert "certificates verified again" in out
+    assert len(rows_of(tmp_path / "all")) == 12
+    code, out, _ = called(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
+    assert code == 0
+    assert out.count("which may be none") == 3
+    code, _, err = called(capsys, "study", "merge", tmp_path / "1", "--out", tmp_path / "half")
+    assert code == 2
+    assert "in none of the folders" in err
+
+
+def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
+    small, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    code, out, _ = called(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1)
+    assert code == 0
+    assert "rows.parquet needs: pip install omniservo[study]" in out
+    lines = (tmp_path / "rows" / "rows.csv").read_text().splitlines()
+    assert lines[0] == ",".join(COLUMNS)
+    assert len(lines) == 1 + 12
+
+
+def test_a_row_is_replayed_alone_and_drawn(small, undisturbed, tmp_path, capsys, monkeypatch):  # noqa: F811
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = called(capsys, "run", "--replay", f"{undisturbed}:4", "--json")
+    found = json.loads(out)
+    figure = found.pop("figure")
+    assert code == 0
+    assert found == vars(rows_of(undisturbed)[4])
+    assert (tmp_path / figure).read_bytes()[:4] == b"\x89PNG"
+    code, _, err = called(capsys, "run", "--replay", f"{small}:12")
+    assert code == 2
+    assert "has rows 0 to 11" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["quik"], "did you mean 'quick'"),
+        (["quick", "--shard", "3/2"], "shard: 3/2 given"),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, message):
+    code, _, err = called(capsys, "study", *arguments, "--out", tmp_path / "rows")
+    assert code == 2
+    assert message in err.splitlines()[-1]
+    assert not (tmp_path / "rows").exists()
