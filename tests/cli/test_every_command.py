@@ -59,7 +59,7 @@ QUICK = {
 
 LONG = {
     "run", "export", "warm-up", "camera calibrate", "robot calibrate-hand-eye", "robot measure-tube",
-    "robot check", "robot delay", "view",
+    "robot check", "robot delay", "view", "study run", "study merge", "study compare",
 }  # fmt: skip
 """What takes longer, or needs a robot or many images: their own tests call them."""
 

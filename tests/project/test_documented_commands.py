@@ -31,6 +31,9 @@ def wrong(call):
     words = shlex.split(call.replace("'", ""))
     while words and hasattr(command, "commands") and not words[0].startswith("--"):
         name = words.pop(0)
+        default = getattr(command, "default", None)  # omniservo study STUDY is omniservo study run STUDY
+        if name not in command.commands and default is not None:
+            name = default
         if name not in command.commands:
             return f"no command {name!r}"
         command = command.commands[name]

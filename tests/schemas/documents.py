@@ -27,6 +27,7 @@ from omniservo.planning import (
     Workspace,
 )
 from omniservo.robots import TrackingTube
+from omniservo.shipped_studies import shipped_studies, study_file
 from omniservo.shipped_tasks import shipped_tasks, task_file
 from omniservo.targets import Tag, Target
 from omniservo.tasks import TaughtGoal, load_robot, load_task
@@ -124,6 +125,8 @@ def shipped_documents():
     """Yield the format's name and the fields of every file that is shipped or shown in full in the docs."""
     for name in shipped_tasks():
         yield "task", yaml.safe_load(task_file(name).read_text())
+    for name in shipped_studies():
+        yield "study", yaml.safe_load(study_file(name).read_text())
     for file in (ROOT / "src/omniservo/robots/shipped").glob("*.tube.json"):
         yield "tracking-tube", json.loads(file.read_text())
     yield "task", block("tasks.md", "format: omniservo.task/1")

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+import yaml
 from tests.cli.calling import call
 from tests.schemas.documents import LENSES, READERS, damaged, full_documents, shipped_documents
 
 from omniservo.errors import InputError
 from omniservo.runs.robot_records import save_check
 from omniservo.schemas import FORMATS, json_schema, short_name
+from omniservo.shipped_studies import study_file
+from omniservo.studies.load_study import study_of_fields
+from omniservo.tasks.task_files import TaskFiles
 
 SOURCE = Path(__file__).resolve().parents[2] / "src/omniservo"
 
@@ -49,7 +53,8 @@ def test_every_format_in_the_source_has_a_schema():
     named = {name for text in texts for name in re.findall(r'"(omniservo\.[\w-]+/\d+)"', text)}
     read_only = {"omniservo.goal/1"}  # older
     binary = {"omniservo.recording/1"}  # MCAP, no JSON
-    assert named - read_only - binary == set(FORMATS)
+    of_a_study = {"omniservo.study-run/1", "omniservo.study-part/1"}  # its folder's own, and lines of JSON
+    assert named - read_only - binary - of_a_study == set(FORMATS)
 
 
 def test_every_shipped_file_is_valid(validators):
@@ -82,6 +87,22 @@ def test_schema_and_reader_refuse_the_same_damaged_documents(name, validators, d
     assert let_through == []
     assert only_by_schema == []
     assert refused >= 10
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"methods": ["ibvss"]}, {"methods": []}, {"cameras": []}, {"cameras": {"a": 3}}, {"scenes": 0},
+        {"images": {"noise": {"uniform": [0.1]}}}, {"images": {"noise": {"even": [0, 1]}}}, {"arm": 1},
+        {"images": {"nois": 1}}, {"format": "omniservo.study/2"},
+    ],
+)  # fmt: skip
+def test_a_study_that_is_wrong_is_refused_by_schema_and_reader(validators, change):
+    fields = yaml.safe_load(study_file("quick").read_text())
+    study_of_fields(fields, TaskFiles("study", Path()))
+    with pytest.raises(InputError):
+        study_of_fields(fields | change, TaskFiles("study", Path()))
+    assert not validators["study"].is_valid(fields | change)
 
 
 def test_the_record_of_a_check_is_valid(validators, tmp_path):

@@ -21,6 +21,7 @@ Verdict = Literal["ok", "note", "wrong"]
 """note: everything works, and something could be better or is not there"""
 
 GIVES = {
+    "study": "rows of studies as Parquet, in place of CSV",
     "view": "the live page: omniservo view",
     "ros2": "real arms and cameras by ROS 2, without a ROS installation",
     "xacro": "robots' descriptions in xacro files",

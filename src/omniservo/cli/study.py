@@ -24,10 +24,12 @@ _RUN = "run"
 class _StudyGroup(TyperGroup):
     """``omniservo study STUDY`` is ``omniservo study run STUDY``."""
 
+    default = _RUN
+
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """Put the command's name before what is not one."""
         if args and args[0] not in (*self.commands, "--help"):
-            args = [_RUN, *args]
+            args = [self.default, *args]
         return super().parse_args(ctx, args)
 
 

@@ -21,13 +21,14 @@ from omniservo.tasks.task import FORMAT as TASK
 from omniservo.tasks.task import Task
 
 CAMERA: Schema = {"$ref": "#/$defs/camera"}
-_NAMED_CAMERA = said(either(TEXT, CAMERA), "a preset's name, a calibration file, or a camera")
+NAMED_CAMERA = said(either(TEXT, CAMERA), "a preset's name, a calibration file, or a camera")
 
 
-class _Plain(GenerateJsonSchema):
+class PlainSchema(GenerateJsonSchema):
     """Without titles, which only repeat the fields' names."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
+        """Return that it should not."""
         return False
 
 
@@ -35,8 +36,8 @@ def task_schema() -> Schema:
     """Return the schema of a task's file."""
     schema = _file_schema(Task, TASK)
     parts, fields = schema["$defs"], schema["properties"]
-    fields["camera"] = _NAMED_CAMERA
-    parts["SimulationSection"]["properties"]["true_camera"] = nullable(_NAMED_CAMERA)
+    fields["camera"] = NAMED_CAMERA
+    parts["SimulationSection"]["properties"]["true_camera"] = nullable(NAMED_CAMERA)
     tube = said(nullable(TEXT), "shipped, or the file of one that was measured")
     parts["Planning"]["properties"]["tracking_tube"] = tube
     for kind, coordinates in (("MeshSection", "vertices"), ("CloudSection", "points")):
@@ -64,16 +65,14 @@ def _given(name: str, what: Schema) -> Schema:
 def robot_schema() -> Schema:
     """Return the schema of a robot file."""
     schema = _file_schema(RobotFile, ROBOT)
-    schema["$defs"]["RobotCamera"]["properties"]["calibration"] = _NAMED_CAMERA
+    schema["$defs"]["RobotCamera"]["properties"]["calibration"] = NAMED_CAMERA
     del schema["$defs"]["ArmMount"]["properties"]["foot"]  # where it stands is said by the task
     return schema
 
 
 def _file_schema(document: type[Section], format_name: str) -> Schema:
-    schema = document.model_json_schema(schema_generator=_Plain)
-    parts = {**schema["$defs"], document.__name__: schema}
-    for section in _sections(document):
-        _describe(parts[section.__name__], section)
+    schema = document.model_json_schema(schema_generator=PlainSchema)
+    describe_sections(schema, document)
     schema["properties"] = {"format": {"const": format_name}, "units": UNITS_FIELD, **schema["properties"]}
     schema["required"] = ["format", *schema["required"]]
     schema["$defs"]["camera"] = camera_schema()
@@ -82,6 +81,13 @@ def _file_schema(document: type[Section], format_name: str) -> Schema:
     for name in ("flange_T_camera", "tool_T_camera"):
         arm["properties"][name] = either(file, arm["properties"][name])
     return schema
+
+
+def describe_sections(schema: Schema, document: type[Section]) -> None:
+    """Add to a document's schema what stands in the source, see `_describe`, of it and all its sections."""
+    parts = {**schema["$defs"], document.__name__: schema}
+    for section in _sections(document):
+        _describe(parts[section.__name__], section)
 
 
 def _describe(schema: Schema, section: type[Section]) -> None:

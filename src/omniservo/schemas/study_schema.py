@@ -1,0 +1,48 @@
+"""JSON schema of study files: that of pydantic's sections, with what only a file has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from omniservo.run_methods import METHODS
+from omniservo.schemas.camera_schema import camera_schema
+from omniservo.schemas.result_schemas import UNITS_FIELD
+from omniservo.schemas.shapes import NUMBER, TEXT, Schema, choice, either, mapping, said, several, vector
+from omniservo.schemas.task_schema import NAMED_CAMERA, PlainSchema, describe_sections
+from omniservo.studies.study import FORMAT, Study
+
+_DISTRIBUTION = said(
+    either(
+        NUMBER,
+        *(mapping({kind: said(vector(2), "[LEAST, MOST]")}) for kind in ("uniform", "log_uniform")),
+        mapping({"normal": said(vector(2), "[MEAN, SIGMA]")}),
+        mapping({"choice": said(several(NUMBER, 1), "each as likely")}),
+    ),
+    "one number, or what is drawn anew for each scene",
+)
+
+
+class _StudySchema(PlainSchema):
+    """A camera's class is no JSON: what a file has in its place is said afterwards."""
+
+    def is_instance_schema(self, schema: Any) -> Schema:
+        """Return a schema that says nothing."""
+        return {}
+
+
+def study_schema() -> Schema:
+    """Return the schema of a study's file."""
+    schema = Study.model_json_schema(schema_generator=_StudySchema)
+    describe_sections(schema, Study)
+    parts, fields = schema["$defs"], schema["properties"]
+    parts["Distribution"] = _DISTRIBUTION
+    parts["camera"] = camera_schema()
+    by_name = {"type": "object", "additionalProperties": NAMED_CAMERA, "minProperties": 1}
+    fields["cameras"] = said(
+        either(several(TEXT, 1), by_name),
+        "presets and calibration files, or {NAME: one of them or a camera}",
+    )
+    fields["methods"]["items"] = choice(*METHODS)
+    schema["properties"] = {"format": {"const": FORMAT}, "units": UNITS_FIELD, **fields}
+    schema["required"] = ["format", *schema["required"]]
+    return schema
