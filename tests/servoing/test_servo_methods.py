@@ -153,6 +153,16 @@ def test_on_the_sphere_a_turn_of_the_camera_alone_asks_for_no_translation(turn):
     np.testing.assert_allclose(twist, [0.0, 0.0, 0.0, *(-np.array(turn))], atol=1e-9)
 
 
+def test_on_the_sphere_a_turn_is_no_reflection_where_all_bearings_lie_in_one_plane():
+    rng, method = np.random.default_rng(3), servo_method("spherical", 1.0)
+    around = np.array([0.0, 1.1, 2.5, 3.6, 5.0])
+    ring = np.column_stack((np.cos(around), np.sin(around), np.zeros(5)))
+    for _ in range(10):
+        turn = rng.uniform(-1.0, 1.0, 3)
+        turned = RigidTransform.from_rotation(Rotation.from_rotvec(turn))
+        np.testing.assert_allclose(method.error(seen(ring, turned))[0][-3:], turn, atol=1e-9)
+
+
 def test_half_a_turn_about_the_axis_lets_image_points_retreat_and_position_based_servoing_turn():
     half = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, np.pi - 1e-3]))
     assert servo_method("ibvs", 1.0).step(seen(TARGET, half))[2] < -0.3

@@ -28,7 +28,7 @@ _WIDE = 9.0
 """Figures wider than this [inch] get the page's whole width."""
 
 _BESIDE = 3
-"""Methods that are shown beside each other"""
+"""So many methods at most stand in a row."""
 
 _PICTURES = ("views", "outside")
 """Wide figures that are still legible at a third of the page."""
@@ -86,7 +86,7 @@ def report_html(
     several = len(results) > 1
     body = [
         banner(task.name, task.summary),
-        *_verdicts(results, refused),
+        _verdicts(results, refused),
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
         *(_animations(results, [p.animation for p in pictures])),
@@ -106,13 +106,12 @@ def report_html(
     return page(task.name, body)
 
 
-def _verdicts(results: Sequence[RunResult], refused: Mapping[str, str]) -> list[Markup]:
-    """Return a box for each method, three in a row."""
+def _verdicts(results: Sequence[RunResult], refused: Mapping[str, str]) -> Markup:
+    """Return a box for each method."""
     named = len(results) + len(refused) > 1
     boxes = [section.verdict(r, named=named) for r in results]
     boxes += [section.refusal(name, why) for name, why in refused.items()]
-    rows = [boxes[k : k + _BESIDE] for k in range(0, len(boxes), _BESIDE)]
-    return [tag("div", *row, class_=f"columns of{min(len(boxes), _BESIDE)}") for row in rows]
+    return tag("div", *boxes, class_=f"columns of{min(len(boxes), _BESIDE)}")
 
 
 def _pictures(result: RunResult) -> RunPictures:

@@ -82,16 +82,16 @@ def run_task(
             out of reach, an unknown name.
         NoSolutionError: no match, no motion estimate, no path that the arm can follow, no twist at the goal.
     """
-    started, way = perf_counter(), run_method(method)
+    started, chosen = perf_counter(), run_method(method)
     unified_image(task.camera)  # fitted once, in none of the times that are taken
     goal = _goal(task, open_cell, goal, seed, progress)
     with closing(open_cell(task, seed)) as cell:
         told = None if recording is None else JobRecording(recording)
         try:
             if told is not None:
-                told.begin(task, goal, cell.scene, way.name, seed)
+                told.begin(task, goal, cell.scene, chosen.name, seed)
                 cell = RecordedCell(cell, told)
-            result = _run_in(cell, task, way, goal, seed, (filmed, told), progress)
+            result = _run_in(cell, task, chosen, goal, seed, (filmed, told), progress)
         except BaseException as error:
             if told is not None:
                 told.broken_off(error)
@@ -143,7 +143,7 @@ def _run_in(
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points, recording)
-    log = _drive(task, cell, controller, (replanner, method.replans), tracker, recorder, progress)
+    log = _drive(task, cell, controller, replanner, tracker, recorder, progress, replans=method.replans)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
     progress("measuring the run", 0.0)
@@ -227,12 +227,13 @@ def _drive(
     task: Task,
     cell: RobotCell,
     controller: Controller,
-    replanning: tuple[Replanner | None, bool],
+    replanner: Replanner | None,
     tracker: FeatureTracker,
     recorder: Recorder,
     progress: Progress,
+    *,
+    replans: bool,
 ) -> RunLog:
-    replanner, replans = replanning
     options = safety_of_task(task)
     moves = Moves(task, cell.move_obstacles, replanner if replans else None)
 

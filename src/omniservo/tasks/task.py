@@ -247,7 +247,7 @@ class Servo(Section):
     image_speed: Annotated[FiniteFloat, Field(gt=0, le=1e6)] | None = None
     """fastest that a followed point may move through the image, against motion blur [px/s]; by the plan"""
     rate: Annotated[FiniteFloat, Field(gt=0, le=100)] = 1.0
-    """λ₁ of the exponential law (42) [1/s]"""
+    """λ₁ of the exponential law (42), and λ of methods without a plan [1/s]"""
     gain: Annotated[FiniteFloat, Field(gt=0, le=100)] = 3.0
     """λ₂ of (43) [1/s]"""
     tolerance_px: Annotated[FiniteFloat, Field(gt=0, le=10)] = 0.1
