@@ -12,6 +12,7 @@ from omniservo.studies import load_study, run_row
 from omniservo.studies.closed_loop import HOLD, ClosedLoop, Trajectory
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
+from omniservo.studies.study_row import scored
 from omniservo.studies.study_scene import draw_scene, generators
 
 
@@ -47,9 +48,7 @@ def test_without_noise_every_method_comes_to_the_goal(clean):
 
 def test_all_methods_of_a_scene_meet_the_same_scene(study, undisturbed):
     rows = rows_of(undisturbed)
-    drawn = [
-        (row.scene, row.start_rotation_rad, row.start_distance_m, row.noise_px, row.obstacles) for row in rows
-    ]
+    drawn = [(row.start_rotation_rad, row.start_distance_m, row.noise_px, row.obstacles) for row in rows]
     assert [len(set(drawn[k : k + 3])) for k in range(0, len(rows), 3)] == [1] * (len(rows) // 3)
     assert len(set(drawn)) == len(rows) // 3
 
@@ -181,6 +180,25 @@ def test_calibration_and_model_errors_move_what_is_shown(scene):
     wrong = replace(scene, conditions=replace(scene.conditions, focal=0.01, centre=(2.0, -1.0)))
     shown, _ = wrong.shown(far)
     assert np.allclose(shown - true, 0.01 * (true - middle) + [2.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("off_ball", "off_goal", "collision", "success"),
+    [(0.029, 0.0, True, False), (0.031, 0.0, False, True), (0.031, 0.011, False, False)],
+)
+def test_success_is_near_the_goal_and_clear_of_every_ball(
+    clean, scene, off_ball, off_goal, collision, success
+):
+    goal = scene.initial_T_goal
+    end = RigidTransform.from_translation([off_goal, 0.0, 0.0])
+    half = 0.5 * np.array(goal.translation)
+    across = np.cross(half, [1.0, 0.0, 0.0])
+    ball = Sphere(half + (0.02 + off_ball) * across / np.linalg.norm(across), 0.02)
+    trajectory = Trajectory([0.0, 1.0, 1.0], [RigidTransform.identity(), goal, end * goal])
+    empty = run_row(clean, 0).row
+    row = scored(clean, replace(scene, obstacles=(ball,)), empty, trajectory)
+    assert (row.collision, row.success) == (collision, success)
+    assert row.final_translation_error_m == pytest.approx(off_goal, abs=1e-12)
 
 
 def test_the_gap_is_that_of_the_way_between_images_too(scene):

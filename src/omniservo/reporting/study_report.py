@@ -35,7 +35,7 @@ def study_html(header: StudyHeader, rows: Sequence[StudyRow], drawn: int) -> str
     study, found = header.study, summaries(rows)
     without = sum(not row.counts for row in rows)
     summary = (
-        f"{len(rows)} closed loops: {study.scenes} scenes for each of {len(study.cameras)} cameras, "
+        f"{len(rows)} closed loops: {study.scenes} scenes for each camera ({', '.join(study.cameras)}), "
         f"{len(study.methods)} methods on the same scenes"
     )
     body: list[Markup] = [

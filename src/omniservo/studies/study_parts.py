@@ -125,16 +125,17 @@ def read_part(study: Study, folder: Path, number: int) -> StudyPart:
     lines = _text(path).splitlines(keepends=True)
     try:
         head, *rows, end = (json.loads(line) for line in lines)
-        whole = end["digest"] == _digest("".join(lines[:-1]))
+        if end["digest"] != _digest("".join(lines[:-1])):
+            raise _damaged(path, "its digest does not fit")
+        for name, value in {"format": FORMAT, "part": number, **_identity(study)}.items():
+            if head.get(name) != value:
+                raise InputError(f"{path}: {name}: {head.get(name)!r}; {value!r} is needed")
         found = tuple(row_of_fields(entry["row"]) for entry in rows)
         taken = {method: float(end["cpu_seconds"].get(method, 0.0)) for method in study.methods}
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise _damaged(path, f"not a part ({type(error).__name__})") from None
-    if not whole:
-        raise _damaged(path, "its digest does not fit")
-    for name, value in {"format": FORMAT, "part": number, **_identity(study)}.items():
-        if head.get(name) != value:
-            raise InputError(f"{path}: {name}: {head.get(name)!r}; {value!r} is needed")
     if [row.row for row in found] != list(rows_of_part(study, number)):
         raise _damaged(path, "not the rows of this part")
     plans = {entry["row"]["row"]: entry["plan"] for entry in rows if "plan" in entry}

@@ -126,18 +126,19 @@ def _run(study: Study, empty: StudyRow) -> RowResult:
         led = controller_of_scene(study, scene, run_method(empty.method), *images)
     except NotLed as none:
         still = Trajectory([0.0], [_HERE])
-        row = _scored(study, scene, replace(known, status=none.status, reason=none.reason), still)
+        row = scored(study, scene, replace(known, status=none.status, reason=none.reason), still)
         return RowResult(row, None, scene, still)
     certified = led.plan is not None and led.plan.status == "certified"
     ended = ClosedLoop(study, scene, camera, led).run()
     said = replace(known, status=ended.status, reason=ended.reason, certified=certified)
-    return RowResult(_scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
+    return RowResult(scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
 
 
 _HERE = RigidTransform.identity()
 
 
-def _scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajectory) -> StudyRow:
+def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajectory) -> StudyRow:
+    """Return the row with what the true poses say of it."""
     off = scene.initial_T_goal.inv() * trajectory.poses[-1]
     translation, rotation = float(np.linalg.norm(off.translation)), float(off.rotation.magnitude())
     gap = trajectory.least_gap(scene)
