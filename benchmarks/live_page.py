@@ -181,7 +181,7 @@ def _blocked(situation: Situation) -> Situation:
 
 
 def _settled(live: Any, after: int = 0) -> None:
-    live.wait_for(lambda answer: answer.number > after and not answer.searching, _PATIENCE)
+    live.wait_for(lambda answer: answer.number > after and live.is_settled(answer), _PATIENCE)
 
 
 def _keep(mouse: PageMouse, path: Path) -> None:

@@ -59,7 +59,7 @@ class PageMouse:
     def __init__(
         self, opened: Any, live: Any, size: tuple[int, int] = (1280, 720), patience: float = 120.0
     ) -> None:
-        self.live = live
+        self.live, self._patience = live, patience
         self.window = opened.new_page(viewport={"width": size[0], "height": size[1]})
         self.window.set_default_timeout(1e3 * patience)
         self.errors: list[str] = []
@@ -83,6 +83,16 @@ class PageMouse:
     def update(self) -> int:
         """Return the number of the newest update that the page shows."""
         return int(self.window.locator("[data-verdict]").first.get_attribute("data-update") or -1)
+
+    def shows_newest(self) -> bool:
+        """Wait until the window shows the final answer to all that was done; return whether it does."""
+        end = time.monotonic() + self._patience
+        while time.monotonic() < end:
+            newest = self.live.answer
+            if newest is not None and self.live.is_settled(newest) and self.update() == newest.number:
+                return True
+            self.window.wait_for_timeout(20)
+        return False
 
     def place(self, position: np.ndarray) -> tuple[float, float]:
         """Return where a point of the world (3,) [m] is in the window [px]."""

@@ -108,6 +108,15 @@ def opts(name):
 STAGED = sorted(set(QUICK) - {"examples", "doctor", "robot expand"})
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C interrupts, also where a shell began the tests in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("name", STAGED)
 @pytest.mark.parametrize("stage", [1, 2])
 def test_ctrl_c_leaves_no_half_result_and_says_where_things_stand(

@@ -11,8 +11,8 @@ PATIENCE = 240.0
 
 
 def settled(page, after=0):
-    """Return the first final answer behind a number."""
-    return page.wait_for(lambda answer: answer.number > after and not answer.searching, PATIENCE)
+    """Return the first answer behind a number that is final and takes all changes into account."""
+    return page.wait_for(lambda answer: answer.number > after and page.is_settled(answer), PATIENCE)
 
 
 @pytest.fixture(scope="session")

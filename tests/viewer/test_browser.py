@@ -20,16 +20,18 @@ def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_and_
     handle = page.nodes.handles[0]
     place, number = np.array(handle.position), page.answer.number
     first.drag(handle, 40.0, axis=2, steps=4)
-    answer = settled(page, number)
+    settled(page, number)
+    assert first.shows_newest()
+    answer = page.answer
     assert np.linalg.norm(np.asarray(handle.position) - place) > 0.01
     assert np.allclose(answer.situation.handles[0].translation, handle.position, atol=1e-6)
-    first.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
     assert first.verdict() == answer.verdict
     second = PageMouse(opened, page, small, PATIENCE)
-    second.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
+    assert second.shows_newest()
     assert len(page.server.get_clients()) == 2
     second.window.close()
     first.window.reload()
-    first.window.wait_for_selector(f'[data-update="{page.answer.number}"]')
+    first.window.wait_for_selector("[data-verdict]")
+    assert first.shows_newest()
     assert first.errors == second.errors == []
     first.window.close()

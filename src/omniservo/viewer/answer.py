@@ -33,6 +33,8 @@ class Answer:
     arm_plan: ArmPlan | None = None
     searching: bool = False
     """the arm's plan is still searched for"""
+    request: int = 0
+    """number of the newest change that it takes into account"""
 
     @property
     def plan(self) -> Plan:

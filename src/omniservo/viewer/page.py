@@ -6,7 +6,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -93,7 +94,7 @@ class Page:
         self.playing = False
         self.timings = Timings()
         self._answer: Answer | None = None
-        self._number = 0
+        self._number, self._request, self._requests = 0, 0, count(1)
         self._changed = threading.Condition()
         self.settled = threading.Event()
         """set once the first situation is planned for, or refused"""
@@ -181,7 +182,12 @@ class Page:
 
     def replan(self) -> None:
         """Have it planned for as the handles are now."""
+        self._request = next(self._requests)
         self._planner.wake()
+
+    def is_settled(self, answer: Answer) -> bool:
+        """Return whether an answer is final, and takes all changes until now into account."""
+        return not answer.searching and answer.request == self._request
 
     def show_at(self) -> None:
         """Have arm, camera and view shown at the slider's w."""
@@ -207,16 +213,17 @@ class Page:
     def _plan(self) -> None:
         self._said.clear()
         self._watcher.wake()
+        request = self._request
         situation = self._edited()
         stated, self._stated = self._stated, None
         plan = plan_path(situation.problem) if stated is None else judged_again(stated)
         self.timings.plans.append(plan.seconds)
         with_arm = self.whole_arm and situation.arm is not None and stated is None
-        self._publish(Answer(self._number + 1, situation, plan, searching=with_arm))
+        self._publish(Answer(self._number + 1, situation, plan, searching=with_arm, request=request))
         if with_arm and not self._planner.woken:
-            final = self._arm_planned(situation, plan, WHILE_DRAGGED)
+            final = self._arm_planned(WHILE_DRAGGED)
             if not final and not self._planner.woken_within(_AT_REST):
-                self._arm_planned(situation, plan, None)
+                self._arm_planned(None)
         if not self._planner.woken:
             self._tell(situation)
 
@@ -234,14 +241,14 @@ class Page:
         for listener in self.listeners:
             listener(situation)
 
-    def _arm_planned(self, situation: Situation, plan: Plan, budget: float | None) -> bool:
-        """Publish the arm's plan; return whether a longer search would change nothing."""
-        arm = situation.arm
-        if arm is None:
+    def _arm_planned(self, budget: float | None) -> bool:
+        """Publish the arm's plan for the newest answer; return whether a longer search changes nothing."""
+        answer = self._answer
+        if answer is None or (arm := answer.situation.arm) is None:
             return True
-        found = plan_with_arm(situation.problem, arm.setting, time_budget=budget)
+        found = plan_with_arm(answer.situation.problem, arm.setting, time_budget=budget)
         final = budget is None or found.plan.status in ("certified", "infeasible") or found.seconds < budget
-        self._publish(Answer(self._number + 1, situation, plan, found, searching=not final))
+        self._publish(replace(answer, number=self._number + 1, arm_plan=found, searching=not final))
         return final
 
     def _publish(self, answer: Answer) -> None:
@@ -432,9 +439,8 @@ class Page:
         while self.playing:
             if self._player.woken_within(_TICK):
                 return
-            now = time.monotonic()
-            w = (float(self.shown.w.value) + (now - last) / SECONDS) % 1.0
-            last = now
+            before, last = last, time.monotonic()
+            w = (float(self.shown.w.value) + (last - before) / SECONDS) % 1.0
             self.shown.w.value = round(w, 3)
             self.show_at()
 
