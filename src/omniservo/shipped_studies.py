@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniservo.errors import InputError, did_you_mean
-from omniservo.files import is_file
+from omniservo.files.shipped_files import ShippedFiles
 
-_FOLDER = Path(__file__).parent / "studies" / "shipped"
+_SHIPPED = ShippedFiles(Path(__file__).parent / "studies" / "shipped", "study", "studies")
 
 
 def shipped_studies() -> tuple[str, ...]:
     """Names of the studies that come with the package, sorted."""
-    return tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
+    return _SHIPPED.names()
 
 
 def study_file(study: str | Path) -> Path:
@@ -21,11 +20,4 @@ def study_file(study: str | Path) -> Path:
     Raises:
         InputError: neither.
     """
-    names = shipped_studies()
-    path = _FOLDER / f"{study}.yaml" if str(study) in names else Path(study)
-    if not is_file(path):
-        raise InputError(
-            f"study {str(study)!r}: neither a file nor one of the shipped studies: {', '.join(names)}"
-            f"{did_you_mean(study, names)}"
-        )
-    return path
+    return _SHIPPED.find(study)

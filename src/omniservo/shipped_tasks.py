@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omniservo.errors import InputError, did_you_mean
-from omniservo.files import is_file
+from omniservo.files.shipped_files import ShippedFiles
 
-_FOLDER = Path(__file__).parent / "tasks" / "shipped"
+_SHIPPED = ShippedFiles(Path(__file__).parent / "tasks" / "shipped", "task", "tasks")
 
 
 def shipped_tasks() -> tuple[str, ...]:
     """Names of the tasks that come with the package, sorted."""
-    return tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
+    return _SHIPPED.names()
 
 
 def task_file(task: str | Path) -> Path:
@@ -21,11 +20,4 @@ def task_file(task: str | Path) -> Path:
     Raises:
         InputError: neither.
     """
-    names = shipped_tasks()
-    path = _FOLDER / f"{task}.yaml" if str(task) in names else Path(task)
-    if not is_file(path):
-        raise InputError(
-            f"task {str(task)!r}: neither a file nor one of the shipped tasks: {', '.join(names)}"
-            f"{did_you_mean(task, names)}"
-        )
-    return path
+    return _SHIPPED.find(task)

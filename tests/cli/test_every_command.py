@@ -2,7 +2,6 @@
 
 import json
 import os
-import pty
 import re
 import shutil
 import signal
@@ -14,6 +13,7 @@ import pytest
 import typer
 from PIL import Image
 from tests.cli.calling import call
+from tests.cli.terminal import shown_on_terminal
 from tests.cli.test_command_line import problem, written
 
 from omniservo.cameras import PRESETS
@@ -183,23 +183,10 @@ def test_what_is_completed_comes_from_what_is_shipped(completed):
     assert completed("robot", "show", "''") == list(shipped_arms())
 
 
-def shown_on_terminal(arguments, **environment):
-    """What a terminal gets, colours and all."""
-    ours, theirs = pty.openpty()
+def shown(arguments, **environment):
+    """What a terminal gets of a command, colours and all."""
     plain = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR")}
-    process = subprocess.Popen(
-        [*COMMAND, *arguments], stdout=theirs, stderr=theirs, env=plain | {"TERM": "xterm"} | environment
-    )
-    os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            shown += os.read(ours, 4096)
-        except OSError:
-            break
-    process.wait()
-    os.close(ours)
-    return shown.decode()
+    return shown_on_terminal([*COMMAND, *arguments], env=plain | {"TERM": "xterm"} | environment)
 
 
 def test_a_command_that_is_ended_while_it_loads_is_one_message_too():
@@ -223,7 +210,7 @@ COLOUR = ("\x1b[1;3", "\x1b[3", "\x1b[9")
 
 
 def test_colours_are_for_terminals_and_no_color_is_honoured():
-    assert any(sign in shown_on_terminal(["--help"]) for sign in COLOUR)
-    assert not any(sign in shown_on_terminal(["no-such-command"], NO_COLOR="1") for sign in COLOUR)
+    assert any(sign in shown(["--help"]) for sign in COLOUR)
+    assert not any(sign in shown(["no-such-command"], NO_COLOR="1") for sign in COLOUR)
     piped = subprocess.run([*COMMAND, "no-such-command"], capture_output=True, text=True, check=False)
     assert "\x1b" not in piped.stdout + piped.stderr

@@ -2,7 +2,6 @@
 
 import json
 import os
-import pty
 import re
 import signal
 import subprocess
@@ -10,6 +9,7 @@ import sys
 
 import pytest
 from tests.cli.calling import call
+from tests.cli.terminal import shown_on_terminal
 from tests.cli.test_command_line import problem, written
 
 from omniservo.cli.compiled_record import CompiledRecord
@@ -173,17 +173,9 @@ def test_a_terminal_shows_one_line_that_changes():
         "    progress('planning', 0.5)\n"
         "    progress('writing', 0.9)\n"
     )
-    ours, theirs = pty.openpty()
-    subprocess.run([sys.executable, "-c", script], stderr=theirs, check=True)
-    os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            shown += os.read(ours, 4096)
-        except OSError:
-            break
-    assert b"about" in shown
-    assert shown.endswith(b"\x1b[2K")  # the line is taken away again
+    shown = shown_on_terminal([sys.executable, "-c", script], subprocess.DEVNULL)
+    assert "about" in shown
+    assert shown.endswith("\x1b[2K")  # the line is taken away again
 
 
 METRICS = {

@@ -14,7 +14,8 @@ from omniservo.errors import InputError
 from omniservo.runs.robot_records import save_check
 from omniservo.schemas import FORMATS, json_schema, short_name
 from omniservo.shipped_studies import study_file
-from omniservo.studies.load_study import study_of_fields
+from omniservo.studies.load_study import load_study, study_of_fields
+from omniservo.studies.study_folder import StudyHeader, this_machine
 from omniservo.tasks.task_files import TaskFiles
 
 SOURCE = Path(__file__).resolve().parents[2] / "src/omniservo"
@@ -53,8 +54,8 @@ def test_every_format_in_the_source_has_a_schema():
     named = {name for text in texts for name in re.findall(r'"(omniservo\.[\w-]+/\d+)"', text)}
     read_only = {"omniservo.goal/1"}  # older
     binary = {"omniservo.recording/1"}  # MCAP, no JSON
-    of_a_study = {"omniservo.study-run/1", "omniservo.study-part/1"}  # its folder's own, and lines of JSON
-    assert named - read_only - binary - of_a_study == set(FORMATS)
+    lines = {"omniservo.study-part/1"}  # of JSON, compressed
+    assert named - read_only - binary - lines == set(FORMATS)
 
 
 def test_every_shipped_file_is_valid(validators):
@@ -103,6 +104,11 @@ def test_a_study_that_is_wrong_is_refused_by_schema_and_reader(validators, chang
     with pytest.raises(InputError):
         study_of_fields(fields | change, TaskFiles("study", Path()))
     assert not validators["study"].is_valid(fields | change)
+
+
+def test_what_a_study_s_folder_says_is_valid(validators):
+    header = StudyHeader(load_study("quick"), "0.1.0", (this_machine(),))
+    validators["study-run"].validate(json.loads(header.to_json()))
 
 
 def test_the_record_of_a_check_is_valid(validators, tmp_path):

@@ -135,6 +135,17 @@ def test_a_twist_acts_from_the_arrival_of_its_image_by_the_exponential_map(clean
     assert (last.rotation.inv() * rotation).magnitude() < 1e-9
 
 
+def test_with_few_images_the_way_is_noted_all_the_same(clean, scene):
+    linear, angular = np.array([0.4, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
+    few = clean.model_copy(update={"images": clean.images.model_copy(update={"rate": 4.0})})
+    _, trajectory = looped(few, scene, [*linear, *angular])
+    radius, middle = 0.4 / 1.5, np.array([0.0, 0.4 / 1.5, 0.0])
+    off = np.linalg.norm(trajectory.centres - middle, axis=1)
+    assert np.allclose(off, radius, atol=1e-9)
+    halfway = 0.5 * (trajectory.centres[1:] + trajectory.centres[:-1])
+    assert radius - np.linalg.norm(halfway - middle, axis=1).min() < 1e-4
+
+
 def test_images_that_never_arrive_leave_the_camera_standing(clean, scene):
     controller, trajectory = looped(clean, scene, [0.1, 0, 0, 0, 0, 0], dropped=1.0)
     assert controller.times == []

@@ -140,6 +140,14 @@ def test_a_thread_that_fails_goes_on():
     assert (failed, len(worked)) == (["first"], 2)
 
 
+def test_an_answer_is_settled_no_more_once_something_was_changed(page):
+    before = settled(page)
+    assert page.is_settled(before)
+    page.replan()
+    assert not page.is_settled(before)
+    assert settled(page, before.number).request > before.request
+
+
 def test_viewed_of_another_task_takes_its_place(page):
     number = page.answer.number
     page.open(Viewed("other", open_viewed("paper-example-1").situation))

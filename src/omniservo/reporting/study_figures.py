@@ -24,6 +24,8 @@ from omniservo.reporting.style import (
     styled,
 )
 from omniservo.studies import MethodSummary, RowResult, StudyRow
+from omniservo.studies.closed_loop import Trajectory
+from omniservo.studies.study_scene import StudyScene
 
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
@@ -121,8 +123,8 @@ def _drawn_row(result: RowResult) -> Drawing:
         figure.text(0.02, 0.5, row.reason[:120])
         return Drawing(name, title, row.reason, figure)
     image, space = figure.subplots(1, 2, width_ratios=(1.2, 1.0))
-    _draw_image(image, result)
-    _draw_space(space, result)
+    _draw_image(image, scene, trajectory)
+    _draw_space(space, scene, trajectory)
     legend_below(figure, space, 4)
     ended = f"{row.status}{': ' if row.reason else ''}{row.reason}"
     off = 1e3 * (row.final_translation_error_m or 0.0), math.degrees(row.final_rotation_error_rad or 0.0)
@@ -134,11 +136,8 @@ def _drawn_row(result: RowResult) -> Drawing:
     return Drawing(name, title, caption, figure)
 
 
-def _draw_image(axes: Axes, result: RowResult) -> None:
+def _draw_image(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     """Draw the points' true trajectories in the image."""
-    scene, trajectory = result.scene, result.trajectory
-    assert scene is not None  # noqa: S101
-    assert trajectory is not None  # noqa: S101
     camera = scene.camera
     seen = [scene.shown(pose.inv().apply(scene.points)) for pose in trajectory.poses]
     pixels = np.array([np.where(ok[:, None], place, np.nan) for place, ok in seen])
@@ -154,11 +153,8 @@ def _draw_image(axes: Axes, result: RowResult) -> None:
     axes.set_ylabel("v [px]")
 
 
-def _draw_space(axes: Axes, result: RowResult) -> None:
+def _draw_space(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     """Draw the camera's way on the plane through start, goal and the target's middle."""
-    scene, trajectory = result.scene, result.trajectory
-    assert scene is not None  # noqa: S101
-    assert trajectory is not None  # noqa: S101
     goal = np.array(scene.initial_T_goal.translation)
     first, second = _plane(goal, scene.points.mean(axis=0))
     flat = np.array([first, second]).T

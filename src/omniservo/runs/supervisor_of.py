@@ -16,8 +16,11 @@ def supervisor_of(cell: RobotCell, options: SafetyOptions) -> SupervisedRobot:
     if isinstance(cell, RecordedCell):
         return RecordedSupervision(supervisor_of(cell.cell, options), cell.recording)
     drive = cell.drive
-    if drive is not None:
-        return drive
+    return own_supervisor(cell, options) if drive is None else drive
+
+
+def own_supervisor(cell: RobotCell, options: SafetyOptions) -> Supervisor:
+    """Return one in this process."""
     return Supervisor(
         cell.driver,
         cell.scene.arm,

@@ -37,6 +37,7 @@ FORMATS = {
     "omniservo.camera/1": FileFormat("camera of any model", "camera_schema", "camera_file_schema"),
     "omniservo.task/1": FileFormat("one whole job", "task_schema", "task_schema"),
     "omniservo.study/1": FileFormat("many closed loops over distributions", "study_schema", "study_schema"),
+    "omniservo.study-run/1": FileFormat("what a study's folder holds", "study_schema", "study_run_schema"),
     "omniservo.robot/1": FileFormat("a robot and how it is reached", "task_schema", "robot_schema"),
     "omniservo.target/1": FileFormat("points and tags of known geometry", "result_schemas", "target_schema"),
     "omniservo.goal/2": FileFormat("taught goal", "result_schemas", "goal_schema"),

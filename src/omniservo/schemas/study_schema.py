@@ -7,9 +7,21 @@ from typing import Any
 from omniservo.run_methods import METHODS
 from omniservo.schemas.camera_schema import camera_schema
 from omniservo.schemas.result_schemas import UNITS_FIELD
-from omniservo.schemas.shapes import NUMBER, TEXT, Schema, choice, either, mapping, said, several, vector
+from omniservo.schemas.shapes import (
+    NUMBER,
+    TEXT,
+    Schema,
+    choice,
+    either,
+    mapping,
+    of_format,
+    said,
+    several,
+    vector,
+)
 from omniservo.schemas.task_schema import NAMED_CAMERA, PlainSchema, describe_sections
 from omniservo.studies.study import FORMAT, Study
+from omniservo.studies.study_folder import FORMAT as RUN
 
 _DISTRIBUTION = said(
     either(
@@ -46,3 +58,16 @@ def study_schema() -> Schema:
     schema["properties"] = {"format": {"const": FORMAT}, "units": UNITS_FIELD, **fields}
     schema["required"] = ["format", *schema["required"]]
     return schema
+
+
+def study_run_schema() -> Schema:
+    """Return the schema of what a study's folder says of its rows, `study.json`."""
+    study = study_schema()
+    parts = study.pop("$defs")
+    fields: dict[str, Schema] = {
+        "study_hash": said({"type": "string", "pattern": "^[0-9a-f]{16}$"}, "of the study"),
+        "version": said(TEXT, "of the program"),
+        "machines": several({"type": "object", "additionalProperties": TEXT}),
+        "study": study,
+    }
+    return {**of_format(RUN, fields), "$defs": parts}

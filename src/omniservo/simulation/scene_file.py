@@ -21,7 +21,7 @@ from omniservo.files import file_inside, read_text
 from omniservo.files.image_files import read_image
 from omniservo.files.xml_files import XmlElement, parse_elements
 from omniservo.robots.arm_files.includes import MOST_BYTES, expand_includes
-from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
+from omniservo.robots.arm_files.mesh_assets import MeshAssets
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 _SECTIONS = frozenset({"compiler", "default", "asset", "worldbody", "visual", "statistic"})
@@ -142,10 +142,6 @@ class _SceneFile:
             self._fields.text(mesh, "vertex")
             return ET.Element("mesh", attributes)
         place, reference = self._fields.place(mesh), self._fields.text(mesh, "file")
-        if Path(reference).suffix.lower() not in READABLE:
-            raise InputError(
-                f"{place}: file {spelled(reference)} given; legal: {', '.join(READABLE)} (convert it)"
-            )
         attributes.setdefault("name", Path(reference).stem)
         attributes["file"] = self._meshes.add(place, reference, folder)
         return ET.Element("mesh", attributes)

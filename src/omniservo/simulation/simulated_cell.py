@@ -8,6 +8,7 @@ from dataclasses import replace
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.safety import SupervisedRobot
 from omniservo.scenes import Ball, SceneBox, scene_of_task
 from omniservo.simulation.simulated_robot import SimulatedRobot
 from omniservo.simulation.simulated_truth import SimulatedTruth
@@ -53,9 +54,9 @@ class SimulatedCell:
         return
 
     @property
-    def drive(self) -> None:
+    def drive(self) -> SupervisedRobot | None:
         """None: this process commands the arm."""
-        return
+        return None
 
     def approve(self, motion: str) -> None:
         """Let it: no one is hurt."""

@@ -8,7 +8,7 @@ from omniservo.studies.study import Study
 from omniservo.studies.study_folder import StudyHeader, read_header
 from omniservo.studies.study_row import RowResult, StudyRow, fields_of_row, run_row
 from omniservo.studies.study_rows import read_parts, write_rows
-from omniservo.studies.study_summary import MethodSummary, Rate, markdown_table, summaries
+from omniservo.studies.study_summary import MethodSummary, Rate, summaries
 
 __all__ = [
     "MethodDifference",
@@ -22,7 +22,6 @@ __all__ = [
     "compare_studies",
     "fields_of_row",
     "load_study",
-    "markdown_table",
     "merge_studies",
     "read_header",
     "read_parts",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
@@ -78,7 +79,8 @@ def controller_of_scene(
     if len(matched) < TrackerOptions().least_features:
         raise NotLed("not_estimated", f"{len(matched)} points are found in both images")
     estimate = estimate_two_view(scene.camera, initial.pixels[matched], goal.pixels[matched], scale=length)
-    if estimate.initial_T_goal is None:
+    pose = estimate.initial_T_goal
+    if pose is None:
         raise NotLed("not_estimated", f"{estimate.status}: {estimate.message}")
     rows = np.flatnonzero(estimate.inliers)
     followed = matched[rows]
@@ -86,7 +88,7 @@ def controller_of_scene(
     tolerance = study.servo.tolerance_px + _NOISE_SHARE * estimate.noise_px
     if method.plans is None:
         return Led(_goal_servo(study, scene, method, estimate, rows, pixels[1], tolerance), followed, None)
-    plan = _plan(study, scene, method, estimate, rows)
+    plan = _plan(study, scene, method, estimate.points[rows], pose)
     if plan.path is None or (method.plans == "certified" and plan.status != "certified"):
         raise NotLed("not_planned", f"{plan.status}: {plan.reason}")
     options = TrackerOptions(
@@ -122,13 +124,13 @@ def _goal_servo(
 
 
 def _plan(
-    study: Study, scene: StudyScene, method: RunMethod, estimate: TwoViewEstimate, rows: IntArray
+    study: Study, scene: StudyScene, method: RunMethod, points: FloatArray, goal: RigidTransform
 ) -> Plan:
     certified = method.plans == "certified"
     problem = PlanningProblem(
         scene.camera,  # type: ignore[arg-type]  # of any model: its unified form is taken
-        estimate.points[rows],
-        estimate.initial_T_goal,  # type: ignore[arg-type]  # there is one
+        points,
+        goal,
         scene.obstacles,
         clearance=scene.clearance + study.servo.clearance_margin,
         least_distance=_LEAST_DISTANCE,

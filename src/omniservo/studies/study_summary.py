@@ -95,21 +95,6 @@ def _median(values: Iterable[float | None]) -> float:
     return float(np.median(known)) if known else math.nan
 
 
-def markdown_table(found: Sequence[MethodSummary]) -> str:
-    """Return the table for a page of documentation."""
-    head = "| method | success | 95% interval | collision | feature lost | error | path | time |\n"
-    lines = [head, "|---|---|---|---|---|---|---|---|\n"]
-    for each in found:
-        low, high = each.success.interval
-        path, seconds = number(each.path_length_m, ".2f", " m"), number(each.seconds, ".1f", " s")
-        lines.append(
-            f"| `{each.method}` | {percent(each.success)} | {100 * low:.0f}–{100 * high:.0f}% "
-            f"| {percent(each.collision)} | {percent(each.feature_lost)} "
-            f"| {errors(each)} | {path} | {seconds} |\n"
-        )
-    return "".join(lines)
-
-
 def percent(rate: Rate) -> str:
     """Return a rate for a table."""
     return f"{100 * rate.share:.1f}%" if rate.of else "–"

@@ -10,6 +10,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.results import RunResult
 from omniservo.runs import run_task
 from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.runs.supervisor_of import own_supervisor
 from omniservo.safety import Supervisor
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import Task
@@ -41,17 +42,9 @@ class WatchedCell(SimulatedCell):
         self._task, self._watch = task, watch
 
     @cached_property
-    def drive(self) -> Supervisor:  # type: ignore[override]
+    def drive(self) -> Supervisor:
         """The supervisor in this process, kept so that its state can be read."""
-        return Supervisor(
-            self.driver,
-            self.scene.arm,
-            self.scene.flange_T_camera,
-            camera=self.camera,
-            wait=self.wait,
-            clock=self.clock,
-            options=safety_of_task(self._task),
-        )
+        return own_supervisor(self, safety_of_task(self._task))
 
     def wait(self, duration: float) -> None:
         """Let time [s] pass, and report the arm."""

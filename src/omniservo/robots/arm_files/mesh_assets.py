@@ -52,6 +52,9 @@ class MeshAssets:
         Raises:
             InputError: not found, elsewhere, of another format, too large, or flat.
         """
+        if Path(reference).suffix.lower() not in READABLE:
+            legal = ", ".join(READABLE)
+            raise InputError(f"{place}: mesh {spelled(reference)} given; legal: {legal} (convert it)")
         mesh = self._found(place, reference, folder)
         if mesh not in self._names:
             if len(self._names) == _MOST_MESHES:

@@ -12,11 +12,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 from omniservo.files.xml_files import XmlElement
 from omniservo.robots.arm_files.description import LEGAL_COUNTS, Description
 from omniservo.robots.arm_files.includes import expand_includes
-from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
+from omniservo.robots.arm_files.mesh_assets import MeshAssets
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 SPEED = "joint_speed_deg_s"
@@ -151,10 +151,6 @@ class _Mjcf:
             self._meshes.vertices[name] = vertices.reshape(-1, 3)
             return ET.Element("mesh", attributes)
         place, reference = self._fields.place(mesh), self._fields.text(mesh, "file")
-        if Path(reference).suffix.lower() not in READABLE:
-            raise InputError(
-                f"{place}: file {spelled(reference)} given; legal: {', '.join(READABLE)} (convert it)"
-            )
         attributes.setdefault("name", Path(reference).stem)
         attributes["file"] = self._meshes.add(place, reference, folder)
         return ET.Element("mesh", attributes)

@@ -217,14 +217,9 @@ class _Urdf:
         if solid.tag != "mesh":
             raise InputError(f"{place}: <{solid.tag}> given; legal: {', '.join([*_SHAPES, 'mesh'])}")
         reference = fields.text(solid, "filename")
-        ending = Path(reference).suffix.lower()
-        if ending not in READABLE:
-            if shape.tag == "visual":
-                self._undrawn.append(reference.rsplit("/", 1)[-1])
-                return None
-            raise InputError(
-                f"{place}: mesh {spelled(reference)} given; legal: {', '.join(READABLE)} (convert it)"
-            )
+        if shape.tag == "visual" and Path(reference).suffix.lower() not in READABLE:
+            self._undrawn.append(reference.rsplit("/", 1)[-1])
+            return None
         mesh = {"filename": self._meshes.add(place, reference)}
         if solid.get("scale") is not None:
             scale = fields.numbers(solid, "scale", 3)
