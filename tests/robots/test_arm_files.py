@@ -342,7 +342,7 @@ BAD_URDF = {
         "mesh .*text.stl: no triangles in it",
     ),
     "flat mesh": (lambda text: text.replace(CYLINDER, MESH.format("flat.stl"), 1), "flat.stl: flat; legal"),
-    "deep": (lambda text: "<a>" * 40 + "</a>" * 40, "nested deeper than 32"),
+    "deep": (lambda text: "<a>" * 110 + "</a>" * 110, "nested deeper than 100"),
     "other root": (lambda text: "<sdf/>", "root element 'sdf' given; legal: <robot>"),
 }
 

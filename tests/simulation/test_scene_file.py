@@ -35,6 +35,7 @@ REFUSED = {
     "a composite": ({"inner": "<composite type='cable'/>"}, "<composite> in the tree", ""),
     "a model of another file": ({"asset": "<model file='scene.xml'/>"}, "<model> in <asset>", ""),
     "an infinite number": ({"inner": "<geom size='inf'/>"}, "inf", ""),
+    "a texture far outside": ({"asset": "<texture type='2d' file='../../t.png'/>"}, "inside the file's", ""),
     "an unknown material": ({"inner": "<geom size='.1' material='no'/>"}, "MuJoCo cannot read it", ""),
 }  # fmt: skip
 
@@ -64,3 +65,33 @@ def test_a_scene_with_includes_textures_meshes_and_what_moves_is_read(tmp_path):
     assert isinstance(model, mujoco.MjModel)
     assert (model.ngeom, model.njnt, model.nu) == (2, 1, 0)
     assert model.tex_data[:3].tolist() == [200, 10, 10]
+
+
+def test_files_as_others_write_them_are_read(tmp_path):
+    """Joints of huge damping, skins, files named by themselves and beside the folder, trees of 60 bodies."""
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "textures").mkdir()
+    grey = np.arange(64, dtype=np.uint8).reshape(8, 8)
+    Image.fromarray(grey).save(tmp_path / "scenes/hills.png")
+    Image.fromarray(np.full((4, 4, 3), [10, 200, 10], dtype=np.uint8)).save(tmp_path / "textures/green.png")
+    path = written(
+        tmp_path / "scenes",
+        inner="<geom type='hfield' hfield='hills'/><geom type='plane' size='1 1 1' material='m'/>"
+        + "<body pos='0 0 .1'><joint axis='1 0 0' damping='1e+11' stiffness='1e12'/><geom size='.01'/>" * 60
+        + "</body>" * 60,
+        asset="<skin name='s' file='s.skn'/><hfield file='hills.png' size='1 1 1 1'/>"
+        "<texture type='2d' file='green.png'/>"
+        "<material name='m' texture='green'/>",
+        top="<compiler texturedir='../textures' settotalmass='3'/>",
+    )
+    text = path.read_text().replace("file='hills.png'", "file='../scenes/hills.png'")
+    path.write_text(text)
+    model = load_scene_model(path)
+    assert (model.nhfield, model.nbody, model.njnt) == (1, 61, 60)
+    assert model.tex_data[:3].tolist() == [10, 200, 10]
+
+
+def test_what_is_wrong_is_said_once(tmp_path):
+    with pytest.raises(InputError) as refused:
+        load_scene_model(written(tmp_path, asset="<mesh file='a.msh'/>"))
+    assert str(refused.value).count(str(tmp_path)) == 1

@@ -8,7 +8,7 @@ from xml.parsers import expat
 
 from omniservo.errors import InputError
 
-_MAX_DEPTH = 32
+_MAX_DEPTH = 100
 _MAX_ELEMENTS = 50_000
 _TEXT_AT_ONCE = 2**20
 
@@ -31,7 +31,7 @@ def parse_elements(text: str, source: str) -> XmlElement:
         source: stands first in messages.
 
     Raises:
-        InputError: not XML, with a document type, nested deeper than 32, or more than 50 000 elements; with
+        InputError: not XML, with a document type, nested deeper than 100, or more than 50 000 elements; with
             the line.
     """
     parser = expat.ParserCreate()

@@ -17,11 +17,11 @@ import mujoco
 from PIL import Image
 
 from omniservo.errors import InputError, spelled
-from omniservo.files import file_inside, read_text
+from omniservo.files import read_text
 from omniservo.files.image_files import read_image
 from omniservo.files.xml_files import XmlElement, parse_elements
 from omniservo.robots.arm_files.includes import MOST_BYTES, expand_includes
-from omniservo.robots.arm_files.mesh_assets import MeshAssets
+from omniservo.robots.arm_files.mesh_assets import MeshAssets, file_near
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 _SECTIONS = frozenset({"compiler", "default", "asset", "worldbody", "visual", "statistic"})
@@ -30,7 +30,11 @@ _LEFT_OUT = frozenset(
 )
 _OF_BODIES = frozenset({"body", "joint", "freejoint", "geom", "site", "frame", "inertial", "light", "camera"})
 _OF_ASSETS = frozenset({"mesh", "texture", "material", "hfield"})
-_FOLDERS = ("assetdir", "meshdir", "texturedir", "strippath", "discardvisual", "fusestatic")
+_OF_JOINTS = frozenset({"name", "class", "type", "group", "pos", "axis", "ref", "limited", "range"})
+"""what says where things are; the rest says how they move"""
+_NOT_OF_COMPILER = (
+    "assetdir", "meshdir", "texturedir", "strippath", "discardvisual", "fusestatic", "settotalmass",
+)  # fmt: skip
 _OF_MESHES = frozenset({
     "name", "class", "file", "vertex", "normal", "texcoord", "face", "scale", "refpos", "refquat", "inertia",
 })  # fmt: skip
@@ -58,8 +62,9 @@ def load_scene_model(path: str | Path) -> Any:
     if root.tag != "mujoco":
         raise InputError(f"{file}: root element {spelled(root.tag)} given; legal: <mujoco> (MJCF)")
     scene = _SceneFile(root, file)
+    text = scene.text()
     try:
-        spec = mujoco.MjSpec.from_string(scene.text(), assets=scene.assets)
+        spec = mujoco.MjSpec.from_string(text, assets=scene.assets)
         spec.compiler.boundmass = max(spec.compiler.boundmass, _LEAST_MASS)
         spec.compiler.boundinertia = max(spec.compiler.boundinertia, _LEAST_MASS)
         for mesh in spec.meshes:
@@ -77,6 +82,9 @@ class _SceneFile:
         self._meshes, self._pixels = MeshAssets(file), 0
         self._pictures: dict[str, bytes] = {}
         expand_includes(root, file)
+        for joint in root.iter("joint"):
+            for name in joint.attrib.keys() - _OF_JOINTS:
+                del joint.attrib[name]
         self._fields.sober(root)
 
     @property
@@ -95,11 +103,12 @@ class _SceneFile:
                 raise self._illegal(section, "in <mujoco>", _SECTIONS | _LEFT_OUT)
             kept = ET.SubElement(clean, section.tag, section.attrib)
             if section.tag == "compiler":
-                for name in _FOLDERS:
+                for name in _NOT_OF_COMPILER:
                     kept.attrib.pop(name, None)
             elif section.tag == "asset":
                 for child in self._fields.children(section):
-                    kept.append(self._asset(child, folders))
+                    if child.tag != "skin":  # is not drawn
+                        kept.append(self._asset(child, folders))
             elif section.tag == "worldbody":
                 self._bodies(section, kept)
             elif section.tag == "visual":
@@ -120,6 +129,8 @@ class _SceneFile:
         attributes = dict(child.attrib)
         if child.tag == "mesh":
             return self._mesh(child, folders["meshdir"])
+        if child.tag in ("texture", "hfield") and "file" in attributes:
+            attributes.setdefault("name", Path(attributes["file"]).stem)  # as MuJoCo does
         if child.tag == "texture":
             for name in ("file", *_SIDES):
                 if name in attributes:
@@ -150,7 +161,7 @@ class _SceneFile:
         """Read an image within bounds and hand it on as PNG; return its name."""
         place = f"{self._fields.place(element)}: {attribute}"
         reference = str(Path(folder) / self._fields.text(element, attribute))
-        image = read_image(file_inside(place, reference, self._file.resolve().parent))
+        image = read_image(file_near(place, reference, self._file.resolve().parent))
         self._count(element, *image.shape[:2])
         stream, name = io.BytesIO(), f"image{len(self._pictures)}.png"
         Image.fromarray(image).save(stream, "PNG")

@@ -68,13 +68,7 @@ class MeshAssets:
     def _found(self, place: str, reference: str, folder: str) -> Path:
         scheme, colon, rest = reference.partition("://")
         if not colon:
-            inner, root = str(Path(folder) / reference), self._folder
-            if inner.startswith("../"):  # packages have their meshes beside the file's folder
-                inner, root = inner.removeprefix("../"), root.parent
-            mesh = file_inside(place, inner, root)
-            if not is_file(mesh):
-                raise InputError(f"{place}: mesh {spelled(inner)}: no such file in {root}")
-            return mesh
+            return file_near(f"{place}: mesh", str(Path(folder) / reference), self._folder)
         if scheme == "file":
             return self._at(place, reference, unquote(rest))
         if scheme != "package":
@@ -97,6 +91,22 @@ class MeshAssets:
         if not path.startswith("/") or not is_file(mesh):
             raise InputError(f"{place}: mesh {spelled(reference)}: no such file; legal: file:///FOLDER/FILE")
         return mesh
+
+
+def file_near(place: str, reference: str, folder: Path) -> Path:
+    """Return a file inside a folder, or, by a path that begins with ``../``, inside the one above.
+
+    Packages have their meshes and textures beside the folder of the file that names them.
+
+    Raises:
+        InputError: there is none, or it is elsewhere.
+    """
+    if reference.startswith("../"):
+        reference, folder = reference.removeprefix("../"), folder.parent
+    found = file_inside(place, reference, folder)
+    if not is_file(found):
+        raise InputError(f"{place} {spelled(reference)}: no such file in {folder}")
+    return found
 
 
 def _solid(place: str, mesh: Path) -> tuple[FloatArray, IntArray]:
