@@ -2,12 +2,13 @@
 
 import re
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.hardware.wall_clock_arm import WallClockArm
 
-from omniservo.errors import ServoStop
+from omniservo.errors import NotInControl, ProtectiveStop, ServoStop
 from omniservo.hardware import ClockMap
 from omniservo.hardware.rtde import RtdeArm
 from omniservo.hardware.rtde.server import UrStandIn
@@ -85,6 +86,14 @@ def test_an_arm_that_does_not_move_is_no_proof():
     stood, wrong = watchdog_proof(ARM, arm, lambda motion: None, promised=0.1)
     assert stood is None
     assert re.search(r"was sent by 0\.5 deg and turned by -?0\.0\d deg", wrong[0])
+
+
+def test_an_arm_whose_program_ended_is_named_for_that_and_not_as_one_that_takes_no_commands():
+    arm = WallClockArm(START)
+    arm.mode = ArmMode.PROTECTIVE_STOP
+    with pytest.raises(ProtectiveStop, match="reports: protective stop"):
+        watchdog_proof(ARM, arm, lambda motion: None, promised=0.1)
+    assert not arm.speeds.any()
 
 
 def test_the_stand_in_of_universal_robots_stops_when_commands_cease():
@@ -242,6 +251,27 @@ def test_a_joint_that_runs_away_ends_the_trial():
     assert [answer.joint for answer in answers] == ["wrist_3", "wrist_2", "wrist_1"]
     assert len(findings) == 1
     assert (arm.farthest[:3] == 0.0).all()
+
+
+class LosingControl(WiredArm):
+    """Its controller's program ends after so many commands."""
+
+    def __init__(self, after):
+        super().__init__()
+        self.after = after
+
+    def read(self):
+        ends = self.commands >= self.after
+        state = super().read()
+        return replace(state, mode=ArmMode.NOT_IN_CONTROL, mode_reason="program stopped") if ends else state
+
+
+def test_an_arm_that_takes_no_commands_any_more_ends_the_trial_by_that_name():
+    arm = LosingControl(after=250)
+    with pytest.raises(NotInControl, match="takes no commands from this program: program stopped"):
+        trial(arm).run(lambda motion: None)
+    assert not arm.speeds.any()
+    assert (arm.farthest[:5] == 0.0).all()
 
 
 def box_round(joints, room):

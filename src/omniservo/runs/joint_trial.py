@@ -16,6 +16,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmConnection
 from omniservo.robots import Arm, ArmBodies, arm_clearance
 from omniservo.robots.path_following.joint_segment import joint_segment
+from omniservo.safety import refuse_unready
 
 TURN = math.radians(0.5)
 """by which every joint turns, and back [rad]"""
@@ -91,7 +92,7 @@ class JointTrial:
 
         Raises:
             NoSolutionError: it may not move.
-            ServoStop: the connection was lost, or the arm does not stand.
+            ServoStop: the connection was lost, the arm takes no commands any more, or does not stand.
         """
         bodies = ArmBodies(self.arm)
         begin = self.connection.read().joint_positions
@@ -147,7 +148,9 @@ class JointTrial:
         begin = last = self.clock()
         try:
             while (passed := self.clock() - begin) < SECONDS:
-                if np.abs(connection.read().joint_positions - before).max() > FAR * TURN:
+                state = connection.read()
+                refuse_unready(state)
+                if np.abs(state.joint_positions - before).max() > FAR * TURN:
                     break
                 speeds[joint] = sign * (2.0 * TURN / SECONDS) * math.sin(math.pi * passed / SECONDS) ** 2
                 connection.command(speeds)

@@ -15,7 +15,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
-from omniservo.safety import SafetyOptions
+from omniservo.safety import SafetyOptions, refuse_unready
 from omniservo.tasks import RobotFile
 
 SECONDS = 3.0
@@ -222,6 +222,7 @@ def watchdog_proof(
             connection.command(velocities)
             last = time.monotonic()
             time.sleep(5e-3)
+            refuse_unready(connection.read())
         moved = sign * (connection.read().joint_positions[joint] - before)
         if moved < 0.2 * SLOW * 0.5:
             return None, [f"{name} was sent by 0.5 deg and turned by {math.degrees(moved):.2f} deg"]

@@ -5,6 +5,7 @@ from omniservo.safety.closed_loop import Controller, Step, TimeLimit, servo
 from omniservo.safety.feature_watch import FeatureWatch
 from omniservo.safety.joint_motion import OffPath, follow_joints
 from omniservo.safety.path_controller import CarriedController, PathController
+from omniservo.safety.robot_link import refuse_unready
 from omniservo.safety.safety_options import SafetyOptions
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Supervisor
@@ -26,5 +27,6 @@ __all__ = [
     "VisibilityFilter",
     "Waiting",
     "follow_joints",
+    "refuse_unready",
     "servo",
 ]

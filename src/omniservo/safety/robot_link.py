@@ -150,11 +150,7 @@ class RobotLink:
             ProtectiveStop: the arm's controller stopped it.
             NotInControl: the arm does not take commands from here.
         """
-        if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
-            raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
-        if state.mode is not ArmMode.READY:
-            why = f": {state.mode_reason}" if state.mode_reason else ""
-            raise NotInControl(f"the arm's controller takes no commands from this program{why}")
+        refuse_unready(state)
         age = 0.0 if self._clock is None else self._clock() - state.time
         if age > limit:
             raise StaleJoints(f"the newest joint state is {age:.3f} s old; at most {limit:g} s is acted on")
@@ -201,6 +197,20 @@ class RobotLink:
         passed = duration if self._clock is None else self._clock() - before
         self._waited += passed
         return passed
+
+
+def refuse_unready(state: RobotState) -> None:
+    """Raise where an arm takes no commands from here.
+
+    Raises:
+        ProtectiveStop: its controller stopped it.
+        NotInControl: another program, the pendant or nobody commands it; with what is known of why.
+    """
+    if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
+        raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
+    if state.mode is not ArmMode.READY:
+        why = f": {state.mode_reason}" if state.mode_reason else ""
+        raise NotInControl(f"the arm's controller takes no commands from this program{why}")
 
 
 def _answered(name: str, call: Callable[[], T]) -> T:
