@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -36,6 +37,13 @@ def test_a_stated_error_is_saved_and_loaded(tmp_path, format_name):
     assert load_camera(path, camera_error=0.5).model_error == ModelError(0.5, 100.0)
 
 
+@pytest.mark.parametrize("name", ["RMS", "rmse", "reprojection_error"])
+def test_an_rms_by_another_name_does_too(tmp_path, name):
+    fields = {"camera_matrix": [[500, 0, 320], [0, 500, 240], [0, 0, 1]], "dist_coeffs": [0.1, 0, 0, 0, 0]}
+    (tmp_path / "cv.json").write_text(json.dumps({**fields, "width": 640, "height": 480, name: 0.4}))
+    assert load_camera(tmp_path / "cv.json").model_error.sigma_px == pytest.approx(0.52)
+
+
 def test_an_rms_in_the_file_sets_the_usual_error(tmp_path):
     text = (
         "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"
@@ -45,6 +53,13 @@ def test_an_rms_in_the_file_sets_the_usual_error(tmp_path):
     )
     (tmp_path / "cv.yml").write_text(text)
     assert load_camera(tmp_path / "cv.yml").model_error.sigma_px == pytest.approx(0.52)
+    storage = cv2.FileStorage(str(tmp_path / "cv.xml"), cv2.FILE_STORAGE_WRITE)
+    for field in ("image_width", 640), ("image_height", 480), ("avg_reprojection_error", 0.4):
+        storage.write(*field)
+    storage.write("camera_matrix", np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]))
+    storage.write("distortion_coefficients", np.array([0.1, 0.0, 0.0, 0.0, 0.0]))
+    storage.release()
+    assert load_camera(tmp_path / "cv.xml").model_error.sigma_px == pytest.approx(0.52)
 
 
 def test_a_preset_is_exact_unless_an_error_is_given():

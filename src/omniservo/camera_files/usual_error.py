@@ -29,7 +29,16 @@ LEAST_PART = 1e-4
 """of the longer side: no less is accepted of a small rms"""
 
 _PLAIN = ("unified", "pinhole")
-_RMS = ("avg_reprojection_error", "rms", "rms_px")
+_RMS = (
+    "avg_reprojection_error",
+    "mean_reprojection_error",
+    "reprojection_error",
+    "rms_reprojection_error",
+    "rms",
+    "rms_px",
+    "rmse",
+)
+"""what calibration programs call it, in capitals or not; OpenCV's XML has it inside its root"""
 
 ErrorLike = float | ModelError | None
 """σ of a model error [px], the error itself, or None: as the file says, else the usual one"""
@@ -56,9 +65,12 @@ def usual_error(camera: CentralModel, fields: Mapping[str, Any]) -> ModelError:
     described, side = camera.to_dict(), max(camera.width, camera.height)
     plain = described["model"] in _PLAIN and not any(described.get("distortion", ()))
     sigma = (PLAIN_PART if plain else BENT_PART) * side
-    for name in _RMS:
+    held = fields.get("opencv_storage", fields)
+    for name in held if isinstance(held, Mapping) else ():
+        if str(name).lower() not in _RMS:
+            continue
         try:
-            sigma = max(OF_RMS * finite_number(name, fields.get(name), above=0.0), LEAST_PART * side)
+            sigma = max(OF_RMS * finite_number(name, held[name], above=0.0), LEAST_PART * side)
         except InputError:
             continue
     return usual_model_error(sigma, camera.width, camera.height)
