@@ -24,6 +24,7 @@ from omniservo.calibration.hand_eye import (
     load_hand_eye,
     load_robot_poses,
 )
+from omniservo.calibration.hand_eye.robot_poses_file import RobotPoses
 from omniservo.camera_files import load_camera
 from omniservo.cli.main import main
 from omniservo.errors import InputError
@@ -324,9 +325,37 @@ def test_poses_are_read_from_a_table(tmp_path):
     np.testing.assert_allclose(only.rotation.as_rotvec(), [0.1, 0.2, 0.3])
 
 
+def test_blanks_may_stand_between_and_any_name_will_do(tmp_path):
+    file = tmp_path / "robot.txt"
+    file.write_text("x y z rx ry rz\n1 2  3 0.1\t0.2 0.3\n\n4 5 6 0 0 0\n")
+    first, second = load_robot_poses(file).of_images([tmp_path / "1.png", tmp_path / "2.png"])
+    np.testing.assert_allclose(first.translation, [1, 2, 3])
+    np.testing.assert_allclose(first.rotation.as_rotvec(), [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(second.translation, [4, 5, 6])
+
+
+def test_images_sorted_by_letters_are_refused_where_only_their_order_says_whose_the_poses_are(tmp_path):
+    file = tmp_path / "poses.csv"
+    lines = [f"{k},0,0,0,0,0" for k in range(1, 12)]
+    file.write_text("\n".join(["x,y,z,rx,ry,rz", *lines]))
+    by_number = [tmp_path / f"view-{k}.png" for k in range(1, 12)]
+    poses = load_robot_poses(file)
+    assert [pose.translation[0] for pose in poses.of_images(by_number)] == list(range(1, 12))
+    with pytest.raises(InputError, match=r"sorted by letters: view-1\.png, view-10\.png, view-11\.png, …"):
+        poses.of_images(sorted(by_number))
+    assert poses.of_images(by_number[::-1])[0].translation[0] == 1  # an order that someone chose
+    named = [tmp_path / name for name in ("a-2.png", "b-10.png", "b-9.png")]
+    assert len(RobotPoses("given", poses.base_T_flange[:3]).of_images(named)) == 3
+    file.write_text("\n".join(["image,x,y,z,rx,ry,rz", *(f"view-{k + 1}.png,{lines[k]}" for k in range(11))]))
+    found = load_robot_poses(file).of_images(sorted(by_number))
+    assert [pose.translation[0] for pose in found[:3]] == [1, 10, 11]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("0.1 0.2 0.3 0 0 0\n", "line 1: numbers without a header; write above them what they are: x,y,z"),
+        ("0.1, 0.2, 0.3, 0, 0, 0, 1\n", "line 1: numbers without a header"),
         ("", "line 1: '' given; legal: a header of x,y,z with qx,qy,qz,qw or rx,ry,rz"),
         ("x,y,z\n1,2,3\n", "line 1: 'x,y,z' given"),
         ("x,x,y,z,rx,ry,rz\n1,1,2,3,0,0,0\n", "line 1: 'x,x,y,z,rx,ry,rz' given"),

@@ -57,6 +57,7 @@ class RobotPoses:
                     f"{self.source}: {len(self.base_T_flange)} poses given for {len(images)} images;"
                     " one each is needed"
                 )
+            self._refuse_order_of_letters(images)
             return self.base_T_flange
         keys: dict[str | int, RigidTransform] = dict(
             zip(self.images or self.numbers or (), self.base_T_flange, strict=True)
@@ -72,11 +73,24 @@ class RobotPoses:
             found.append(keys[key])
         return tuple(found)
 
+    def _refuse_order_of_letters(self, images: Sequence[Path]) -> None:
+        """Raise where images come as a shell sorts their names (1, 10, 2), and not by their numbers."""
+        names = [image.name for image in images]
+        by_number = sorted(names, key=lambda name: [int(part) for part in re.findall(r"\d{1,18}", name)])
+        alike = len({re.sub(r"\d+", "", name) for name in names}) == 1
+        if alike and names == sorted(names) and names != by_number:
+            raise InputError(
+                f"{self.source}: the poses name no images, and these are sorted by letters: "
+                f"{', '.join(names[:3])}, …; give them in the order of the poses (ls -v sorts by number), "
+                "or name each pose's image in a column, or field, image"
+            )
+
 
 def load_robot_poses(path: str | Path) -> RobotPoses:
     """Read base_T_flange of several views; see docs/hand-eye.md.
 
-    Our own format is YAML or JSON; a name that ends in .csv is a table in metres and radians.
+    Our own format is YAML or JSON; a name that ends in .csv, or a first line of numbers or columns' names, is
+    a table in metres and radians.
     ViSP's are one YAML file a pose (tx, ty, tz and θu), ``path`` then holding ``%d`` in place of the number,
     and JSON with a list ``fPe`` or ``rPe`` of {R, t}.
 
@@ -87,7 +101,7 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
         return _numbered(Path(path))
     source = str(path)
     text = read_text(path, max_bytes=_MAX_BYTES)
-    if Path(path).suffix.lower() == ".csv":
+    if Path(path).suffix.lower() == ".csv" or _is_row(text):
         return _table(text, source)
     fields = parse_document(text, source)
     if not isinstance(fields, dict):
@@ -138,12 +152,39 @@ def _listed(entries: list[Any], places: list[str], units: dict[str, float], sour
     return RobotPoses(source, poses, images=images)
 
 
+def _is_row(text: str) -> bool:
+    """Return whether a text begins as a table: with six numbers and more, or with the names of columns."""
+    cells = next(
+        (re.split(r"[,\s]+", line.strip().lower()) for line in text.splitlines() if line.strip()), []
+    )
+    return set(_PLACE) <= set(cells) or (len(cells) >= 6 and all(_is_number(cell) for cell in cells if cell))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
 def _table(text: str, source: str) -> RobotPoses:
-    """A header, then a line a pose: x, y, z [m]; qx, qy, qz, qw or rx, ry, rz [rad]; image, if there."""
-    reader = csv.reader(text.splitlines())
+    """A header, then a line a pose: x, y, z [m]; qx, qy, qz, qw or rx, ry, rz [rad]; image, if there.
+
+    Commas stand between, or blanks where the header has none.
+    """
+    lines = text.splitlines()
+    if not any("," in line for line in lines[:1]):
+        lines = [",".join(line.split()) for line in lines]
+    reader = csv.reader(lines)
     header = [name.strip().lower() for name in next(reader, [])]
     columns = set(header) - {"image"}
     rotation = next((names for names in (_QUATERNION, _VECTOR) if columns == {*_PLACE, *names}), None)
+    if header and all(_is_number(cell) for cell in header):
+        raise InputError(
+            f"{source}: line 1: numbers without a header; write above them what they are: "
+            "x,y,z,qx,qy,qz,qw or x,y,z,rx,ry,rz (a rotation vector, not roll, pitch and yaw) [m, rad]"
+        )
     if rotation is None or len(set(header)) < len(header):
         raise InputError(
             f"{source}: line 1: {spelled(','.join(header))} given; legal: a header of x,y,z with "
