@@ -204,7 +204,7 @@ def refuse_unready(state: RobotState) -> None:
 
     Raises:
         ProtectiveStop: its controller stopped it.
-        NotInControl: another program, the pendant or nobody commands it; with what is known of why.
+        NotInControl: something else commands it, or nothing does; with the controller's reason.
     """
     if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
         raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
