@@ -48,6 +48,29 @@ def opened(tmp_path):
         client.close()
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A drive for all tests after which it can go on, and its arm's folder: a process starts in seconds."""
+    folder = tmp_path_factory.mktemp("kept")
+    client = DriveClient(
+        ArmOpener(FaultyArm, {"folder": str(folder)}), Arm.rx60(), MOUNT, camera=Clockwork(),
+        options=SafetyOptions(**(PATIENT | {"joint_age": 0.3})), command_life=1.0,
+    )  # fmt: skip
+    yield client, folder
+    client.close()
+
+
+@pytest.fixture
+def listening(kept):
+    """It listens, before and after each test."""
+    client, folder = kept
+    assert client.status.phase is Phase.LISTENING
+    yield client, folder
+    (folder / "fault").unlink(missing_ok=True)
+    client.stop(ServoStop("the next test"))
+    client.release(client.stopped.reason)
+
+
 def lead(client, seconds, twist=SIDEWAYS):
     """Lead the camera on for so long."""
     end = time.monotonic() + seconds
@@ -110,8 +133,8 @@ def test_it_listens_is_armed_moves_and_brakes(opened, tmp_path):
     assert np.abs(closed[2]).max() < 0.2  # the drives' own lag behind the last zero
 
 
-def test_what_was_measured_and_sent_is_known_here_too(opened):
-    client = opened()
+def test_what_was_measured_and_sent_is_known_here_too(listening):
+    client, _ = listening
     client.enable()
     lead(client, 0.5)
     client.stop()
@@ -121,8 +144,8 @@ def test_what_was_measured_and_sent_is_known_here_too(opened):
     assert client.history.time <= time.monotonic()
 
 
-def test_joint_velocities_too_and_what_became_of_them_is_told(opened):
-    client = opened()
+def test_joint_velocities_too_and_what_became_of_them_is_told(listening):
+    client, _ = listening
     client.enable()
     passed = client.command([0, 0, 0, 0, 0, 100.0])
     assert passed.wanted[5] == 100.0
@@ -147,15 +170,15 @@ def test_joint_velocities_too_and_what_became_of_them_is_told(opened):
         ("second_commander", "not_following"),
     ],
 )
-def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(opened, tmp_path, fault, reason):
-    client = opened(options={"joint_age": 0.3})
+def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(listening, fault, reason):
+    client, folder = listening
     client.enable()
     lead(client, 0.3)
-    (tmp_path / "fault").write_text(fault)
+    (folder / "fault").write_text(fault)
     assert led_until_stopped(client).reason == reason
-    stays_stopped(client, tmp_path)
-    (tmp_path / "fault").unlink()  # data that are fresh again resume nothing
-    stays_stopped(client, tmp_path)
+    stays_stopped(client, folder)
+    (folder / "fault").unlink()  # data that are fresh again resume nothing
+    stays_stopped(client, folder)
     with pytest.raises(InputError, match=reason):
         client.release("something")
     client.release(reason)
@@ -237,8 +260,8 @@ def test_a_frame_that_is_none_stops_it_from_this_process(opened, tmp_path):
 
 
 @pytest.mark.parametrize("bad", [[np.nan, 0, 0, 0, 0, 0], [0.0] * 5])
-def test_what_is_no_command_brakes(opened, bad):
-    client = opened()
+def test_what_is_no_command_brakes(listening, bad):
+    client, _ = listening
     client.enable()
     lead(client, 0.2)
     with pytest.raises(InputError):
