@@ -33,7 +33,7 @@ def patient(task):
 def job(tmp_path_factory):
     """A folder with a task and its goal."""
     folder = tmp_path_factory.mktemp("robot")
-    task = load_task(written(folder, short(5, 4.0)))
+    task = load_task(written(folder, short(5, 2.5)))
     cell = PlainCell(task, 1)
     teach_goal(task, cell).save(folder / "goal.json")
     cell.close()
