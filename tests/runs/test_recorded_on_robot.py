@@ -62,8 +62,9 @@ def served(job):
         serving.wait()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def there(job):
+    """Served for those runs that end before the arm moves."""
     with served(job) as folder:
         yield folder
 
