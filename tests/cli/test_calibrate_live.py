@@ -17,7 +17,7 @@ from omniservo.camera_files import load_camera
 from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.robots import CameraImage
-from omniservo.runs.watch_board import watch_board
+from omniservo.runs.watch_camera import BoardViews, watch_camera
 
 TIMES = 12
 """each view is shown, one image after the other"""
@@ -91,7 +91,7 @@ def test_live_calibrates_as_the_kept_images_do(source, images, tmp_path, capsys)
 
 
 def watched(camera, **options):
-    return watch_board(camera, board_from_text(BOARD), **options)
+    return watch_camera(camera, BoardViews(board_from_text(BOARD)), **options)
 
 
 def test_each_view_is_kept_once_however_often_it_is_shown(images):

@@ -21,7 +21,7 @@ from omniservo.hardware.rtde import UR_JOINTS
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import Arm, CameraImage, RobotState
 from omniservo.runs.open_hardware import listen_to_arm
-from omniservo.runs.watch_board import ArmViewsOfBoard, watch_camera
+from omniservo.runs.watch_camera import ArmViewsOfBoard, watch_camera
 from omniservo.tasks import load_robot
 
 BOARD = "checkerboard:9x6:0.03"

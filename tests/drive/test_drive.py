@@ -110,62 +110,6 @@ def test_it_listens_is_armed_moves_and_brakes(opened, tmp_path):
     assert np.abs(closed[2]).max() < 0.2  # the drives' own lag behind the last zero
 
 
-def test_what_was_measured_and_sent_is_known_here_too(opened):
-    client = opened()
-    client.enable()
-    lead(client, 0.5)
-    client.stop()
-    q, sent, _ = client.history.at(np.array([client.history.time - 0.2, client.history.time]))
-    np.testing.assert_allclose(q[1], client.read().joint_positions, atol=2e-3)
-    assert np.abs(sent[1] - sent[0]).max() > 0.0
-    assert client.history.time <= time.monotonic()
-
-
-def test_joint_velocities_too_and_what_became_of_them_is_told(opened):
-    client = opened()
-    client.enable()
-    passed = client.command([0, 0, 0, 0, 0, 100.0])
-    assert passed.wanted[5] == 100.0
-    assert "joint_speed" in passed.limits
-    assert 0.0 < passed.target[5] < 100.0
-    until(lambda: client.status.joints[2, 5] > 0.0)
-
-
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [
-        ("frozen", "stale_joints"),
-        ("nan", "not_finite"),
-        ("short", "invalid_data"),
-        ("reordered", "not_following"),
-        ("clock_back", "clock_fault"),
-        ("clock_ahead", "clock_fault"),
-        ("protective_stop", "protective_stop"),
-        ("emergency_stop", "protective_stop"),
-        ("not_in_control", "not_in_control"),
-        ("lost", "connection"),
-        ("second_commander", "not_following"),
-    ],
-)
-def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(opened, tmp_path, fault, reason):
-    client = opened(options={"joint_age": 0.3})
-    client.enable()
-    lead(client, 0.3)
-    (tmp_path / "fault").write_text(fault)
-    assert led_until_stopped(client).reason == reason
-    stays_stopped(client, tmp_path)
-    (tmp_path / "fault").unlink()  # data that are fresh again resume nothing
-    stays_stopped(client, tmp_path)
-    with pytest.raises(InputError, match=reason):
-        client.release("something")
-    client.release(reason)
-    assert client.status.phase is Phase.LISTENING
-    with pytest.raises(InputError, match="enable"):
-        client.carry(SIDEWAYS)
-    client.enable()
-    lead(client, 0.2)
-
-
 def forced(client):
     """Send a command past the client's own refusal; the drive has dealt with it on return."""
     client.image()
@@ -234,19 +178,6 @@ def test_a_frame_that_is_none_stops_it_from_this_process(opened, tmp_path):
         client.image()
     assert client.status.phase is Phase.STOPPED
     stays_stopped(client, tmp_path)
-
-
-@pytest.mark.parametrize("bad", [[np.nan, 0, 0, 0, 0, 0], [0.0] * 5])
-def test_what_is_no_command_brakes(opened, bad):
-    client = opened()
-    client.enable()
-    lead(client, 0.2)
-    with pytest.raises(InputError):
-        client.carry(bad)
-    assert client.status.phase is Phase.ARMED
-    lead(client, 0.1)
-    with pytest.raises(NotFinite if len(bad) == 6 else InputError):
-        client.command(bad)
 
 
 @pytest.mark.parametrize(
@@ -362,3 +293,98 @@ def test_an_arm_is_told_of_by_its_file():
     there = Arm.rx60().base_T_flange(joints).as_matrix()
     np.testing.assert_array_equal(arm.base_T_flange(joints).as_matrix(), there)
     assert ClockFault.reason == "clock_fault"
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A drive for all tests after which it can go on, and its arm's folder.
+
+    They stand last: a process starts in seconds, and listens as long as this module has tests.
+    """
+    folder = tmp_path_factory.mktemp("kept")
+    client = DriveClient(
+        ArmOpener(FaultyArm, {"folder": str(folder)}), Arm.rx60(), MOUNT, camera=Clockwork(),
+        options=SafetyOptions(**(PATIENT | {"joint_age": 0.3})), command_life=1.0,
+    )  # fmt: skip
+    yield client, folder
+    client.close()
+
+
+@pytest.fixture
+def listening(kept):
+    """It listens, before and after each test."""
+    client, folder = kept
+    assert client.status.phase is Phase.LISTENING
+    yield client, folder
+    (folder / "fault").unlink(missing_ok=True)
+    client.stop(ServoStop("the next test"))
+    client.release(client.stopped.reason)
+
+
+def test_what_was_measured_and_sent_is_known_here_too(listening):
+    client, _ = listening
+    client.enable()
+    lead(client, 0.5)
+    client.stop()
+    q, sent, _ = client.history.at(np.array([client.history.time - 0.2, client.history.time]))
+    np.testing.assert_allclose(q[1], client.read().joint_positions, atol=2e-3)
+    assert np.abs(sent[1] - sent[0]).max() > 0.0
+    assert client.history.time <= time.monotonic()
+
+
+def test_joint_velocities_too_and_what_became_of_them_is_told(listening):
+    client, _ = listening
+    client.enable()
+    passed = client.command([0, 0, 0, 0, 0, 100.0])
+    assert passed.wanted[5] == 100.0
+    assert "joint_speed" in passed.limits
+    assert 0.0 < passed.target[5] < 100.0
+    until(lambda: client.status.joints[2, 5] > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("frozen", "stale_joints"),
+        ("nan", "not_finite"),
+        ("short", "invalid_data"),
+        ("reordered", "not_following"),
+        ("clock_back", "clock_fault"),
+        ("clock_ahead", "clock_fault"),
+        ("protective_stop", "protective_stop"),
+        ("emergency_stop", "protective_stop"),
+        ("not_in_control", "not_in_control"),
+        ("lost", "connection"),
+        ("second_commander", "not_following"),
+    ],
+)
+def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(listening, fault, reason):
+    client, folder = listening
+    client.enable()
+    lead(client, 0.3)
+    (folder / "fault").write_text(fault)
+    assert led_until_stopped(client).reason == reason
+    stays_stopped(client, folder)
+    (folder / "fault").unlink()  # data that are fresh again resume nothing
+    stays_stopped(client, folder)
+    with pytest.raises(InputError, match=reason):
+        client.release("something")
+    client.release(reason)
+    assert client.status.phase is Phase.LISTENING
+    with pytest.raises(InputError, match="enable"):
+        client.carry(SIDEWAYS)
+    client.enable()
+    lead(client, 0.2)
+
+
+@pytest.mark.parametrize("bad", [[np.nan, 0, 0, 0, 0, 0], [0.0] * 5])
+def test_what_is_no_command_brakes(listening, bad):
+    client, _ = listening
+    client.enable()
+    lead(client, 0.2)
+    with pytest.raises(InputError):
+        client.carry(bad)
+    assert client.status.phase is Phase.ARMED
+    lead(client, 0.1)
+    with pytest.raises(NotFinite if len(bad) == 6 else InputError):
+        client.command(bad)

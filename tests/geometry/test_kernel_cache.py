@@ -147,8 +147,8 @@ def test_a_callee_is_called_in_place_of_linked_and_where_its_file_is_gone_the_ca
     for damage in (callee.unlink, lambda: callee.write_bytes(callee.read_bytes()[:-1])):
         damage()
         assert compiled() > 0
-        assert compiled() == 0
         assert {file.name for file in tmp_path.rglob("*.kernel")} == files
+    assert compiled() == 0
 
 
 def test_what_is_edited_while_a_process_runs_is_not_kept_by_it(tmp_path, copied):

@@ -10,7 +10,11 @@ from PIL import Image
 
 from omniservo.reporting import write_figures
 from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.margins import arm_gap, clearance
+from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.promise_words import CERTIFIED
+from omniservo.reporting.style import styled
+from omniservo.reporting.trajectories import image_trajectories, plane_trajectories
 from omniservo.reporting.write_figures import drawings
 from omniservo.results.run_log import RunLog
 from omniservo.tasks import load_task
@@ -26,6 +30,12 @@ OF_A_PLAN = {"link-clearance", "joint-positions", "joint-speeds"}
 @pytest.fixture(scope="module")
 def drawn(run):
     return {drawing.name: drawing for drawing in drawings(run)}
+
+
+def one(draw, run):
+    """One of a run's figures."""
+    with styled():
+        return draw(run)
 
 
 def test_every_figure_is_written_as_png_and_svg(run, tmp_path):
@@ -63,17 +73,17 @@ def test_a_figure_is_drawn_once_for_its_pixels_and_once_for_its_lines(run, monke
 
 def test_equal_runs_give_equal_files(made_up_run):
     def once():
-        drawing = next(d for d in drawings(made_up_run()) if d.name == "clearance")
+        drawing = one(clearance, made_up_run())
         return image_bytes(drawing, "svg"), image_bytes(drawing, "png")
 
     assert once() == once()
 
 
 def test_different_runs_give_different_figures(drawn, made_up_run):
-    other = {d.name: d for d in drawings(made_up_run("paper-example-2"))}
-    assert set(other) == EVERY
-    for name in ("path-3d", "image", "translation", "clearance"):
-        assert image_bytes(drawn[name], "png") != image_bytes(other[name], "png"), name
+    other = made_up_run("paper-example-2")
+    for draw in (path_3d, image_trajectories, clearance):
+        drawing = one(draw, other)
+        assert image_bytes(drawn[drawing.name], "png") != image_bytes(drawing, "png"), drawing.name
 
 
 def test_every_axis_has_a_unit(drawn):
@@ -86,7 +96,9 @@ def test_every_axis_has_a_unit(drawn):
 
 @pytest.mark.parametrize("task", ["paper-example-2", "ur5e-table"])
 def test_no_words_of_a_figure_overlap_or_leave_it(made_up_run, task):
-    for drawing in drawings(made_up_run(task)):
+    found = list(drawings(made_up_run(task)))
+    assert {drawing.name for drawing in found} == EVERY
+    for drawing in found:
         figure = drawing.figure
         figure.draw_without_rendering()
         page = figure.bbox
@@ -132,7 +144,7 @@ def test_lost_dots_are_gaps_and_not_lines(made_up_run):
     for row in lossy.log.rows[4:8]:
         row.pixels[2] = np.nan
         row.valid[2] = False
-    drawing = next(d for d in drawings(lossy) if d.name == "image")
+    drawing = one(image_trajectories, lossy)
     line = [x for x in drawing.figure.axes[0].lines if len(x.get_xdata()) == 12][2]
     assert np.isnan(line.get_xdata()).sum() == 4
 
@@ -144,14 +156,12 @@ def test_the_caption_says_how_many_dots_the_virtual_plane_cannot_show(made_up_ru
     assert valid
     for row in behind.log.rows[:3]:
         row.pixels[0] = pixel
-    captions = {d.name: d.caption for d in drawings(behind)}
-    assert "3 of 45" in captions["virtual-plane"]
+    assert "3 of 45" in one(plane_trajectories, behind).caption
 
 
 def test_a_contact_is_drawn_on_tinted_ground(made_up_run):
     def grounds(run):
-        drawing = next(d for d in drawings(run) if d.name == "arm-gap")
-        return len(drawing.figure.axes[0].patches)
+        return len(one(arm_gap, run).figure.axes[0].patches)
 
     touching = made_up_run(steps=8)
     rows = [replace(row, arm_clearance=-0.002 if k == 5 else 0.01) for k, row in enumerate(touching.log.rows)]
@@ -169,7 +179,7 @@ def test_the_certified_bound_is_drawn_only_for_a_certified_plan(run, drawn):
 
 def test_the_caption_says_what_the_planner_was_given_of_the_obstacle(made_up_run):
     def caption(run):
-        return next(d for d in drawings(run) if d.name == "path-3d").caption
+        return one(path_3d, run).caption
 
     def given(obstacles):
         planning = points.task.planning.model_copy(update={"obstacles": obstacles})

@@ -10,7 +10,7 @@ import pytest
 
 from omniservo.errors import InputError
 from omniservo.reporting import write_report
-from omniservo.reporting.margins import certified_clearance
+from omniservo.reporting.margins import certified_clearance, clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
 from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
 from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
@@ -61,6 +61,12 @@ def report(run, tmp_path_factory):
         (folder / name).write_text("{}")
     write_report(folder, [run])
     return read(folder)
+
+
+@pytest.fixture
+def one_figure(monkeypatch):
+    """For claims of a page's words: all figures of it take a second and more."""
+    monkeypatch.setitem(drawings.__globals__, "_FIGURES", (clearance,))
 
 
 def test_report_tells_joints_and_time_and_what_other_branches_would_do(report, run):
@@ -274,7 +280,7 @@ def test_report_contains_every_constraint_of_the_certificate(report, run):
         assert constraint.name in structure.words
 
 
-def test_what_uncertainty_takes_stands_in_the_report(stopped_run, tmp_path):
+def test_what_uncertainty_takes_stands_in_the_report(stopped_run, one_figure, tmp_path):
     margin = UncertainMargin("m", 0.004, 0.001, 0.003, {"noise": 0.002, "scale": 0.0025})
     found = RiskPlan(
         True,
@@ -301,7 +307,7 @@ def test_verdict_comes_before_every_figure_and_table(report):
     assert page.index("Converged") < page.index("<table")
 
 
-def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, tmp_path):
+def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, one_figure, tmp_path):
     """Words from files are escaped; the reason leads; without the paper's task there is no paper's table."""
     evil = '<script>alert("x")</script>'
     task = stopped_run.task.model_copy(update={"summary": evil, "name": "my-own"})
@@ -317,7 +323,7 @@ def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, tmp_path)
     assert "omniservo run TASK.yaml --method certified" in structure.words
 
 
-def test_methods_stand_side_by_side(run, made_up_run, tmp_path):
+def test_methods_stand_side_by_side(run, made_up_run, one_figure, tmp_path):
     classical = made_up_run(method="ibvs", steps=6)
     classical.log.contacts.add(("forearm", "obstacle 0"))
     classical.metrics.update(contacts=[["forearm", "obstacle 0"]], clearance_executed_m=0.021)

@@ -10,8 +10,6 @@ from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.tasks import load_task
 
-PERIOD = 1.0 / 30.0
-
 
 class SilentCamera:
     """A camera that gives nothing new in a span of time [s]."""

@@ -28,10 +28,15 @@ EXAMPLE, MORE = re.search(
 """the page's first task, and what it puts beside the way"""
 
 
-@pytest.fixture
-def file(tmp_path):
-    (tmp_path / "my_arm.urdf").write_text(urdf(SIX, visual=CYLINDER, extra=fingers()))
-    arm = Arm(tmp_path / "my_arm.urdf")
+ARM = urdf(SIX, visual=CYLINDER, extra=fingers())
+
+
+@pytest.fixture(scope="module")
+def completed(tmp_path_factory):
+    """The page's task with what is suggested for the arm."""
+    urdf_file = tmp_path_factory.mktemp("arm") / "my_arm.urdf"
+    urdf_file.write_text(ARM)
+    arm = Arm(urdf_file)
     posture = suggested_posture(arm)
     table = suggested_table(arm, suggested_mount(arm), posture)
     text = re.sub(r"joints: \[.*?\]", f"joints: {np.rad2deg(posture).round().tolist()}", EXAMPLE)
@@ -39,9 +44,14 @@ def file(tmp_path):
     stated = "center: {}, half_extents: {}, frame: base".format(*places)
     text = re.sub(r"center: .*?, frame: base", stated, text)
     text = re.sub(r"flange_T_camera: \{.*?\}", "flange_T_camera: {translation: [90, 0, 20]}", text)
+    return text.replace("camera: perspective", "sensor: {rate: 10}\ncamera: camera.yaml")  # to be quick
+
+
+@pytest.fixture
+def file(completed, tmp_path):
+    (tmp_path / "my_arm.urdf").write_text(ARM)
     save_camera(UnifiedCamera(210.0, 210.0, 159.5, 119.5, 0.0, 320, 240), tmp_path / "camera.yaml")
-    text = text.replace("camera: perspective", "sensor: {rate: 10}\ncamera: camera.yaml")  # to be quick
-    (tmp_path / "task.yaml").write_text(text)
+    (tmp_path / "task.yaml").write_text(completed)
     return tmp_path / "task.yaml"
 
 

@@ -33,7 +33,7 @@ def patient(task):
 def job(tmp_path_factory):
     """A folder with a task and its goal."""
     folder = tmp_path_factory.mktemp("robot")
-    task = load_task(written(folder, short(5, 4.0)))
+    task = load_task(written(folder, short(5, 2.5)))
     cell = PlainCell(task, 1)
     teach_goal(task, cell).save(folder / "goal.json")
     cell.close()
@@ -60,12 +60,6 @@ def served(job):
     finally:
         serving.terminate()  # a test in the background, and what it starts, hears no Ctrl-C
         serving.wait()
-
-
-@pytest.fixture
-def there(job):
-    with served(job) as folder:
-        yield folder
 
 
 def run_on(there, out, *more):
@@ -211,21 +205,6 @@ def interrupted_at(count):
     return interrupted
 
 
-def test_an_interrupted_run_leaves_its_recording_beside_the_folder(there, tmp_path, monkeypatch, capsys):
-    from omniservo.cli.robot_file import Approval
-
-    def interrupted(self, motion):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Approval, "__call__", interrupted)
-    (tmp_path / "out.mcap").write_bytes(b"another run's")
-    assert run_on(there, tmp_path / "out") == 130
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["out-2.mcap", "out.mcap"]
-    assert "out-2.mcap" in capsys.readouterr().out
-    found = replay_run(tmp_path / "out-2.mcap")
-    assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 0, False)
-
-
 def test_a_servo_that_is_broken_off_is_recorded_and_replayed_up_to_there(tmp_path, monkeypatch):
     from omniservo.runs.recorder import Recorder
 
@@ -238,24 +217,6 @@ def test_a_servo_that_is_broken_off_is_recorded_and_replayed_up_to_there(tmp_pat
     assert left == [tmp_path / "r.mcap"]
     found = replay_run(left[0])
     assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 7, False)
-
-
-def test_a_killed_run_leaves_a_file_that_is_read_and_replayed_to_its_end(there, tmp_path):
-    running = subprocess.Popen(
-        [sys.executable, "-m", "omniservo.cli.main", "run", str(there / "task.yaml"), "--on",
-         str(there / "robot.yaml"), "--goal", str(there / "goal.json"), "--yes", "--out",
-         str(tmp_path / "o")],
-        env=os.environ, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    file, end = tmp_path / "o.unfinished.mcap", time.monotonic() + 240.0
-    while not (file.exists() and any(getattr(e, "topic", "") == topics.MATCH for e in RecordedRun(file))):
-        assert time.monotonic() < end
-        assert running.poll() is None
-        time.sleep(0.2)
-    running.kill()
-    running.wait()
-    found = replay_run(file)
-    assert (found.cut, found.differences) == (True, ())
 
 
 def test_a_run_goes_on_whose_disk_is_full(tmp_path):
@@ -284,3 +245,43 @@ def test_a_recording_moves_into_the_folder_or_stays_beside_it(tmp_path):
     with pytest.raises(InputError, match="no"), recording_beside(tmp_path / "a", work, left.append):
         raise InputError("no")
     assert [p.name for p in left] == ["a.mcap", "a-3.mcap"]
+
+
+@pytest.fixture(scope="module")
+def there(job):
+    """Served for those runs that end before the arm moves; they stand last, as it is served to the end."""
+    with served(job) as folder:
+        yield folder
+
+
+def test_an_interrupted_run_leaves_its_recording_beside_the_folder(there, tmp_path, monkeypatch, capsys):
+    from omniservo.cli.robot_file import Approval
+
+    def interrupted(self, motion):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Approval, "__call__", interrupted)
+    (tmp_path / "out.mcap").write_bytes(b"another run's")
+    assert run_on(there, tmp_path / "out") == 130
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out-2.mcap", "out.mcap"]
+    assert "out-2.mcap" in capsys.readouterr().out
+    found = replay_run(tmp_path / "out-2.mcap")
+    assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 0, False)
+
+
+def test_a_killed_run_leaves_a_file_that_is_read_and_replayed_to_its_end(there, tmp_path):
+    running = subprocess.Popen(
+        [sys.executable, "-m", "omniservo.cli.main", "run", str(there / "task.yaml"), "--on",
+         str(there / "robot.yaml"), "--goal", str(there / "goal.json"), "--yes", "--out",
+         str(tmp_path / "o")],
+        env=os.environ, stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    file, end = tmp_path / "o.unfinished.mcap", time.monotonic() + 240.0
+    while not (file.exists() and any(getattr(e, "topic", "") == topics.MATCH for e in RecordedRun(file))):
+        assert time.monotonic() < end
+        assert running.poll() is None
+        time.sleep(0.2)
+    running.kill()
+    running.wait()
+    found = replay_run(file)
+    assert (found.cut, found.differences) == (True, ())

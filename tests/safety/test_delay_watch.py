@@ -55,13 +55,12 @@ def looked(
     return watch, None
 
 
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("structure", [0.8, 1.0, 1.3])
 @pytest.mark.parametrize("mount", [RIGHT, OFF], ids=["mount", "mount off"])
 def test_what_was_measured_right_is_not_disputed_whatever_structure_and_mount_are_off(
-    arm, scene, seed, structure, mount
+    arm, scene, structure, mount
 ):
-    watch, fault = looked(arm, scene, 0.0, seed=seed, structure=structure, mount=mount)
+    watch, fault = looked(arm, scene, 0.0, structure=structure, mount=mount)
     assert fault is None
     assert abs(watch.offset) < 5.0 * watch.sigma + 5e-3
 

@@ -165,8 +165,10 @@ class _Problem:
     def _poses(self, tau: float) -> RigidTransform:
         """Return first_T_camera of every image."""
         joints = self._views.joints.at(self._views.times + tau)
-        base_T_camera = [self._arm.base_T_flange(q) * self._mount for q in joints]
-        return RigidTransform.concatenate([base_T_camera[0].inv() * pose for pose in base_T_camera])
+        flanges = np.tile(np.eye(4), (len(joints), 1, 1))
+        flanges[:, :3] = [self._arm.locate(q)[0] for q in joints]
+        base_T_camera = RigidTransform(flanges, normalize=False) * self._mount
+        return base_T_camera[0].inv() * base_T_camera
 
     def _reduced(self, tau: float) -> FloatArray:
         """Return residuals with points where the first image has them, at 1 m."""

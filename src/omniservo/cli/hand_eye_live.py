@@ -38,7 +38,7 @@ def take_views(
     from omniservo.calibration.hand_eye.pose_choice import FEWEST_POSES
     from omniservo.files import whole_folder, writable, write_whole
     from omniservo.runs.open_hardware import listen_to_arm, open_robot_camera
-    from omniservo.runs.watch_board import ArmViewsOfBoard
+    from omniservo.runs.watch_camera import ArmViewsOfBoard
     from omniservo.targets import Target
 
     if on.file is None or isinstance(board, Target):

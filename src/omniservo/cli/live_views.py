@@ -22,7 +22,7 @@ from omniservo.errors import InputError, NoSolutionError
 if TYPE_CHECKING:
     from omniservo.calibration.boards import Board
     from omniservo.robots import CameraSource
-    from omniservo.runs.watch_board import Choice, Watch
+    from omniservo.runs.watch_camera import Choice, Watch
 
 LiveSourceOption = Annotated[
     str | None,
@@ -85,7 +85,7 @@ def take_images(
     from omniservo.calibration.view_choice import FEWEST
     from omniservo.files import whole_folder, writable
     from omniservo.runs.open_hardware import camera_at
-    from omniservo.runs.watch_board import BoardViews
+    from omniservo.runs.watch_camera import BoardViews
 
     writable(folder, force=force)
     with output.working(f"connecting to {source}"):
@@ -106,7 +106,7 @@ def watched(
     Raises:
         NoSolutionError: fewer images were kept than a calibration needs.
     """
-    from omniservo.runs.watch_board import watch_camera
+    from omniservo.runs.watch_camera import watch_camera
 
     with until_interrupt() as stopped, Preview(output) as preview:
         watch = watch_camera(camera, choice, tell=preview, stopped=stopped, seconds=seconds)

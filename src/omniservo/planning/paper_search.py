@@ -172,7 +172,7 @@ class _Objective:
     def __init__(
         self, problem: PlanningProblem, view: _ExactView | _VirtualPlaneView, sigma: int, tau: int
     ) -> None:
-        self._view, self._sigma, self._tau = view, sigma, tau
+        self._view, self._sigma = view, sigma
         self._goal, self._quaternion = problem.goal_translation, problem.goal_quaternion
         self._points = problem.points
         spheres = [o for o in problem.obstacles if isinstance(o, Sphere)]

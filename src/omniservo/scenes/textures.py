@@ -82,9 +82,10 @@ def _stones(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
     )
     nearest = np.full((rows, columns), np.inf)
     second, tone = nearest.copy(), np.zeros((rows, columns))
+    middles = np.indices(shape) - 1 + jitter
     for down, across in np.ndindex(3, 3):
         i, j = row + down - 1, column + across - 1
-        distance = np.hypot(i - 1 + jitter[0, i, j] - y, j - 1 + jitter[1, i, j] - x)
+        distance = np.hypot(middles[0, i, j] - y, middles[1, i, j] - x)
         tone = np.where(distance < nearest, tones[i, j], tone)
         second = np.minimum(second, np.maximum(distance, nearest))
         nearest = np.minimum(nearest, distance)
@@ -131,10 +132,17 @@ def _print_of(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
 
 def _disc(picture: FloatArray, row: float, column: float, radius: float, rng: np.random.Generator) -> None:
     """Put a disc or a ring into the image."""
-    y, x = np.ogrid[: picture.shape[0], : picture.shape[1]]
-    distance = np.hypot(y - row, x - column)
+    around, distance = _around(picture, row, column, radius)
     hole = radius * rng.choice([0.0, 0.0, 0.6])
-    picture[(distance < radius) & (distance >= hole)] = rng.choice([_INK, _PAPER, 0.3])
+    around[(distance < radius) & (distance >= hole)] = rng.choice([_INK, _PAPER, 0.3])
+
+
+def _around(picture: FloatArray, row: float, column: float, radius: float) -> tuple[FloatArray, FloatArray]:
+    """Return the part of an image that holds a circle, and every element's distance from its centre."""
+    top, left = (max(int(place - radius), 0) for place in (row, column))
+    part = picture[top : int(row + radius) + 2, left : int(column + radius) + 2]
+    y, x = np.ogrid[top : top + part.shape[0], left : left + part.shape[1]]
+    return part, np.hypot(y - row, x - column)
 
 
 def _letters(picture: FloatArray, rng: np.random.Generator, top: int, left: int, height: int) -> None:
@@ -164,16 +172,12 @@ def _crate(rng: np.random.Generator, rows: int, columns: int) -> FloatArray:
         for row in (0.06, 0.94):
             for column in (0.25, 0.75):
                 middle = left + column * (right - left)
-                _nail(picture, row * rows, middle, 0.008 * side)
+                head, distance = _around(picture, row * rows, middle, 0.008 * side)
+                head[distance < 0.008 * side] = 0.06
     for _ in range(8):
         height = int(rng.uniform(0.05, 0.11) * side)
         _letters(picture, rng, int(rng.integers(0, rows)), int(rng.integers(0, columns)), max(height, 4))
     return picture * (1.0 + 0.12 * _cloud(rng, rows, columns))
-
-
-def _nail(picture: FloatArray, row: float, column: float, radius: float) -> None:
-    y, x = np.ogrid[: picture.shape[0], : picture.shape[1]]
-    picture[np.hypot(y - row, x - column) < radius] = 0.06
 
 
 _KINDS: dict[str, Callable[[np.random.Generator, int, int], FloatArray]] = {

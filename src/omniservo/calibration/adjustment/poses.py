@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.calibration.adjustment.lens import unproject
-from omniservo.calibration.adjustment.refine import State, refine_poses, residuals
+from omniservo.calibration.adjustment.refine import State, refine_poses
 from omniservo.calibration.adjustment.views import Views, flatness
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
@@ -109,12 +109,6 @@ def linear_fit_px(views: Views, theta: FloatArray, keep: BoolArray) -> FloatArra
     bearings, seen = unproject(theta, views.pixels)
     maps = targets.maps(bearings, (seen & keep).astype(np.float64))
     return views.median(misfit(targets, maps, bearings)) * float(np.abs(theta[:2]).mean())
-
-
-def view_medians_px(views: Views, state: State) -> FloatArray:
-    """Return each view's median corner error (V,) [px]."""
-    errors = residuals(views, state)
-    return views.median(np.hypot(errors[:, 0], errors[:, 1]))
 
 
 def _tilted_back(views: Views, state: State) -> State:

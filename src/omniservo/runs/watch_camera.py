@@ -63,18 +63,6 @@ class Watch:
     """why watching ended"""
 
 
-def watch_board(
-    camera: CameraSource,
-    board: Board,
-    *,
-    tell: Callable[[Watch], None] = lambda _: None,
-    stopped: Callable[[], bool] = lambda: False,
-    seconds: float | None = None,
-) -> Watch:
-    """Look for a board in the images of a camera that is not known; see `watch_camera`."""
-    return watch_camera(camera, BoardViews(board), tell=tell, stopped=stopped, seconds=seconds)
-
-
 def watch_camera(
     camera: CameraSource,
     choice: Choice,
