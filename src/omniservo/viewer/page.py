@@ -39,6 +39,9 @@ WHILE_DRAGGED = 0.06
 _AT_REST = 0.15
 """[s] without a change after which the arm's plan is searched for to the end"""
 
+_PATH_FIRST = 0.08
+"""[s] that the view and the curves wait: the path is on the page before they take the processor"""
+
 _BETWEEN_VIEWS = 0.1
 """[s] that are left to the plans and to the browser: what is seen meanwhile is in the next view"""
 
@@ -258,6 +261,7 @@ class Page:
             self.nodes.show(answer)
             self._said.set()
             self.shown.status.content = status_html(answer)
+        self.server.flush()  # it would wait for a sixtieth of a second for more
         with self._changed:
             self._answer = answer
             self._changed.notify_all()
@@ -414,6 +418,7 @@ class Page:
         return answer.world_T_camera(w), answer.joints(min(w, answer.end)), None
 
     def _paint(self) -> None:
+        time.sleep(_PATH_FIRST)
         answer, moment = self._answer, self._moment
         if answer is None:
             return
