@@ -166,8 +166,7 @@ def _draw(folder: Path) -> None:
         live.settled.wait(_PATIENCE)
         mouse = PageMouse(opened, live, patience=_PATIENCE)
         mouse.close_dialogs()
-        live.shown.w.value = 0.5
-        live.show_at()
+        live.playback.go_to(0.5)
         _keep(mouse, folder / "live-page-arm.png")
         at, along = mouse.begin_drag(live.nodes.handles[0], 2)
         for k in range(1, 9):
@@ -185,8 +184,7 @@ def _draw(folder: Path) -> None:
         live.open(open_viewed("whole-arm-1"))
         live.wait_for(lambda found: len(found.situation.handles) == 1 and not found.searching, _PATIENCE)
         live.servo()
-        live.shown.w.value = 0.6
-        live.show_at()
+        live.playback.go_to(0.6)
         _keep(mouse, folder / "live-page-run.png")
         mouse.window.get_by_role("tab", name="Show").click()
         mouse.window.get_by_text("dark", exact=True).click()

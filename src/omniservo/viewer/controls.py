@@ -37,7 +37,7 @@ def add_panels(server: Any, page: Page) -> Shown:
     w = gui.add_slider(
         "w", 0.0, 1.0, 0.001, 0.0, hint="place on the path; of a run that is played, share of its time"
     )
-    w.on_update(page.guarded(lambda event: page.show_at() if event.client is not None else None))
+    w.on_update(page.guarded(lambda event: page.playback.show() if event.client is not None else None))
     play = gui.add_button("Play")
     play.on_click(page.guarded(lambda event: _toggle(page, play)))
     gui.add_command("Play or pause", hotkey="P").on_trigger(page.guarded(lambda event: _toggle(page, play)))
@@ -75,8 +75,8 @@ def _add_choices(gui: Any, page: Page) -> None:
 
 
 def _toggle(page: Page, button: Any) -> None:
-    page.play(not page.playing)
-    button.label = "Pause" if page.playing else "Play"
+    page.playback.play(not page.playback.playing)
+    button.label = "Pause" if page.playback.playing else "Play"
 
 
 def _set_arm(page: Page, wanted: bool) -> None:
@@ -85,8 +85,8 @@ def _set_arm(page: Page, wanted: bool) -> None:
 
 
 def _set_run(page: Page, wanted: bool) -> None:
-    page.run_shown = wanted
-    page.show_at()
+    page.playback.run_shown = wanted
+    page.playback.show()
 
 
 def _set_theme(gui: Any, *, dark: bool) -> None:

@@ -1,4 +1,4 @@
-"""The live page: a thread plans, one moves what is shown, one renders; the server's loop does none of it."""
+"""The live page: a thread plans, `Playback`'s move and render; the server's loop does none of it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any, TypeAlias
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform
-
 from omniservo.errors import InputError, OmniservoError
-from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, plan_path
+from omniservo.planning import plan_path
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.camera_view import CameraView
 from omniservo.viewer.edited_task import edited_task
-from omniservo.viewer.executed_run import ExecutedRun, executed_of
-from omniservo.viewer.live_servo import Moment, servo_live
+from omniservo.viewer.executed_run import executed_of
+from omniservo.viewer.live_servo import servo_live
+from omniservo.viewer.moment import Moment
 from omniservo.viewer.open_viewed import Viewed, judged_again
+from omniservo.viewer.playback import TICK, Playback
 from omniservo.viewer.plots import plots_html
 from omniservo.viewer.repeating import Repeating
 from omniservo.viewer.replay_file import places_of_replay, replay_page
+from omniservo.viewer.run_on_page import RunOnPage
 from omniservo.viewer.scene_nodes import SceneNodes
 from omniservo.viewer.situation import Situation
 from omniservo.viewer.status import PLANNING, job_html, refused_html, status_html
+from omniservo.viewer.watched_run import WatchedRun
 from omniservo.whole_arm import plan_with_arm
 
 Edit: TypeAlias = Callable[[Situation], Situation]
@@ -39,20 +39,8 @@ WHILE_DRAGGED = 0.06
 _AT_REST = 0.15
 """[s] without a change after which the arm's plan is searched for to the end"""
 
-_PATH_FIRST = 0.08
-"""[s] that the view and the curves wait: the path is on the page before they take the processor"""
-
-_BETWEEN_VIEWS = 0.1
-"""[s] that are left to the plans and to the browser: what is seen meanwhile is in the next view"""
-
 _SOON = 0.5
 """[s] after which it is said that a plan is not there yet"""
-
-_TICK = 1.0 / 25.0
-"""[s] between two places of a path that is played"""
-
-SECONDS = 6.0
-"""[s] in which a path is played"""
 
 _KEPT_TIMES = 4096
 
@@ -78,7 +66,6 @@ class Timings:
 
     plans: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
     publishing: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
-    views: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
 
 
 class Page:
@@ -94,26 +81,19 @@ class Page:
         self._jobs: deque[Callable[[], None]] = deque()
         self.whole_arm = True
         """whether the arm's plan is searched for, where there is an arm"""
-        self.playing = False
         self.timings = Timings()
         self._answer: Answer | None = None
         self._number, self._request, self._requests = 0, 0, count(1)
         self._changed = threading.Condition()
         self.settled = threading.Event()
         """set once the first situation is planned for, or refused"""
-        self._view = CameraView()
-        self.run_shown = False
-        """whether what is played is the run; the slider then goes along its time"""
-        self._moment: Moment | None = None
-        """of a servo that is watched"""
+        self.playback = Playback(server, lambda: self._answer, self._failed)
         self.shown: Shown
         self.listeners: list[Callable[[Situation], None]] = []
         """called, by the thread that plans, with what an edit or a drag made of the situation"""
+        self._watched: WatchedRun | None = None
         self._take(viewed)
         self._planner = Repeating("planner", self._plan, self._refused)
-        self._mover = Repeating("mover", self._move, self._failed)
-        self._painter = Repeating("painter", self._paint, self._failed)
-        self._player = Repeating("player", self._play, self._failed)
         self._said = threading.Event()
         """whether the sign on the page is that of the situation as it is"""
         self._watcher = Repeating("watcher", self._watch, self._failed)
@@ -121,16 +101,20 @@ class Page:
     def begin(self, shown: Shown) -> None:
         """Plan for the first time, and go on until `close`."""
         self.shown = shown
-        for thread in (self._planner, self._mover, self._painter, self._player, self._watcher):
+        self.playback.begin(shown.w, shown.view, shown.plots)
+        for thread in (self._planner, self._watcher):
             thread.start()
         self.replan()
+        self._watch_run()
 
     def close(self) -> None:
         """End the threads."""
-        self.playing = False
         self._said.set()
-        for thread in (self._player, self._planner, self._watcher, self._mover, self._painter):
+        if self._watched is not None:
+            self._watched.close()
+        for thread in (self._planner, self._watcher):
             thread.close()
+        self.playback.close()
 
     @property
     def answer(self) -> Answer | None:
@@ -166,22 +150,36 @@ class Page:
 
         def take_it() -> None:
             self.server.scene.reset()
+            if self._watched is not None and viewed.watched is not self._watched:
+                self._watched.close()
+                self.playback.follow(None)
             self._take(viewed)
+            self._watch_run()
 
         self._jobs.append(take_it)
         self.replan()
 
     def _take(self, viewed: Viewed) -> None:
-        self.name, self.run, self._stated = viewed.name, viewed.run, viewed.plan
+        self.name, self._stated, self._to_watch = viewed.name, viewed.plan, viewed.watched
         self._base = viewed.situation
         """what the handles' places are counted from: it changes by edits alone"""
         self.nodes = SceneNodes(self.server, viewed.situation, self.replan)
-        self._take_run(viewed.run)
+        self.playback.take(self.nodes, viewed.run)
 
-    def _take_run(self, run: ExecutedRun | None) -> None:
-        self.run, self.run_shown = run, run is not None
-        if run is not None:
-            self.nodes.show_executed(run.world_T_camera.translation)
+    def _watch_run(self) -> None:
+        """Begin to watch the run that is to be watched, unless that was done."""
+        watched = self._to_watch
+        if watched is None or watched is self._watched:
+            return
+        self._watched = watched
+
+        def watch() -> None:
+            try:
+                watched.watch(RunOnPage(self, watched))
+            except Exception as error:
+                self._failed(error)
+
+        threading.Thread(target=watch, name="watched run", daemon=True).start()
 
     def replan(self) -> None:
         """Have it planned for as the handles are now."""
@@ -191,16 +189,6 @@ class Page:
     def is_settled(self, answer: Answer) -> bool:
         """Return whether an answer is final, and takes all changes until now into account."""
         return not answer.searching and answer.request == self._request
-
-    def show_at(self) -> None:
-        """Have arm, camera and view shown at the slider's w."""
-        self._mover.wake()
-        self._painter.wake()
-
-    def play(self, playing: bool) -> None:
-        """Begin or end to go along the path."""
-        self.playing = playing
-        self._player.wake()
 
     @property
     def situation(self) -> Situation:
@@ -268,10 +256,10 @@ class Page:
         if not answer.searching:
             self.settled.set()
         worst = answer.worst
-        if answer.verdict == "no path" and worst is not None and not self.playing:
+        if answer.verdict == "no path" and worst is not None and not self.playback.playing:
             self.shown.w.value = round(worst.w, 2)
         self.timings.publishing.append(time.perf_counter() - begin)
-        self.show_at()
+        self.playback.show()
 
     def servo(self) -> None:
         """Do the whole job in the simulator, watched; then its motion is played. For a thread of its own.
@@ -279,7 +267,7 @@ class Page:
         Raises:
             InputError, NoSolutionError: the situation has no arm, or its job is refused.
         """
-        if self._moment is not None:
+        if self.playback.moment is not None:
             raise InputError("a servo is going on")
         situation, stage = self.situation, ""
         task = edited_task(situation)
@@ -292,11 +280,8 @@ class Page:
             self.shown.job.content = job_html(f"servo: {now}")
 
         def watch(moment: Moment) -> None:
-            self._moment = moment
-            self.shown.job.content = job_html(
-                f"servo: {stage}; supervisor: {moment.supervisor}; {moment.time:.2f} s"
-            )
-            self.show_at()
+            self.shown.job.content = job_html(f"servo: {stage}; {moment.words}; {moment.time:.2f} s")
+            self.playback.follow(moment)
 
         try:
             result = servo_live(task, watch, progress)
@@ -304,11 +289,11 @@ class Page:
             self.shown.job.content = job_html(f"servo: {error}")
             raise
         finally:
-            self._moment = None
+            self.playback.follow(None)
         run = executed_of(result, situation.world_T_initial)
         self.shown.job.content = job_html(f"servo: {'stopped before a step' if run is None else run.ended}")
-        self._take_run(run)
-        self.show_at()
+        self.playback.take_run(run)
+        self.playback.show()
 
     def replay(self) -> str:
         """Return the page as a file that opens without Python. For a thread of its own.
@@ -337,15 +322,15 @@ class Page:
         answer, view = self._answer, CameraView()
         if answer is None:
             raise InputError("there is no plan yet")
-        self.playing = False
+        self.playback.playing = False
         serializer = self.server.get_scene_serializer()
         for w in places_of_replay(answer):
             joints = answer.joints(w)
             self.nodes.show_camera(answer.world_T_camera(w))
             if joints is not None:
                 self.nodes.show_arm(joints)
-            serializer.insert_sleep(_TICK)
-        self.show_at()
+            serializer.insert_sleep(TICK)
+        self.playback.show()
         return replay_page(
             self.name,
             answer,
@@ -393,61 +378,6 @@ class Page:
 
     def _failed(self, error: Exception) -> None:
         self.shown.message("That did not work", _said(error))
-
-    def _move(self) -> None:
-        answer, moment = self._answer, self._moment
-        if answer is None:
-            return
-        camera, joints, planned = self._shown_now(answer, moment)
-        with self.server.atomic():
-            self.nodes.show_planned(planned)
-            self.nodes.show_camera(camera)
-            if joints is not None:
-                self.nodes.show_arm(joints)
-
-    def _shown_now(
-        self, answer: Answer, moment: Moment | None
-    ) -> tuple[RigidTransform, FloatArray | None, RigidTransform | None]:
-        """Return camera and joints as they are shown; of a run, where its plan has the camera, too."""
-        w, run, arm = float(self.shown.w.value), self.run, answer.situation.arm
-        if moment is not None and arm is not None:
-            return arm.scene.world_T_camera(moment.joints), moment.joints, None
-        if run is not None and self.run_shown:
-            step = run.step_at(w * float(run.times[-1]))
-            return run.world_T_camera[step], run.joints[step], run.world_T_planned(step)
-        return answer.world_T_camera(w), answer.joints(min(w, answer.end)), None
-
-    def _paint(self) -> None:
-        time.sleep(_PATH_FIRST)
-        answer, moment = self._answer, self._moment
-        if answer is None:
-            return
-        begin = time.perf_counter()
-        plan, w = self._followed(answer)
-        self.shown.plots.content = plots_html(curves_of(answer), w)
-        camera, joints, _ = self._shown_now(answer, moment)
-        self.shown.view.image = self._view.drawn(answer.situation, plan, camera, joints, w)
-        self.timings.views.append(time.perf_counter() - begin)
-        time.sleep(_BETWEEN_VIEWS)
-
-    def _followed(self, answer: Answer) -> tuple[Plan, float]:
-        """Return the plan whose trajectories are drawn, and where on its path that is which is shown."""
-        w, run = float(self.shown.w.value), self.run
-        if run is None or not self.run_shown or run.plan is None or self._moment is not None:
-            return answer.plan, w
-        place = float(run.w[run.step_at(w * float(run.times[-1]))])
-        return run.plan, place if np.isfinite(place) else w
-
-    def _play(self) -> None:
-        """Go along the path again and again until it is ended."""
-        last = time.monotonic()
-        while self.playing:
-            if self._player.woken_within(_TICK):
-                return
-            before, last = last, time.monotonic()
-            w = (float(self.shown.w.value) + (last - before) / SECONDS) % 1.0
-            self.shown.w.value = round(w, 3)
-            self.show_at()
 
 
 def _said(error: Exception) -> str:
