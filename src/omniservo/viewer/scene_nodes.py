@@ -33,9 +33,6 @@ _OBSTACLE: Colour = (150, 70, 45)
 _NAMED: Colour = (235, 60, 40)
 _TARGET: Colour = (200, 30, 30)
 
-_SPELLED = 3
-"""obstacles whose labels say that they are some; of more there would be no room"""
-
 _MOST_SHOWN = 5000
 """points of a cloud"""
 
@@ -102,15 +99,20 @@ class SceneNodes:
             handle.remove()
         del self.handles[len(situation.problem.obstacles) :]
         del self._obstacles[len(situation.problem.obstacles) :]
+        alone = len(situation.handles) == 1
         for i, (obstacle, pose) in enumerate(
             zip(situation.problem.obstacles, situation.handles, strict=True)
         ):
+            label = f"obstacle {i}" if alone else str(i)  # of several there would be no room
             if i == len(self.handles):
-                self.handles.append(self._obstacle_handle(i, obstacle, pose))
+                self.handles.append(self._obstacle_handle(i, label, obstacle, pose))
                 self._obstacles.append(obstacle)
             elif self._obstacles[i] is not obstacle:
                 self.handles[i].remove()
-                self.handles[i], self._obstacles[i] = self._obstacle_handle(i, obstacle, pose), obstacle
+                self.handles[i], self._obstacles[i] = (
+                    self._obstacle_handle(i, label, obstacle, pose),
+                    obstacle,
+                )
         for handle, pose in ((self._start, situation.world_T_initial), (self._goal, situation.world_T_goal)):
             _place(handle, pose)
         if self._camera != situation.camera:
@@ -224,19 +226,14 @@ class SceneNodes:
         handle.on_update(self._on_drag)
         return handle
 
-    def _obstacle_handle(self, i: int, obstacle: Obstacle, pose: RigidTransform) -> Any:
+    def _obstacle_handle(self, i: int, label: str, obstacle: Obstacle, pose: RigidTransform) -> Any:
         name = f"/handles/obstacle {i}"
         handle = self._server.scene.add_transform_controls(
             name, scale=0.28 * self._size, line_width=2.0, depth_test=False, disable_sliders=True,
             disable_rotations=_turns_nothing(obstacle), position=pose.translation, wxyz=_wxyz(pose.rotation),
         )  # fmt: skip
         self._draw_obstacle(f"{name}/body", obstacle, pose.rotation)
-        self._server.scene.add_label(
-            f"{name}/label",
-            f"obstacle {i}" if i < _SPELLED else str(i),
-            anchor="top-center",
-            font_screen_scale=0.8,
-        )
+        self._server.scene.add_label(f"{name}/label", label, anchor="top-center", font_screen_scale=0.8)
         handle.on_update(self._on_drag)
         return handle
 
