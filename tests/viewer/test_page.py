@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import viser
 from PIL import Image
+from scipy.spatial.transform import RigidTransform
 from tests.viewer.conftest import PATIENCE, settled
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import connect
@@ -199,6 +200,23 @@ def image_of(page, w):
     return SimpleNamespace(name=f"{w}.png", content=content.getvalue())
 
 
+def plans_at_a_risk(page):
+    """An estimate is planned for at a stated risk, until the goal is another one."""
+    page.whole_arm = False
+    number = page.answer.number
+    page.edit(lambda situation: situation.with_risk(0.1))
+    answer = settled(page, number)
+    page.whole_arm = True
+    found = answer.risk_plan
+    assert (found.ok, found.risk, answer.verdict) == (True, 0.1, "certified")
+    assert found.predicted_bound <= 0.1
+    assert answer.plan is found.plan
+    assert "at a risk of 10%" in page.shown.status.content
+    elsewhere = RigidTransform.from_translation([0.0, 0.001, 0.0]) * answer.situation.world_T_goal
+    assert answer.situation.moved(goal=elsewhere).risk == 0.0
+    assert answer.situation.with_problem(clearance=0.001).risk == 0.1
+
+
 def test_two_images_become_the_goal_and_the_points(page):
     answer = settled(page)
     start, goal = image_of(page, 0.0), image_of(page, 1.0)
@@ -216,6 +234,7 @@ def test_two_images_become_the_goal_and_the_points(page):
     apart = found.initial_T_goal.translation - stated.initial_T_goal.translation
     assert 0.0 < np.linalg.norm(apart) < 2e-3
     assert len(found.points) == len(stated.points)
+    plans_at_a_risk(page)
     with pytest.raises(OmniservoError):
         tab._take("goal image", SimpleNamespace(name="no.png", content=b"no image"))
     assert "refused" in tab._said.content

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,6 +16,7 @@ from omniservo.runs import estimate_images
 from omniservo.viewer.file_tab import written
 from omniservo.viewer.open_viewed import Viewed
 from omniservo.viewer.page import Page
+from omniservo.viewer.uncertain_target import uncertain_target
 
 _FEATURES = ("dots", "tags", "natural")
 _TAGS = "36h11"
@@ -85,6 +87,7 @@ class ImageTab:
             raise NoSolutionError(f"estimate: {estimate.status}: {estimate.message}")
         points = estimate.points[estimate.inliers]
         changed = situation.with_problem(points=points, initial_T_goal=estimate.initial_T_goal)
+        changed = replace(changed, uncertain=uncertain_target(estimate, changed.problem))
         self._page.open(Viewed(self._page.name, changed))
         away = 1e3 * float(np.linalg.norm(estimate.initial_T_goal.translation))
         turned = np.degrees(estimate.initial_T_goal.rotation.magnitude())

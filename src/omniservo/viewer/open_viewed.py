@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
+from omniservo.estimation import TwoViewEstimate
 from omniservo.files import read_document
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan, PlanningProblem, certify
@@ -27,7 +28,11 @@ from omniservo.tasks import Task, TaughtGoal, load_task
 from omniservo.tasks.task import FORMAT as TASK_FORMAT
 from omniservo.viewer.executed_run import ExecutedRun, read_executed
 from omniservo.viewer.situation import ArmInScene, Situation
+from omniservo.viewer.uncertain_target import uncertain_target
 from omniservo.viewer.watched_run import WatchedRun, recording_of
+
+_ESTIMATE = "estimate.json"
+"""in the folder of a run"""
 
 UPRIGHT = RigidTransform.from_rotation(Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
 """A camera that looks along the world's y, its image upright: where a problem's initial camera stands."""
@@ -170,6 +175,9 @@ def _opened_run(folder: Path) -> Viewed:
         plan = Plan.load(folder / "plan.json") if (folder / "plan.json").is_file() else None
         stated = viewed_task(task).situation.problem if plan is None else plan.problem
         situation = situation_of(task, stated)
+        if (folder / _ESTIMATE).is_file():
+            uncertain = uncertain_target(TwoViewEstimate.load(folder / _ESTIMATE), stated)
+            situation = replace(situation, uncertain=uncertain)
         run = read_executed(folder, scene_of_task(task), plan)
         if run is not None:  # the arm may have moved a little and looked again before it planned
             situation = situation.moved_as_a_whole(run.world_T_initial, run.joints[0])

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 from omniservo.errors import InputError, OmniservoError
 from omniservo.planning import plan_path
+from omniservo.risk import plan_arm_with_risk, plan_with_risk
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.camera_view import CameraView
@@ -210,8 +211,13 @@ class Page:
         plan = plan_path(situation.problem) if stated is None else judged_again(stated)
         self.timings.plans.append(plan.seconds)
         with_arm = self.whole_arm and situation.arm is not None and stated is None
-        self._publish(Answer(self._number + 1, situation, plan, searching=with_arm, request=request))
-        if with_arm and not self._planner.woken:
+        at_risk = situation.risk > 0.0 and stated is None
+        searching = with_arm or at_risk
+        self._publish(Answer(self._number + 1, situation, plan, searching=searching, request=request))
+        if at_risk:
+            if not self._planner.woken_within(_AT_REST):
+                self._plan_at_risk()
+        elif with_arm and not self._planner.woken:
             final = self._arm_planned(WHILE_DRAGGED)
             if not final and not self._planner.woken_within(_AT_REST):
                 self._arm_planned(None)
@@ -241,6 +247,20 @@ class Page:
         final = budget is None or found.plan.status in ("certified", "infeasible") or found.seconds < budget
         self._publish(replace(answer, number=self._number + 1, arm_plan=found, searching=not final))
         return final
+
+    def _plan_at_risk(self) -> None:
+        """Publish the plan at the situation's risk, which takes seconds: a handle that is dragged waits."""
+        answer = self._answer
+        if answer is None or (uncertain := answer.situation.uncertain) is None:
+            return
+        situation, estimate, rows = answer.situation, uncertain.estimate, uncertain.rows
+        if self.whole_arm and situation.arm is not None:
+            found = plan_arm_with_risk(
+                situation.problem, situation.arm.setting, estimate, risk=situation.risk, points=rows
+            )
+        else:
+            found = plan_with_risk(situation.problem, estimate, risk=situation.risk, points=rows)
+        self._publish(replace(answer, number=self._number + 1, risk_plan=found, searching=False))
 
     def _publish(self, answer: Answer) -> None:
         begin = time.perf_counter()

@@ -19,7 +19,7 @@ from omniservo.simulation.body_meshes import BodyPoses, body_meshes, solid_trian
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.field_of_view import field_outline, field_surface
 from omniservo.viewer.lit_triangles import lit_triangles
-from omniservo.viewer.path_tube import PLACES, Colour, PathTube
+from omniservo.viewer.path_rods import Colour, PathRods
 from omniservo.viewer.situation import Situation, obstacle_pose
 from omniservo.whole_arm.solids_of import solids_of
 
@@ -32,6 +32,9 @@ _GOAL: Colour = (0, 80, 216)
 _OBSTACLE: Colour = (150, 70, 45)
 _NAMED: Colour = (235, 60, 40)
 _TARGET: Colour = (200, 30, 30)
+
+_PLACES = 65
+"""of the path that it is drawn by"""
 
 _MOST_SHOWN = 5000
 """points of a cloud"""
@@ -82,8 +85,10 @@ class SceneNodes:
         )
         self._start = self._end_handle("start", _START, situation.world_T_initial)
         self._goal = self._end_handle("goal", _GOAL, situation.world_T_goal)
-        server.scene.add_light_ambient("/light", intensity=np.pi)  # for the tube alone: it shows its colour
-        self._path = PathTube(server.scene, "/path", 0.006 * self._size, (CERTIFIED, VIOLATED, SEARCHING))
+        server.scene.add_light_ambient(
+            "/light", intensity=np.pi
+        )  # for the rods alone: they show their colour
+        self._path = PathRods(server.scene, "/path", 0.006 * self._size, (CERTIFIED, VIOLATED, SEARCHING))
         self._camera_frame = server.scene.add_frame("/camera", show_axes=False)
         self._worst = server.scene.add_line_segments("/worst", np.zeros((1, 2, 3)), VIOLATED, **_pixels(4.0))
         self._label = server.scene.add_label(
@@ -134,7 +139,7 @@ class SceneNodes:
     def show(self, answer: Answer) -> None:
         """Show the path and which constraint is tight."""
         colour = CERTIFIED if answer.camera_alone else _COLOURS[answer.verdict]
-        self._path.show(answer.places(PLACES), colour)
+        self._path.show(answer.places(_PLACES), colour)
         worst = answer.worst
         self._worst.visible = self._label.visible = worst is not None
         if worst is not None:
