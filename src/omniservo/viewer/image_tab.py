@@ -1,4 +1,4 @@
-"""Pictures: the start and the goal are taken from two images, and what is shown is handed out as one."""
+"""Images: start and goal are taken from two, and what is shown is handed out as one."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _RENDERED = 30.0
 
 
 class ImageTab:
-    """Two images become the planning problem, as `omniservo estimate` takes them; two buttons save pictures.
+    """Two images become the planning problem, as `omniservo estimate` takes them; two buttons save what is shown.
 
     Args:
         gui: viser's, within the tab.
-        page: whose situation is changed, and of which pictures are.
+        page: whose situation is changed, and which is shown.
     """
 
     def __init__(self, gui: Any, page: Page) -> None:
@@ -110,9 +110,9 @@ class ImageTab:
         return "scene", np.asarray(shown[..., :3], dtype=np.uint8)
 
     def _hand_out(self, event: Any, *, make: Any) -> None:
-        name, picture = make(event)
+        name, image = make(event)
         content = io.BytesIO()
-        Image.fromarray(picture).save(content, format="PNG")
+        Image.fromarray(image).save(content, format="PNG")
         event.client.send_file_download(
             f"{self._page.name}-{name}.png", content.getvalue(), save_immediately=True
         )
