@@ -27,7 +27,7 @@ _RENDERED = 30.0
 
 
 class ImageTab:
-    """Two images become the planning problem, as `omniservo estimate` takes them; two buttons save what is shown.
+    """Two images become the planning problem, as `omniservo estimate` takes them; buttons save what is shown.
 
     Args:
         gui: viser's, within the tab.
