@@ -43,7 +43,7 @@ def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     page.wait_for(lambda answer: answer.number > number and page.playback.moment is not None, PATIENCE)
     assert "nothing is sent" in page.shown.job.content
     assert page.playback.moment.image is not None
-    halfway = page.playback.moment.time
+    assert 0.0 <= page.playback.moment.time < 5.0
     with growing.open("ab") as file:
         file.write(whole[len(whole) // 2 :])
     words_hold(page, "the run has ended: the goal is reached")
@@ -51,7 +51,7 @@ def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     answer = page.wait_for(lambda answer: page.playback.run and page.is_settled(answer), PATIENCE)
     run = page.playback.run
     assert page.playback.moment is None
-    assert run.times[-1] == steps[-1].time > halfway
+    assert np.array_equal(run.times, [step.time for step in steps])
     assert np.array_equal(run.joints, [step.joints for step in steps])
     assert run.plan.status == answer.verdict == "certified"
     camera = answer.situation.arm.scene.world_T_camera(run.joints[-1])

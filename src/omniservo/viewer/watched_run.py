@@ -74,6 +74,8 @@ class WatchedRun:
         self._initial = RigidTransform.identity()
         """where the camera stood in the world when it was planned"""
         self._words = ""
+        self._begun: float | None = None
+        """when the joints were read first [s]"""
         self._job = RecordedJob(RecordedRun(path, self._has_more))
         inputs, goal = self._job.inputs()
         with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
@@ -118,10 +120,11 @@ class WatchedRun:
             watching.said(self._words)
         elif isinstance(message, StepMessage):
             self._steps.append(message)
-            told = f"w {message.w:.2f}, {message.error_px:.1f} px from its reference"
-            watching.moved(Moment(message.time, self._joints(), told, message.w, self._image))
+            self._words = f"w {message.w:.2f}, {message.error_px:.1f} px from its reference"
         elif topic == topics.JOINT_STATES:
-            watching.moved(Moment(now, self._joints(), self._words, np.nan, self._image))
+            self._begun = now if self._begun is None else self._begun
+            w = self._steps[-1].w if self._steps else np.nan
+            watching.moved(Moment(now - self._begun, self._joints(), self._words, w, self._image))
 
     def _end(self, watching: Watching, message: EndMessage) -> None:
         ended = f"{message.reason}: {message.message}" if message.reason else "the goal is reached"
