@@ -3,6 +3,7 @@
 import shutil
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from omniservo.errors import InputError
 from omniservo.recording import Recorded, RecordedRun, RunRecording, topics
 from omniservo.runs import run_task
 from omniservo.tasks import load_task
+from omniservo.viewer.camera_view import with_trajectories
+from omniservo.viewer.moment import Moment
 from omniservo.viewer.open_viewed import open_viewed
+from omniservo.viewer.situation import with_xi
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +60,19 @@ def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     assert run.plan.status == answer.verdict == "certified"
     camera = answer.situation.arm.scene.world_T_camera(run.joints[-1])
     assert np.linalg.norm(camera.translation - run.world_T_camera[-1].translation) < 2e-3
+
+
+def test_the_camera_s_own_image_is_shown_where_the_plan_is_of_that_camera(page):
+    answer, playback = settled(page), page.playback
+    camera = answer.plan.problem.camera
+    image = np.random.default_rng(1).integers(0, 255, (camera.height, camera.width), dtype=np.uint8)
+    playback.follow(Moment(0.0, answer.joints(0.0), "", 0.25, image))
+    assert playback.w == 0.25
+    own = with_trajectories(image, answer.plan, 0.25)
+    assert np.array_equal(playback.seen(answer), own)
+    other = replace(answer, situation=answer.situation.with_problem(camera=with_xi(camera, 0.5)))
+    assert not np.array_equal(playback.seen(other), own)
+    playback.follow(None)
 
 
 def test_a_run_that_is_watched_ends_with_what_is_opened_in_its_place(recording, page, tmp_path):
