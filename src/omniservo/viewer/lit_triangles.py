@@ -1,7 +1,7 @@
 """Triangles whose light is in their colours.
 
 A browser without a GPU computes the light of every pixel of every frame on the processor: lights, shadows
-and reflections take it twenty times as long as colours that are there already.
+and reflections take it ten times as long as colours that are there already.
 """
 
 from __future__ import annotations
