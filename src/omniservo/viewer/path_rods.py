@@ -5,13 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.simulation.body_meshes import solid_triangles
 
 Colour = tuple[int, int, int]
 
 _RODS = 16
+
+_SIDES = (4, 6)
+"""along and round a rod: they are a few pixels"""
 
 _LONGER = 1.3
 """than the part of the path that it covers is a new rod: paths that are a little longer have no gaps"""
@@ -55,7 +58,8 @@ class PathRods:
     def _make(self, length: float) -> None:
         """Have rods of another length [m]."""
         self._length = length
-        shape = solid_triangles("capsule", np.array([self._radius, 0.5 * length]), None)
+        shape: Any = trimesh.creation.capsule(length, self._radius, count=_SIDES)
+        shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
         for colour, name in self._names.items():
             self._groups[colour] = self._scene.add_frame(name, show_axes=False, visible=False)
             self._rods[colour] = [

@@ -127,7 +127,7 @@ class SceneNodes:
             scene.add_glb("/camera/field", lit_triangles([(surface, _GOAL)], turn, opacity=0.18))
             outline = field_outline(situation.camera, 0.3 * self._size)
             scene.add_line_segments("/camera/border", outline, _GOAL, **_pixels(1.5))
-            centre = solid_triangles("sphere", np.array([0.012 * self._size]), None)
+            centre = trimesh.creation.icosphere(1, 0.012 * self._size)
             scene.add_glb("/camera/centre", lit_triangles([(centre, _GOAL)], turn))
 
     def dragged(self) -> Dragged:
