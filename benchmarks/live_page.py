@@ -4,8 +4,8 @@
     python -m benchmarks.live_page --minutes 4         and memory over so long a drag
     python -m benchmarks.live_page --images docs/images      the screenshots of docs/live-page.md
 
-A delay is from the browser's own mouse event to the change of the sign on the page with the new plan's
-number; the line of the path is in the same message.
+A delay is from the browser's own mouse event to the moment at which the frame with the new path is drawn to
+its last pixel: the scene is read back. Each move waits until everything that the one before led to is shown.
 """
 
 from __future__ import annotations
@@ -27,17 +27,28 @@ from omniservo.viewer.situation import Situation
 
 _PATIENCE = 300.0
 
+_QUIET = 600.0
+"""[ms] after an update, in which arm, view and curves follow it"""
+
 _WATCH = """() => {
-  window.seen = {moves: [], signs: []};
-  addEventListener('pointermove', e => window.seen.moves.push(performance.now()), true);
+  window.seen = {moves: [], signs: [], frames: 0};
+  const gl = document.querySelector('canvas[data-engine]').getContext('webgl2'), pixel = new Uint8Array(4);
+  addEventListener('pointermove', event => window.seen.moves.push(event.timeStamp), true);
   new MutationObserver(() => {
     const sign = document.querySelector('[data-update]');
-    if (!sign) return;
-    const last = window.seen.signs.at(-1), data = sign.dataset;
-    const now = [+data.update, data.stage, performance.now()];
-    if (!last || last[0] !== now[0]) window.seen.signs.push(now);
+    if (!sign || window.seen.signs.at(-1)?.number === +sign.dataset.update) return;
+    const shown = {number: +sign.dataset.update, stage: sign.dataset.stage, sign: performance.now()};
+    window.seen.signs.push(shown);
+    const afterFrame = new MessageChannel();
+    afterFrame.port1.onmessage = () => {
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+      shown.drawn = performance.now();
+    };
+    afterFrame.port2.postMessage(0);
   }).observe(document.body, {subtree: true, childList: true, attributes: true, characterData: true});
 }"""
+"""Notes when the mouse moved, when the sign of each update was there, and when its path was drawn: both are
+in one message, which is taken at the beginning of a frame, and reading a pixel waits for all of the frame."""
 
 
 _DRAWN = """() => new Promise(done => {
@@ -69,7 +80,8 @@ def main() -> None:
         for stage, whole in (("camera", False), ("arm", True)):
             live.whole_arm = whole
             live.replan()
-            mouse.window.wait_for_timeout(500)
+            mouse.shows_newest()
+            mouse.window.wait_for_timeout(_QUIET)
             _measure(live, mouse, stage, given.steps)
         if given.minutes:
             _watch_memory(live, mouse, given.minutes)
@@ -87,34 +99,42 @@ def _until_ready(task: str) -> float:
 
 def _measure(live: Any, mouse: PageMouse, stage: str, steps: int) -> None:
     """Drag an obstacle to and fro, and print from when to when it took."""
+    at, along = mouse.begin_drag(live.nodes.handles[0], 2)
     mouse.window.evaluate("() => { window.seen.moves = []; window.seen.signs = []; }")
     for times in (live.timings.plans, live.timings.publishing):
         times.clear()
-    at, along = mouse.begin_drag(live.nodes.handles[0], 2)
-    for k in range(steps):
+    before = _seconds_of(mouse)
+    for k in range(1, steps + 1):
+        number = live.answer.number
         mouse.window.mouse.move(*(at + along * 30.0 * np.sin(2.0 * np.pi * k / 20.0)))
-        mouse.window.wait_for_timeout(250)
+        live.wait_for(lambda answer, last=number: answer.number > last and live.is_settled(answer), _PATIENCE)
+        mouse.shows_newest()
+        mouse.window.wait_for_timeout(_QUIET)
+    used = (_seconds_of(mouse) - before) / steps
     mouse.window.mouse.up()
-    mouse.window.wait_for_timeout(500)
     seen = mouse.window.evaluate("() => window.seen")
-    found = [_delay(move, seen["signs"], stage) for move in seen["moves"][1:]]
-    delays = [delay for delay in found if delay is not None]
+    firsts = [_first_after(move, seen["signs"], stage) for move in seen["moves"]]
+    found = [(move, sign) for move, sign in zip(seen["moves"], firsts, strict=True) if sign is not None]
     plans, updates = (1e3 * np.array(times) for times in (live.timings.plans, live.timings.publishing))
     print(
-        f"{stage}: {len(found)} moves, {len(delays)} followed; move to new plan on the page "
-        f"{_spread(delays)}; camera's plan {_spread(plans)}; Python's part of an update {_spread(updates)}"
+        f"{stage}: {len(firsts)} moves, {len(found)} followed; from the move to the new path drawn "
+        f"{_spread([sign['drawn'] - move for move, sign in found])}, to its sign "
+        f"{_spread([sign['sign'] - move for move, sign in found])}; camera's plan {_spread(plans)}; Python's "
+        f"part of an update {_spread(updates)}; the browser's processor time for a move {1e3 * used:.0f} ms"
     )
 
 
-def _delay(move: float, signs: list[Any], stage: str) -> float | None:
-    """Return the time from a mouse move to the plan for where it led [ms]; None: there is none.
+def _first_after(move: float, signs: list[Any], stage: str) -> Any:
+    """Return the first sign of a stage after a mouse move; None: there is none."""
+    return next((sign for sign in signs if sign["sign"] > move and sign["stage"] == stage), None)
 
-    With the arm every place has two numbers, the camera's plan and the arm's: what follows the last number
-    before the move at once may be the arm's plan for the place before.
-    """
-    last = max((number for number, _, t in signs if t <= move), default=0)
-    least = last + (2 if stage == "arm" else 1)
-    return next((t - move for number, what, t in signs if what == stage and number >= least), None)
+
+def _seconds_of(mouse: PageMouse) -> float:
+    """Return the processor time that all of the browser's processes have used [s]."""
+    session = mouse.window.context.browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    return float(sum(process["cpuTime"] for process in processes))
 
 
 def _watch_memory(live: Any, mouse: PageMouse, minutes: float) -> None:
@@ -146,8 +166,7 @@ def _draw(folder: Path) -> None:
         live.settled.wait(_PATIENCE)
         mouse = PageMouse(opened, live, patience=_PATIENCE)
         mouse.close_dialogs()
-        live.shown.w.value = 0.5
-        live.show_at()
+        live.playback.go_to(0.5)
         _keep(mouse, folder / "live-page-arm.png")
         at, along = mouse.begin_drag(live.nodes.handles[0], 2)
         for k in range(1, 9):
@@ -165,8 +184,7 @@ def _draw(folder: Path) -> None:
         live.open(open_viewed("whole-arm-1"))
         live.wait_for(lambda found: len(found.situation.handles) == 1 and not found.searching, _PATIENCE)
         live.servo()
-        live.shown.w.value = 0.6
-        live.show_at()
+        live.playback.go_to(0.6)
         _keep(mouse, folder / "live-page-run.png")
         mouse.window.get_by_role("tab", name="Show").click()
         mouse.window.get_by_text("dark", exact=True).click()

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 CHROMIUM = "/usr/bin/chromium"
 
 _FLAGS = [
-    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox",
-    "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync",
+    "--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
+"""A machine without a GPU: the page is put together by the processor, the scene drawn by SwiftShader."""
 
 _ALONG = 0.75
 """of a handle's arrow, where it is gripped"""

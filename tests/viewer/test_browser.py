@@ -5,6 +5,8 @@ import pytest
 from benchmarks.page_mouse import PageMouse, browser, missing
 from tests.viewer.conftest import PATIENCE, settled
 
+from omniservo.viewer.open_viewed import open_viewed
+
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "there is a browser")
 
 
@@ -14,7 +16,35 @@ def opened():
         yield found
 
 
-def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_and_a_reload(page, opened):
+def becomes(window, holds):
+    """Wait until something holds, while the window goes on; return whether it does."""
+    for _ in range(int(PATIENCE / 0.02)):
+        if holds():
+            return True
+        window.wait_for_timeout(20)
+    return False
+
+
+def test_keys_go_along_the_path_and_play_it(page, opened):
+    mouse = PageMouse(opened, page, (760, 430), PATIENCE)
+    playback, press = page.playback, mouse.window.keyboard.press
+    for key, w in (("End", 1.0), ("ArrowLeft", 0.98), ("Home", 0.0), ("ArrowRight", 0.02)):
+        press(key)
+        assert becomes(mouse.window, lambda wanted=w: playback.w == pytest.approx(wanted)), key
+    press("Space")
+    assert becomes(mouse.window, lambda: playback.playing)
+    mouse.window.get_by_role("button", name="Pause").click()
+    assert becomes(mouse.window, lambda: not playback.playing)
+    press("Space")  # the button has the focus: it is pressed once
+    assert becomes(mouse.window, lambda: playback.playing)
+    mouse.window.wait_for_timeout(300)
+    assert playback.playing
+    playback.play(False)
+    playback.go_to(0.0)
+    mouse.window.close()
+
+
+def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_whatever_happens(page, opened):
     small = (760, 430)
     first = PageMouse(opened, page, small, PATIENCE)
     handle = page.nodes.handles[0]
@@ -33,5 +63,11 @@ def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_and_
     first.window.reload()
     first.window.wait_for_selector("[data-verdict]")
     assert first.shows_newest()
+    number = page.answer.number
+    page.server._websock_server.disconnect_all_clients()
+    page.open(open_viewed("whole-arm-1"))
+    settled(page, number)
+    assert first.shows_newest()
+    assert first.window.locator("canvas").count() > 0
     assert first.errors == second.errors == []
     first.window.close()

@@ -1,14 +1,23 @@
+import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import viser
+from PIL import Image
+from scipy.spatial.transform import RigidTransform
 from tests.viewer.conftest import PATIENCE, settled
+from websockets.exceptions import ConnectionClosedError
+from websockets.sync.client import connect
 
+from omniservo.errors import OmniservoError
 from omniservo.planning import plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
+from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.new_obstacle import new_obstacle
 from omniservo.viewer.open_viewed import Viewed, open_viewed
 from omniservo.viewer.repeating import Repeating
@@ -166,3 +175,67 @@ def test_the_sign_says_of_what_the_plan_is_certified(page):
     alone = Answer(3, answer.situation, answer.camera_plan)
     assert "<b>CERTIFIED</b> camera's path" in status_html(alone)
     assert "<b>CERTIFIED</b> whole arm" in status_html(answer)
+
+
+def test_another_web_page_is_refused_before_anything_is_sent(page):
+    port, version = page.server.get_port(), f"viser-v{viser.__version__}"
+
+    def first_from(origin):
+        with connect(f"ws://127.0.0.1:{port}", origin=origin, subprotocols=[version]) as line:
+            return line.recv(timeout=PATIENCE)
+
+    assert first_from(f"http://127.0.0.1:{port}")
+    assert first_from(None)  # no browser
+    for origin in ("http://elsewhere.example", f"http://127.0.0.1:{port + 1}", "null"):
+        with pytest.raises(ConnectionClosedError, match="served to itself"):
+            first_from(origin)
+
+
+def image_of(page, w):
+    """What the camera sees at a place of the path, as a file that is uploaded."""
+    answer = page.answer
+    grey = page.playback._view.rendered(answer.situation.world_scene, answer.joints(w))
+    content = io.BytesIO()
+    Image.fromarray(grey).save(content, format="PNG")
+    return SimpleNamespace(name=f"{w}.png", content=content.getvalue())
+
+
+def plans_at_a_risk(page):
+    """An estimate is planned for at a stated risk, until the goal is another one."""
+    page.whole_arm = False
+    number = page.answer.number
+    page.edit(lambda situation: situation.with_risk(0.1))
+    answer = settled(page, number)
+    page.whole_arm = True
+    found = answer.risk_plan
+    assert (found.ok, found.risk, answer.verdict) == (True, 0.1, "certified")
+    assert found.predicted_bound <= 0.1
+    assert answer.plan is found.plan
+    assert "at a risk of 10%" in page.shown.status.content
+    elsewhere = RigidTransform.from_translation([0.0, 0.001, 0.0]) * answer.situation.world_T_goal
+    assert answer.situation.moved(goal=elsewhere).risk == 0.0
+    assert answer.situation.with_problem(clearance=0.001).risk == 0.1
+
+
+def test_two_images_become_the_goal_and_the_points(page):
+    answer = settled(page)
+    start, goal = image_of(page, 0.0), image_of(page, 1.0)
+    stated = answer.situation.problem
+    gui = page.server.gui
+    folder = gui.add_folder("test")
+    with folder:
+        tab = ImageTab(gui, page)
+    tab._moved.value = float(np.linalg.norm(stated.initial_T_goal.translation))
+    tab._take("start image", start)
+    assert "the goal image is missing" in tab._said.content
+    tab._take("goal image", goal)
+    assert f"{len(stated.points)} points" in tab._said.content
+    found = settled(page, answer.number).situation.problem
+    apart = found.initial_T_goal.translation - stated.initial_T_goal.translation
+    assert 0.0 < np.linalg.norm(apart) < 2e-3
+    assert len(found.points) == len(stated.points)
+    plans_at_a_risk(page)
+    with pytest.raises(OmniservoError):
+        tab._take("goal image", SimpleNamespace(name="no.png", content=b"no image"))
+    assert "refused" in tab._said.content
+    folder.remove()

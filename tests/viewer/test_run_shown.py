@@ -34,8 +34,8 @@ def run(tmp_path_factory):
 
 def test_a_watched_servo_reports_arm_and_supervisor_as_time_passes(run):
     _, moments = run
-    assert moments[len(moments) // 2].supervisor == "moving"
-    assert moments[-1].supervisor == "stopped: time_limit"
+    assert moments[len(moments) // 2].words == "supervisor: moving"
+    assert moments[-1].words == "supervisor: stopped: time_limit"
     assert np.ptp([moment.joints for moment in moments], axis=0).max() > 1e-3
     assert (np.diff([moment.time for moment in moments]) >= 0.0).all()
 
@@ -57,11 +57,12 @@ def test_a_run_is_played_beside_its_plan(run, page):
     number = page.answer.number
     page.open(open_viewed(run[0]))
     answer = settled(page, number)
-    page.shown.w.value = 1.0
-    camera, joints, planned = page._shown_now(answer, None)
-    assert np.array_equal(joints, page.run.joints[-1])
-    assert np.allclose(planned.as_matrix(), answer.world_T_camera(float(page.run.w[-1])).as_matrix())
-    assert page._followed(answer) == (page.run.plan, float(page.run.w[-1]))
-    assert np.linalg.norm(camera.translation - planned.translation) < 5e-3
-    page.run_shown = False
-    assert page._shown_now(answer, None)[2] is None
+    playback = page.playback
+    playback.go_to(1.0)
+    place, played = playback.place(answer), playback.run
+    assert np.array_equal(place.joints, played.joints[-1])
+    assert np.allclose(place.planned.as_matrix(), answer.world_T_camera(float(played.w[-1])).as_matrix())
+    assert playback.followed(answer) == (played.plan, float(played.w[-1]))
+    assert np.linalg.norm(place.camera.translation - place.planned.translation) < 5e-3
+    playback.run_shown = False
+    assert playback.place(answer).planned is None

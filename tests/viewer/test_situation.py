@@ -61,6 +61,12 @@ def test_a_start_out_of_reach_is_refused_by_name(situation):
         situation.moved(start=far)
 
 
+def test_a_risk_is_refused_where_target_and_goal_are_exact(situation):
+    with pytest.raises(InputError, match="risk: target and goal are taken as exact"):
+        situation.with_risk(0.01)
+    assert situation.with_risk(0.0).risk == 0.0
+
+
 def test_handles_that_did_not_move_change_nothing(situation):
     same = situation.moved(
         situation.world_T_initial, situation.world_T_goal, dict(enumerate(situation.handles))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TypeAlias
@@ -78,15 +78,17 @@ class RecordedRun:
 
     Args:
         path: of the file.
+        more: called where the file ends before its own end; whether to read on there, as of one that grows.
 
     Raises:
         InputError: no file, or not one of MCAP; while it is read: what is damaged, named with its place.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, more: Callable[[], bool] = lambda: False) -> None:
         require_file(path)
         self.path = Path(path)
         """as given"""
+        self._more = more
         self.cut = False
         """whether the file ends before its own end; known once it is read"""
         self._schemas: dict[int, str] = {}
@@ -117,14 +119,14 @@ class RecordedRun:
         while True:
             place = stream.tell()
             head = stream.read(_HEAD.size)
-            if len(head) < _HEAD.size:
-                self.cut = True
-                return
-            kind, size = _HEAD.unpack(head)
+            kind, size = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
             if size > MOST_BYTES:
                 raise self._error(place, f"a record of {size} bytes; at most {MOST_BYTES} are read")
             content = stream.read(size)
-            if len(content) < size:
+            if len(head) + len(content) < _HEAD.size + size:
+                if self._more():
+                    stream.seek(place)
+                    continue
                 self.cut = True
                 return
             if kind == _DATA_END:

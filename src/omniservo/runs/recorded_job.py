@@ -165,6 +165,17 @@ class RecordedJob:
             if isinstance(entry, Parameters):
                 self._take_in(entry)
 
+    def entries(self) -> Iterator[Attachment | Parameters | Recorded]:
+        """Yield what is left, entry by entry, to the end of the file.
+
+        Raises:
+            InputError: what is read is not legal.
+        """
+        for entry in self._entries:
+            self._take_in(entry)
+            self._ahead.clear()
+            yield entry
+
     def limits(self) -> dict[str, float]:
         """Return the numbers within which the arm was led, as far as that was read.
 

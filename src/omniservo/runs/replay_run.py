@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from omniservo.planning import Plan
 from omniservo.recording import RecordedRun
 from omniservo.recording.recorded_messages import StepMessage
 from omniservo.risk import RiskPlan
-from omniservo.robots import Arm
 from omniservo.run_methods import run_method
+from omniservo.runs.begun_as_recorded import begun_as_recorded
 from omniservo.runs.comparison import Comparison
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
@@ -30,7 +30,6 @@ from omniservo.runs.job_recording import REFUSED, pose_numbers
 from omniservo.runs.joined_views import Job
 from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.moves import Moves
-from omniservo.runs.on_robot import on_robot
 from omniservo.runs.planned_job import first_job, planned_job
 from omniservo.runs.recorded_job import RecordedJob
 from omniservo.runs.recorded_robot import RecordedRobot, RecordingEnds
@@ -38,7 +37,7 @@ from omniservo.runs.replanner_of import replanner_of
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import Controller, Step, VisibilityFilter, servo
-from omniservo.scenes import Scene, scene_of_task
+from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 from omniservo.tracking import Replanner
 from omniservo.tracking.planned_motion import PlannedMotion
@@ -93,7 +92,7 @@ def replay_run(
     inputs, goal = job.inputs()
     with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
         try:
-            begun = _begun(inputs, goal, Path(folder), allow_outside=allow_outside)
+            begun = begun_as_recorded(inputs, goal, Path(folder), allow_outside=allow_outside)
         except InputError as error:
             raise InputError(f"{path}: {str(error).replace(f'{folder}/', '')}") from None
         found, replayed = Comparison(), _Replayed(job, inputs, (*begun, goal), progress)
@@ -107,31 +106,6 @@ def replay_run(
         begun[0].name, inputs.version, replayed.steps, found.differences, found.largest, job.dropped,
         replayed.left, job.end is None, reached,
     )  # fmt: skip
-
-
-def _begun(inputs: RunInputs, goal: TaughtGoal, folder: Path, *, allow_outside: bool) -> tuple[Task, Scene]:
-    """Return task and scene as they were begun with; their files go into a folder."""
-    here, there, robot = folder / "files", folder / "robot", inputs.robot
-    for place in (here, there):
-        place.mkdir()
-    inputs.task.write(here)
-    task = inputs.task.load(here, goal.camera, allow_outside=allow_outside)
-    if robot is None:
-        scene = scene_of_task(task)
-        start = scene.start_joints if inputs.start_joints is None else inputs.start_joints
-        _refuse_other_joints(scene.arm, start)
-        return task, replace(scene, start_joints=start)
-    robot.files.write(there)
-    file = robot.load(there, allow_outside=allow_outside)
-    arm = file.loaded_arm()
-    start = np.zeros(0) if inputs.start_joints is None else inputs.start_joints
-    _refuse_other_joints(arm, start)
-    return on_robot(task, file, arm, start)
-
-
-def _refuse_other_joints(arm: Arm, start: FloatArray) -> None:
-    if start.shape != (arm.dof,):
-        raise InputError(f"start_joints: {len(start)} numbers given; {arm.name} has {arm.dof} joints")
 
 
 class _Replayed:

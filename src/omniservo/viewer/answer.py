@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
+from omniservo.risk import RiskPlan
 from omniservo.viewer.situation import Situation
 from omniservo.viewer.worst_place import WorstPlace, worst_place
 from omniservo.whole_arm import ArmPlan
@@ -31,6 +32,8 @@ class Answer:
     situation: Situation
     camera_plan: Plan
     arm_plan: ArmPlan | None = None
+    risk_plan: RiskPlan | None = None
+    """where the situation has a risk: the plan that may be trusted with it"""
     searching: bool = False
     """the arm's plan is still searched for"""
     request: int = 0
@@ -38,7 +41,9 @@ class Answer:
 
     @property
     def plan(self) -> Plan:
-        """What is shown: the arm's plan where there is one."""
+        """What is shown: the plan at a risk where there is one, else the arm's."""
+        if self.risk_plan is not None:
+            return self.risk_plan.plan
         return self.camera_plan if self.arm_plan is None else self.arm_plan.plan
 
     @property
@@ -51,7 +56,8 @@ class Answer:
     @property
     def camera_alone(self) -> bool:
         """Whether this much is certified: the camera's path, for which the arm's plan is just begun."""
-        return self.searching and self.arm_plan is None and self.camera_plan.status == "certified"
+        begun = self.searching and self.arm_plan is None and not self.situation.risk
+        return begun and self.camera_plan.status == "certified"
 
     @property
     def reason(self) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from omniservo.viewer.file_tab import FileTab
+from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.limit_tab import LimitTab
 from omniservo.viewer.obstacle_tab import ObstacleTab
 from omniservo.viewer.page import Page, Shown
@@ -15,6 +16,9 @@ from omniservo.viewer.status import PLANNING
 _LEFT, _RIGHT = 318, 330
 """widths of the panels [px]: at 1280 × 720 px the scene keeps half of the page"""
 
+
+_STEP = 0.02
+"""of w that an arrow key goes"""
 
 _MESSAGE = 20.0
 """[s] for which a message stays"""
@@ -37,10 +41,10 @@ def add_panels(server: Any, page: Page) -> Shown:
     w = gui.add_slider(
         "w", 0.0, 1.0, 0.001, 0.0, hint="place on the path; of a run that is played, share of its time"
     )
-    w.on_update(page.guarded(lambda event: page.show_at() if event.client is not None else None))
+    w.on_update(page.guarded(lambda event: page.playback.show() if event.client is not None else None))
     play = gui.add_button("Play")
     play.on_click(page.guarded(lambda event: _toggle(page, play)))
-    gui.add_command("Play or pause", hotkey="P").on_trigger(page.guarded(lambda event: _toggle(page, play)))
+    _add_keys(gui, page, play)
     job = gui.add_html("")
     tabs = gui.add_tab_group()
     with tabs.add_tab("Show"):
@@ -49,6 +53,8 @@ def add_panels(server: Any, page: Page) -> Shown:
         ObstacleTab(gui, page)
     with tabs.add_tab("Limits"):
         LimitTab(gui, page)
+    with tabs.add_tab("Images"):
+        ImageTab(gui, page)
     with tabs.add_tab("Files"):
         FileTab(gui, page)
 
@@ -74,9 +80,23 @@ def _add_choices(gui: Any, page: Page) -> None:
     servo.on_click(page.in_background(lambda event: page.servo()))
 
 
+def _add_keys(gui: Any, page: Page, play: Any) -> None:
+    """Let keys do what button and slider do; in a field for numbers or text they type."""
+    playback = page.playback
+    keys = {
+        "Play or pause": ("space", lambda event: _toggle(page, play)),
+        "Forwards": ("arrowright", lambda event: playback.go_to(playback.w + _STEP)),
+        "Backwards": ("arrowleft", lambda event: playback.go_to(playback.w - _STEP)),
+        "To the start": ("home", lambda event: playback.go_to(0.0)),
+        "To the goal": ("end", lambda event: playback.go_to(1.0)),
+    }
+    for label, (key, work) in keys.items():
+        gui.add_command(label, hotkey=key).on_trigger(page.guarded(work))
+
+
 def _toggle(page: Page, button: Any) -> None:
-    page.play(not page.playing)
-    button.label = "Pause" if page.playing else "Play"
+    page.playback.play(not page.playback.playing)
+    button.label = "Pause" if page.playback.playing else "Play"
 
 
 def _set_arm(page: Page, wanted: bool) -> None:
@@ -85,8 +105,8 @@ def _set_arm(page: Page, wanted: bool) -> None:
 
 
 def _set_run(page: Page, wanted: bool) -> None:
-    page.run_shown = wanted
-    page.show_at()
+    page.playback.run_shown = wanted
+    page.playback.show()
 
 
 def _set_theme(gui: Any, *, dark: bool) -> None:

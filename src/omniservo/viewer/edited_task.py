@@ -65,6 +65,7 @@ def _planning(situation: Situation, task: Task, now_T_before: RigidTransform) ->
         "clearance": max(problem.clearance - planning.tracking_margin, 0.0),
         "visibility_margin": problem.visibility_margin,
         "occlusion": problem.occlusion,
+        "risk": situation.risk or planning.risk,
         "degrees": {"rotation": problem.degrees.rotation, "translation": problem.degrees.translation},
         "workspace": None if workspace is None else workspace.transformed(now_T_before),
     }

@@ -48,12 +48,12 @@ class FileTab:
             button.on_click(page.in_background(partial(self._hand_out, name=name, make=make)))
 
     def _open(self, event: Any) -> None:
-        with _written(event.target.value) as path:
+        with written(event.target.value) as path:
             viewed = open_viewed(path)
         self._page.open(viewed)
 
     def _take_camera(self, event: Any) -> None:
-        with _written(event.target.value) as path:
+        with written(event.target.value) as path:
             camera = named_model(path)
         self._page.edit(lambda situation: situation.with_problem(camera=camera))
 
@@ -79,7 +79,7 @@ class FileTab:
 
 
 @contextmanager
-def _written(file: Any) -> Iterator[Path]:
+def written(file: Any) -> Iterator[Path]:
     """Yield an uploaded file on the disk, as readers want it; messages name it as the user does."""
     if len(file.content) > _LARGEST:
         raise InputError(f"{file.name}: {len(file.content)} bytes given; legal: at most {_LARGEST}")

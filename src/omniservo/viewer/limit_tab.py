@@ -17,6 +17,9 @@ _MOST_CLEARANCE, _MOST_MARGIN = 0.15, 60.0
 
 _MOST_XI = 2.5
 
+_MOST_RISK = 20.0
+"""[%]"""
+
 _HIGHEST = 8
 """degree"""
 
@@ -44,6 +47,8 @@ class LimitTab:
         self._xi = gui.add_slider("ξ", 0.0, max(_MOST_XI, xi), 0.01, xi, hint=hint)
         hint = "no obstacle between camera and any target point"
         self._occlusion = gui.add_checkbox("no occlusion", problem.occlusion, hint=hint)
+        hint = "of an estimate's error; 0: it is taken as exact. For the folder of a run, or two images"
+        self._risk = gui.add_slider("risk [%]", 0.0, _MOST_RISK, 0.5, 100.0 * page.situation.risk, hint=hint)
         changes: tuple[tuple[Any, Change], ...] = (
             (self._clearance, lambda s, v: s.with_problem(clearance=1e-3 * v)),
             (self._margin, lambda s, v: s.with_problem(visibility_margin=v)),
@@ -51,6 +56,7 @@ class LimitTab:
             (self._translation, lambda s, v: s.with_problem(degrees=Degrees(s.problem.degrees.rotation, v))),
             (self._xi, lambda s, v: s.with_problem(camera=with_xi(s.problem.camera, v))),
             (self._occlusion, lambda s, v: s.with_problem(occlusion=v)),
+            (self._risk, lambda s, v: s.with_risk(v / 100.0)),
         )
         for slider, change in changes:
             slider.on_update(page.guarded(partial(self._set, change=change)))
@@ -66,6 +72,7 @@ class LimitTab:
             (self._translation, problem.degrees.translation),
             (self._xi, problem.camera.xi),
             (self._occlusion, problem.occlusion),
+            (self._risk, 100.0 * situation.risk),
         ):
             if abs(slider.value - value) > 1e-9:
                 if not isinstance(value, bool) and value > slider.max:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.results import RunResult
 from omniservo.runs import run_task
 from omniservo.runs.safety_of_task import safety_of_task
@@ -14,18 +12,7 @@ from omniservo.runs.supervisor_of import own_supervisor
 from omniservo.safety import Supervisor
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import Task
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What is known of the arm at one time of the servo."""
-
-    time: float
-    """on the simulator's clock [s]"""
-    joints: FloatArray
-    """(n,) [rad]"""
-    supervisor: str
-    """its state: "moving", "standing", or why it stopped the arm"""
+from omniservo.viewer.moment import Moment
 
 
 class WatchedCell(SimulatedCell):
@@ -73,5 +60,5 @@ def servo_live(
 
 def _state_of(supervisor: Supervisor) -> str:
     if supervisor.stopped is not None:
-        return f"stopped: {supervisor.stopped.reason}"
-    return "moving" if supervisor.moving else "standing"
+        return f"supervisor: stopped: {supervisor.stopped.reason}"
+    return "supervisor: moving" if supervisor.moving else "supervisor: standing"

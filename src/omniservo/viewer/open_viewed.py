@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
+from omniservo.estimation import TwoViewEstimate
 from omniservo.files import read_document
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan, PlanningProblem, certify
@@ -21,12 +22,17 @@ from omniservo.reporting.image_distance import image_distance
 from omniservo.runs.arm_setting_of import arm_setting_of
 from omniservo.runs.plan_task import problem_of
 from omniservo.runs.run_inputs import RunInputs
-from omniservo.scenes import SceneBox, scene_of_task
+from omniservo.scenes import Scene, SceneBox, scene_of_task
 from omniservo.shipped_tasks import shipped_tasks
 from omniservo.tasks import Task, TaughtGoal, load_task
 from omniservo.tasks.task import FORMAT as TASK_FORMAT
 from omniservo.viewer.executed_run import ExecutedRun, read_executed
 from omniservo.viewer.situation import ArmInScene, Situation
+from omniservo.viewer.uncertain_target import uncertain_target
+from omniservo.viewer.watched_run import WatchedRun, recording_of
+
+_ESTIMATE = "estimate.json"
+"""in the folder of a run"""
 
 UPRIGHT = RigidTransform.from_rotation(Rotation.from_matrix([[1, 0, 0], [0, 0, 1], [0, -1, 0]]))
 """A camera that looks along the world's y, its image upright: where a problem's initial camera stands."""
@@ -44,12 +50,16 @@ class Viewed:
     plan: Plan | None = None
     """of a plan file or a run: judged again, and shown until something is changed"""
     run: ExecutedRun | None = None
+    watched: WatchedRun | None = None
+    """a run that goes on, or its recording"""
 
 
 def open_viewed(
     what: str | Path, packages: Mapping[str, str | Path] | None = None, *, allow_outside: bool = False
 ) -> Viewed:
     """Return what a shipped task's name, a file, or the folder of a run holds.
+
+    A run that goes on is named by the folder that its results will be in.
 
     Args:
         what: the name or path.
@@ -62,6 +72,10 @@ def open_viewed(
     path = Path(what)
     if str(what) in shipped_tasks():
         return viewed_task(load_task(what))
+    recording = recording_of(path)
+    if recording is not None:
+        watched = WatchedRun(recording, allow_outside=allow_outside)
+        return replace(viewed_task(watched.task, watched.scene), watched=watched)
     if path.is_dir():
         return _opened_run(path)
     fields = read_document(path)
@@ -93,11 +107,16 @@ def judged_again(plan: Plan) -> Plan:
     return replace(plan, status=verdict, certificate=certificate, reason=reason)
 
 
-def viewed_task(task: Task) -> Viewed:
-    """Return a task with the goal and the target that it states: what a run estimates from its images."""
+def viewed_task(task: Task, scene: Scene | None = None) -> Viewed:
+    """Return a task with the goal and the target that it states: what a run estimates from its images.
+
+    Args:
+        task: the job.
+        scene: where it is done; None: the task's.
+    """
     points = stated_points(task)
     problem = problem_of(task, task.teach.initial_T_goal.transform, points)
-    return Viewed(task.name, _situation(task, problem))
+    return Viewed(task.name, situation_of(task, problem, scene))
 
 
 def stated_points(task: Task) -> FloatArray:
@@ -122,8 +141,9 @@ def stated_points(task: Task) -> FloatArray:
     return points[kept]
 
 
-def _situation(task: Task, problem: PlanningProblem) -> Situation:
-    scene = scene_of_task(task)
+def situation_of(task: Task, problem: PlanningProblem, scene: Scene | None = None) -> Situation:
+    """Return a problem with the arm and what stands around it; a body that is an obstacle moves with it."""
+    scene = scene_of_task(task) if scene is None else scene
     world_T_initial = task.start.world_T_camera.transform
     pairs = {
         (k, i)
@@ -154,7 +174,10 @@ def _opened_run(folder: Path) -> Viewed:
         task = inputs.task.load(Path(files), goal.camera)
         plan = Plan.load(folder / "plan.json") if (folder / "plan.json").is_file() else None
         stated = viewed_task(task).situation.problem if plan is None else plan.problem
-        situation = _situation(task, stated)
+        situation = situation_of(task, stated)
+        if (folder / _ESTIMATE).is_file():
+            uncertain = uncertain_target(TwoViewEstimate.load(folder / _ESTIMATE), stated)
+            situation = replace(situation, uncertain=uncertain)
         run = read_executed(folder, scene_of_task(task), plan)
         if run is not None:  # the arm may have moved a little and looked again before it planned
             situation = situation.moved_as_a_whole(run.world_T_initial, run.joints[0])

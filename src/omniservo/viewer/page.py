@@ -1,4 +1,4 @@
-"""The live page: a thread plans, one moves what is shown, one renders; the server's loop does none of it."""
+"""The live page: a thread plans, `Playback`'s move and render; the server's loop does none of it."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any, TypeAlias
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform
-
 from omniservo.errors import InputError, OmniservoError
-from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, plan_path
+from omniservo.planning import plan_path
+from omniservo.risk import plan_arm_with_risk, plan_with_risk
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.camera_view import CameraView
 from omniservo.viewer.edited_task import edited_task
-from omniservo.viewer.executed_run import ExecutedRun, executed_of
-from omniservo.viewer.live_servo import Moment, servo_live
+from omniservo.viewer.executed_run import executed_of
+from omniservo.viewer.live_servo import servo_live
+from omniservo.viewer.moment import Moment
 from omniservo.viewer.open_viewed import Viewed, judged_again
+from omniservo.viewer.playback import TICK, Playback
 from omniservo.viewer.plots import plots_html
 from omniservo.viewer.repeating import Repeating
 from omniservo.viewer.replay_file import places_of_replay, replay_page
+from omniservo.viewer.run_on_page import RunOnPage
 from omniservo.viewer.scene_nodes import SceneNodes
 from omniservo.viewer.situation import Situation
 from omniservo.viewer.status import PLANNING, job_html, refused_html, status_html
+from omniservo.viewer.watched_run import WatchedRun
 from omniservo.whole_arm import plan_with_arm
 
 Edit: TypeAlias = Callable[[Situation], Situation]
@@ -39,17 +40,8 @@ WHILE_DRAGGED = 0.06
 _AT_REST = 0.15
 """[s] without a change after which the arm's plan is searched for to the end"""
 
-_BETWEEN_VIEWS = 0.1
-"""[s] that are left to the plans and to the browser: what is seen meanwhile is in the next view"""
-
 _SOON = 0.5
 """[s] after which it is said that a plan is not there yet"""
-
-_TICK = 1.0 / 25.0
-"""[s] between two places of a path that is played"""
-
-SECONDS = 6.0
-"""[s] in which a path is played"""
 
 _KEPT_TIMES = 4096
 
@@ -75,7 +67,6 @@ class Timings:
 
     plans: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
     publishing: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
-    views: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_TIMES))
 
 
 class Page:
@@ -91,26 +82,19 @@ class Page:
         self._jobs: deque[Callable[[], None]] = deque()
         self.whole_arm = True
         """whether the arm's plan is searched for, where there is an arm"""
-        self.playing = False
         self.timings = Timings()
         self._answer: Answer | None = None
         self._number, self._request, self._requests = 0, 0, count(1)
         self._changed = threading.Condition()
         self.settled = threading.Event()
         """set once the first situation is planned for, or refused"""
-        self._view = CameraView()
-        self.run_shown = False
-        """whether what is played is the run; the slider then goes along its time"""
-        self._moment: Moment | None = None
-        """of a servo that is watched"""
+        self.playback = Playback(server, lambda: self._answer, self._failed)
         self.shown: Shown
         self.listeners: list[Callable[[Situation], None]] = []
         """called, by the thread that plans, with what an edit or a drag made of the situation"""
+        self._watched: WatchedRun | None = None
         self._take(viewed)
         self._planner = Repeating("planner", self._plan, self._refused)
-        self._mover = Repeating("mover", self._move, self._failed)
-        self._painter = Repeating("painter", self._paint, self._failed)
-        self._player = Repeating("player", self._play, self._failed)
         self._said = threading.Event()
         """whether the sign on the page is that of the situation as it is"""
         self._watcher = Repeating("watcher", self._watch, self._failed)
@@ -118,16 +102,20 @@ class Page:
     def begin(self, shown: Shown) -> None:
         """Plan for the first time, and go on until `close`."""
         self.shown = shown
-        for thread in (self._planner, self._mover, self._painter, self._player, self._watcher):
+        self.playback.begin(shown.w, shown.view, shown.plots)
+        for thread in (self._planner, self._watcher):
             thread.start()
         self.replan()
+        self._watch_run()
 
     def close(self) -> None:
         """End the threads."""
-        self.playing = False
         self._said.set()
-        for thread in (self._player, self._planner, self._watcher, self._mover, self._painter):
+        if self._watched is not None:
+            self._watched.close()
+        for thread in (self._planner, self._watcher):
             thread.close()
+        self.playback.close()
 
     @property
     def answer(self) -> Answer | None:
@@ -163,22 +151,36 @@ class Page:
 
         def take_it() -> None:
             self.server.scene.reset()
+            if self._watched is not None and viewed.watched is not self._watched:
+                self._watched.close()
+                self.playback.follow(None)
             self._take(viewed)
+            self._watch_run()
 
         self._jobs.append(take_it)
         self.replan()
 
     def _take(self, viewed: Viewed) -> None:
-        self.name, self.run, self._stated = viewed.name, viewed.run, viewed.plan
+        self.name, self._stated, self._to_watch = viewed.name, viewed.plan, viewed.watched
         self._base = viewed.situation
         """what the handles' places are counted from: it changes by edits alone"""
         self.nodes = SceneNodes(self.server, viewed.situation, self.replan)
-        self._take_run(viewed.run)
+        self.playback.take(self.nodes, viewed.run)
 
-    def _take_run(self, run: ExecutedRun | None) -> None:
-        self.run, self.run_shown = run, run is not None
-        if run is not None:
-            self.nodes.show_executed(run.world_T_camera.translation)
+    def _watch_run(self) -> None:
+        """Begin to watch the run that is to be watched, unless that was done."""
+        watched = self._to_watch
+        if watched is None or watched is self._watched:
+            return
+        self._watched = watched
+
+        def watch() -> None:
+            try:
+                watched.watch(RunOnPage(self, watched))
+            except Exception as error:
+                self._failed(error)
+
+        threading.Thread(target=watch, name="watched run", daemon=True).start()
 
     def replan(self) -> None:
         """Have it planned for as the handles are now."""
@@ -188,16 +190,6 @@ class Page:
     def is_settled(self, answer: Answer) -> bool:
         """Return whether an answer is final, and takes all changes until now into account."""
         return not answer.searching and answer.request == self._request
-
-    def show_at(self) -> None:
-        """Have arm, camera and view shown at the slider's w."""
-        self._mover.wake()
-        self._painter.wake()
-
-    def play(self, playing: bool) -> None:
-        """Begin or end to go along the path."""
-        self.playing = playing
-        self._player.wake()
 
     @property
     def situation(self) -> Situation:
@@ -219,8 +211,13 @@ class Page:
         plan = plan_path(situation.problem) if stated is None else judged_again(stated)
         self.timings.plans.append(plan.seconds)
         with_arm = self.whole_arm and situation.arm is not None and stated is None
-        self._publish(Answer(self._number + 1, situation, plan, searching=with_arm, request=request))
-        if with_arm and not self._planner.woken:
+        at_risk = situation.risk > 0.0 and stated is None
+        searching = with_arm or at_risk
+        self._publish(Answer(self._number + 1, situation, plan, searching=searching, request=request))
+        if at_risk:
+            if not self._planner.woken_within(_AT_REST):
+                self._plan_at_risk()
+        elif with_arm and not self._planner.woken:
             final = self._arm_planned(WHILE_DRAGGED)
             if not final and not self._planner.woken_within(_AT_REST):
                 self._arm_planned(None)
@@ -251,6 +248,20 @@ class Page:
         self._publish(replace(answer, number=self._number + 1, arm_plan=found, searching=not final))
         return final
 
+    def _plan_at_risk(self) -> None:
+        """Publish the plan at the situation's risk, which takes seconds: a handle that is dragged waits."""
+        answer = self._answer
+        if answer is None or (uncertain := answer.situation.uncertain) is None:
+            return
+        situation, estimate, rows = answer.situation, uncertain.estimate, uncertain.rows
+        if self.whole_arm and situation.arm is not None:
+            found = plan_arm_with_risk(
+                situation.problem, situation.arm.setting, estimate, risk=situation.risk, points=rows
+            )
+        else:
+            found = plan_with_risk(situation.problem, estimate, risk=situation.risk, points=rows)
+        self._publish(replace(answer, number=self._number + 1, risk_plan=found, searching=False))
+
     def _publish(self, answer: Answer) -> None:
         begin = time.perf_counter()
         self._number = answer.number
@@ -258,16 +269,17 @@ class Page:
             self.nodes.show(answer)
             self._said.set()
             self.shown.status.content = status_html(answer)
+        self.server.flush()  # it would wait for a sixtieth of a second for more
         with self._changed:
             self._answer = answer
             self._changed.notify_all()
         if not answer.searching:
             self.settled.set()
         worst = answer.worst
-        if answer.verdict == "no path" and worst is not None and not self.playing:
+        if answer.verdict == "no path" and worst is not None and not self.playback.playing:
             self.shown.w.value = round(worst.w, 2)
         self.timings.publishing.append(time.perf_counter() - begin)
-        self.show_at()
+        self.playback.show()
 
     def servo(self) -> None:
         """Do the whole job in the simulator, watched; then its motion is played. For a thread of its own.
@@ -275,7 +287,7 @@ class Page:
         Raises:
             InputError, NoSolutionError: the situation has no arm, or its job is refused.
         """
-        if self._moment is not None:
+        if self.playback.moment is not None:
             raise InputError("a servo is going on")
         situation, stage = self.situation, ""
         task = edited_task(situation)
@@ -288,11 +300,8 @@ class Page:
             self.shown.job.content = job_html(f"servo: {now}")
 
         def watch(moment: Moment) -> None:
-            self._moment = moment
-            self.shown.job.content = job_html(
-                f"servo: {stage}; supervisor: {moment.supervisor}; {moment.time:.2f} s"
-            )
-            self.show_at()
+            self.shown.job.content = job_html(f"servo: {stage}; {moment.words}; {moment.time:.2f} s")
+            self.playback.follow(moment)
 
         try:
             result = servo_live(task, watch, progress)
@@ -300,11 +309,11 @@ class Page:
             self.shown.job.content = job_html(f"servo: {error}")
             raise
         finally:
-            self._moment = None
+            self.playback.follow(None)
         run = executed_of(result, situation.world_T_initial)
         self.shown.job.content = job_html(f"servo: {'stopped before a step' if run is None else run.ended}")
-        self._take_run(run)
-        self.show_at()
+        self.playback.take_run(run)
+        self.playback.show()
 
     def replay(self) -> str:
         """Return the page as a file that opens without Python. For a thread of its own.
@@ -333,15 +342,15 @@ class Page:
         answer, view = self._answer, CameraView()
         if answer is None:
             raise InputError("there is no plan yet")
-        self.playing = False
+        self.playback.playing = False
         serializer = self.server.get_scene_serializer()
         for w in places_of_replay(answer):
             joints = answer.joints(w)
             self.nodes.show_camera(answer.world_T_camera(w))
             if joints is not None:
                 self.nodes.show_arm(joints)
-            serializer.insert_sleep(_TICK)
-        self.show_at()
+            serializer.insert_sleep(TICK)
+        self.playback.show()
         return replay_page(
             self.name,
             answer,
@@ -389,60 +398,6 @@ class Page:
 
     def _failed(self, error: Exception) -> None:
         self.shown.message("That did not work", _said(error))
-
-    def _move(self) -> None:
-        answer, moment = self._answer, self._moment
-        if answer is None:
-            return
-        camera, joints, planned = self._shown_now(answer, moment)
-        with self.server.atomic():
-            self.nodes.show_planned(planned)
-            self.nodes.show_camera(camera)
-            if joints is not None:
-                self.nodes.show_arm(joints)
-
-    def _shown_now(
-        self, answer: Answer, moment: Moment | None
-    ) -> tuple[RigidTransform, FloatArray | None, RigidTransform | None]:
-        """Return camera and joints as they are shown; of a run, where its plan has the camera, too."""
-        w, run, arm = float(self.shown.w.value), self.run, answer.situation.arm
-        if moment is not None and arm is not None:
-            return arm.scene.world_T_camera(moment.joints), moment.joints, None
-        if run is not None and self.run_shown:
-            step = run.step_at(w * float(run.times[-1]))
-            return run.world_T_camera[step], run.joints[step], run.world_T_planned(step)
-        return answer.world_T_camera(w), answer.joints(min(w, answer.end)), None
-
-    def _paint(self) -> None:
-        answer, moment = self._answer, self._moment
-        if answer is None:
-            return
-        begin = time.perf_counter()
-        plan, w = self._followed(answer)
-        self.shown.plots.content = plots_html(curves_of(answer), w)
-        camera, joints, _ = self._shown_now(answer, moment)
-        self.shown.view.image = self._view.drawn(answer.situation, plan, camera, joints, w)
-        self.timings.views.append(time.perf_counter() - begin)
-        time.sleep(_BETWEEN_VIEWS)
-
-    def _followed(self, answer: Answer) -> tuple[Plan, float]:
-        """Return the plan whose trajectories are drawn, and where on its path that is which is shown."""
-        w, run = float(self.shown.w.value), self.run
-        if run is None or not self.run_shown or run.plan is None or self._moment is not None:
-            return answer.plan, w
-        place = float(run.w[run.step_at(w * float(run.times[-1]))])
-        return run.plan, place if np.isfinite(place) else w
-
-    def _play(self) -> None:
-        """Go along the path again and again until it is ended."""
-        last = time.monotonic()
-        while self.playing:
-            if self._player.woken_within(_TICK):
-                return
-            before, last = last, time.monotonic()
-            w = (float(self.shown.w.value) + (last - before) / SECONDS) % 1.0
-            self.shown.w.value = round(w, 3)
-            self.show_at()
 
 
 def _said(error: Exception) -> str:

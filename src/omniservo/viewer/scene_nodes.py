@@ -7,6 +7,7 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
@@ -14,13 +15,13 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.simulation import World
-from omniservo.simulation.body_meshes import BodyMesh, BodyPoses, body_meshes, solid_triangles
+from omniservo.simulation.body_meshes import BodyPoses, body_meshes, solid_triangles
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.field_of_view import field_outline, field_surface
+from omniservo.viewer.lit_triangles import lit_triangles
+from omniservo.viewer.path_rods import Colour, PathRods
 from omniservo.viewer.situation import Situation, obstacle_pose
 from omniservo.whole_arm.solids_of import solids_of
-
-Colour = tuple[int, int, int]
 
 CERTIFIED: Colour = (0, 150, 70)
 VIOLATED: Colour = (215, 30, 40)
@@ -32,11 +33,8 @@ _OBSTACLE: Colour = (150, 70, 45)
 _NAMED: Colour = (235, 60, 40)
 _TARGET: Colour = (200, 30, 30)
 
-_PLACES = 25
-"""of the path's line"""
-
-_SPELLED = 3
-"""obstacles whose labels say that they are some; of more there would be no room"""
+_PLACES = 65
+"""of the path that it is drawn by"""
 
 _MOST_SHOWN = 5000
 """points of a cloud"""
@@ -73,6 +71,8 @@ class SceneNodes:
         self._frames: dict[int, Any] = {}
         self._camera: CentralModel | None = None
         self._planned: Any = None
+        server.scene.configure_default_lights(enabled=False)
+        server.scene.configure_environment_map(None)  # the light is in the colours: see `lit_triangles`
         if situation.arm is not None:
             self._add_world(situation)
         else:
@@ -85,9 +85,10 @@ class SceneNodes:
         )
         self._start = self._end_handle("start", _START, situation.world_T_initial)
         self._goal = self._end_handle("goal", _GOAL, situation.world_T_goal)
-        self._path = server.scene.add_spline_catmull_rom(
-            "/path", np.zeros((2, 3)), thickness=0.012 * self._size
-        )
+        server.scene.add_light_ambient(
+            "/light", intensity=np.pi
+        )  # for the rods alone: they show their colour
+        self._path = PathRods(server.scene, "/path", 0.006 * self._size, (CERTIFIED, VIOLATED, SEARCHING))
         self._camera_frame = server.scene.add_frame("/camera", show_axes=False)
         self._worst = server.scene.add_line_segments("/worst", np.zeros((1, 2, 3)), VIOLATED, **_pixels(4.0))
         self._label = server.scene.add_label(
@@ -103,27 +104,31 @@ class SceneNodes:
             handle.remove()
         del self.handles[len(situation.problem.obstacles) :]
         del self._obstacles[len(situation.problem.obstacles) :]
+        alone = len(situation.handles) == 1
         for i, (obstacle, pose) in enumerate(
             zip(situation.problem.obstacles, situation.handles, strict=True)
         ):
+            label = f"obstacle {i}" if alone else str(i)  # of several there would be no room
             if i == len(self.handles):
-                self.handles.append(self._obstacle_handle(i, obstacle, pose))
+                self.handles.append(self._obstacle_handle(i, label, obstacle, pose))
                 self._obstacles.append(obstacle)
             elif self._obstacles[i] is not obstacle:
                 self.handles[i].remove()
-                self.handles[i], self._obstacles[i] = self._obstacle_handle(i, obstacle, pose), obstacle
+                self.handles[i], self._obstacles[i] = (
+                    self._obstacle_handle(i, label, obstacle, pose),
+                    obstacle,
+                )
         for handle, pose in ((self._start, situation.world_T_initial), (self._goal, situation.world_T_goal)):
             _place(handle, pose)
         if self._camera != situation.camera:
             self._camera = situation.camera
-            surface = field_surface(situation.camera, 0.3 * self._size)
-            scene.add_mesh_simple(
-                "/camera/field", *surface, color=_GOAL, opacity=0.18, side="double", cast_shadow=False,
-                receive_shadow=False,
-            )  # fmt: skip
+            surface = trimesh.Trimesh(*field_surface(situation.camera, 0.3 * self._size))
+            turn = situation.world_T_initial.rotation
+            scene.add_glb("/camera/field", lit_triangles([(surface, _GOAL)], turn, opacity=0.18))
             outline = field_outline(situation.camera, 0.3 * self._size)
             scene.add_line_segments("/camera/border", outline, _GOAL, **_pixels(1.5))
-            scene.add_icosphere("/camera/centre", 0.012 * self._size, color=_GOAL)
+            centre = trimesh.creation.icosphere(1, 0.012 * self._size)
+            scene.add_glb("/camera/centre", lit_triangles([(centre, _GOAL)], turn))
 
     def dragged(self) -> Dragged:
         """Return where the handles are."""
@@ -134,8 +139,7 @@ class SceneNodes:
     def show(self, answer: Answer) -> None:
         """Show the path and which constraint is tight."""
         colour = CERTIFIED if answer.camera_alone else _COLOURS[answer.verdict]
-        self._path.points = answer.places(_PLACES).astype(np.float32)
-        self._path.color = colour
+        self._path.show(answer.places(_PLACES), colour)
         worst = answer.worst
         self._worst.visible = self._label.visible = worst is not None
         if worst is not None:
@@ -162,7 +166,7 @@ class SceneNodes:
         turn_nothing = [_turns_nothing(obstacle) for obstacle in self._obstacles]
         all_handles = (self._start, self._goal, *self.handles)
         for handle, fixed in zip(all_handles, (False, False, *turn_nothing), strict=True):
-            handle.disable_axes = handle.disable_sliders = not visible
+            handle.disable_axes = not visible
             handle.disable_rotations = fixed or not visible
 
     def show_executed(self, places: FloatArray) -> None:
@@ -187,16 +191,21 @@ class SceneNodes:
             return
         world = World(arm.scene)
         self._poses = BodyPoses(world)
-        still, quaternions = self._poses.at(arm.scene.start_joints)
+        places, quaternions = self._poses.at(arm.scene.start_joints)
         moving = set(np.flatnonzero(world.model.body_weldid).tolist())
-        for number, mesh in enumerate(body_meshes(world)):
-            name = f"/world/{mesh.body}" if mesh.body in moving else f"/world/still/{number}"
-            if mesh.body in moving and mesh.body not in self._frames:
-                self._frames[mesh.body] = self._server.scene.add_frame(name, show_axes=False)
-            place = (
-                {} if mesh.body in moving else {"position": still[mesh.body], "wxyz": quaternions[mesh.body]}
-            )
-            self._add_mesh(f"{name}/shape {number}" if mesh.body in moving else name, mesh, place)
+        shapes: dict[int | None, list[tuple[trimesh.Trimesh, Colour]]] = {}
+        for mesh in body_meshes(world):
+            shape = trimesh.Trimesh(mesh.vertices, mesh.faces)
+            if mesh.body not in moving:
+                pose = RigidTransform.from_components(places[mesh.body], _turn(quaternions[mesh.body]))
+                shape.apply_transform(pose.as_matrix())
+            shapes.setdefault(mesh.body if mesh.body in moving else None, []).append((shape, mesh.colour))
+        for body, parts in shapes.items():
+            turn = Rotation.identity() if body is None else _turn(quaternions[body])
+            name = "still" if body is None else str(body)
+            node = self._server.scene.add_glb(f"/world/{name}", lit_triangles(parts, turn))
+            if body is not None:
+                self._frames[body] = node
         for panel in arm.scene.panels:
             picture = np.repeat((255.0 * panel.picture ** (1 / 2.2)).astype(np.uint8)[..., None], 3, axis=2)
             face = panel.world_T_panel * RigidTransform.from_translation([0.0, 0.0, -1e-3])
@@ -205,15 +214,10 @@ class SceneNodes:
                 position=face.translation, wxyz=_wxyz(face.rotation),
             )  # fmt: skip
 
-    def _add_mesh(self, name: str, mesh: BodyMesh, place: dict[str, Any]) -> None:
-        self._server.scene.add_mesh_simple(
-            name, mesh.vertices, mesh.faces, color=mesh.colour, flat_shading=False, side="double", **place
-        )
-
     def _end_handle(self, name: str, colour: Colour, pose: RigidTransform) -> Any:
         handle = self._server.scene.add_transform_controls(
             f"/handles/{name}", scale=0.22 * self._size, line_width=2.0, depth_test=False,
-            position=pose.translation, wxyz=_wxyz(pose.rotation),
+            disable_sliders=True, position=pose.translation, wxyz=_wxyz(pose.rotation),
         )  # fmt: skip
         self._server.scene.add_camera_frustum(
             f"/handles/{name}/frustum",
@@ -227,24 +231,19 @@ class SceneNodes:
         handle.on_update(self._on_drag)
         return handle
 
-    def _obstacle_handle(self, i: int, obstacle: Obstacle, pose: RigidTransform) -> Any:
+    def _obstacle_handle(self, i: int, label: str, obstacle: Obstacle, pose: RigidTransform) -> Any:
         name = f"/handles/obstacle {i}"
         handle = self._server.scene.add_transform_controls(
-            name, scale=0.28 * self._size, line_width=2.0, depth_test=False,
+            name, scale=0.28 * self._size, line_width=2.0, depth_test=False, disable_sliders=True,
             disable_rotations=_turns_nothing(obstacle), position=pose.translation, wxyz=_wxyz(pose.rotation),
         )  # fmt: skip
-        self._draw_obstacle(f"{name}/body", obstacle)
-        self._server.scene.add_label(
-            f"{name}/label",
-            f"obstacle {i}" if i < _SPELLED else str(i),
-            anchor="top-center",
-            font_screen_scale=0.8,
-        )
+        self._draw_obstacle(f"{name}/body", obstacle, pose.rotation)
+        self._server.scene.add_label(f"{name}/label", label, anchor="top-center", font_screen_scale=0.8)
         handle.on_update(self._on_drag)
         return handle
 
-    def _draw_obstacle(self, name: str, obstacle: Obstacle) -> None:
-        """Draw it in its own frame."""
+    def _draw_obstacle(self, name: str, obstacle: Obstacle, world_R_own: Rotation) -> None:
+        """Draw it in its own frame, lit as it stands in the world now."""
         scene = self._server.scene
         own = obstacle_pose(obstacle).inv()
         if isinstance(obstacle, Cloud):
@@ -257,11 +256,9 @@ class SceneNodes:
         (solid,) = solids_of((replace(obstacle, motion=None),), own)
         least = 0.02 * self._size if solid.kind == "sphere" else 0.0
         shape = solid_triangles(solid.kind, np.maximum(solid.size, least), solid.vertices)
-        opacity = 0.35 if isinstance(obstacle, HalfSpace) else 0.85
-        scene.add_mesh_simple(
-            name, np.array(shape.vertices), np.array(shape.faces), color=_OBSTACLE, opacity=opacity,
-            side="double", position=solid.pose.translation, wxyz=_wxyz(solid.pose.rotation),
-        )  # fmt: skip
+        shape.apply_transform(solid.pose.as_matrix())
+        opacity = 0.35 if isinstance(obstacle, HalfSpace) else 1.0
+        scene.add_glb(name, lit_triangles([(shape, _OBSTACLE)], world_R_own, opacity))
 
     async def _on_drag(self, event: Any) -> None:
         """Async: gestures keep their order; nothing is planned on the server's loop."""
@@ -299,8 +296,11 @@ def _place(handle: Any, pose: RigidTransform) -> None:
 
 
 def _pose(handle: Any) -> RigidTransform:
-    turn = Rotation.from_quat(np.asarray(handle.wxyz, dtype=np.float64), scalar_first=True)
-    return RigidTransform.from_components(np.asarray(handle.position, dtype=np.float64), turn)
+    return RigidTransform.from_components(np.asarray(handle.position, dtype=np.float64), _turn(handle.wxyz))
+
+
+def _turn(wxyz: Any) -> Rotation:
+    return Rotation.from_quat(np.asarray(wxyz, dtype=np.float64), scalar_first=True)
 
 
 def _wxyz(rotation: Rotation) -> FloatArray:

@@ -20,6 +20,7 @@ from omniservo.planning.obstacles.obstacle import Obstacle, hides_points
 from omniservo.replanning.frame_change import problem_from, seen_from
 from omniservo.scenes import Scene
 from omniservo.tasks import Task
+from omniservo.viewer.uncertain_target import UncertainTarget
 from omniservo.whole_arm import ArmSetting
 from omniservo.whole_arm.solids_of import solids_of
 
@@ -48,6 +49,10 @@ class Situation:
     arm: ArmInScene | None = None
     bodies: frozenset[int] = frozenset()
     """obstacles of the problem that also stand in the task as bodies"""
+    uncertain: UncertainTarget | None = None
+    """what target and goal were estimated by; None: they are as exact as stated, or were moved"""
+    risk: float = 0.0
+    """that the servo, led by that estimate, may violate a constraint; 0: the estimate is taken as exact"""
 
     @property
     def world_T_goal(self) -> RigidTransform:
@@ -99,7 +104,7 @@ class Situation:
             changes["obstacles"] = tuple(obstacles)
         if goal is not None and not _same(goal, self.world_T_goal):
             changes["initial_T_goal"] = self.world_T_initial.inv() * goal
-        found = replace(self, problem=replace(problem, **changes)) if changes else self
+        found = self.with_problem(**changes) if changes else self
         if start is None or _same(start, self.world_T_initial):
             return found
         return found._started_at(start)
@@ -107,14 +112,15 @@ class Situation:
     def _started_at(self, world_T_initial: RigidTransform) -> Situation:
         here = self.world_T_initial.inv() * world_T_initial
         problem = problem_from(self.problem, here, 0.0, None)
+        exact = replace(self, problem=problem, uncertain=None, risk=0.0)
         if self.arm is None:
-            return replace(self, problem=problem, world_T_initial=world_T_initial)
+            return replace(exact, world_T_initial=world_T_initial)
         scene = self.arm.scene
         try:
             joints = scene.joints_for(world_T_initial, scene.start_joints)
         except InputError as error:
             raise InputError(f"the arm cannot start there: {error}") from None
-        return replace(self, problem=problem).moved_as_a_whole(world_T_initial, joints)
+        return exact.moved_as_a_whole(world_T_initial, joints)
 
     def moved_as_a_whole(self, world_T_initial: RigidTransform, joints: FloatArray) -> Situation:
         """Return the same problem as it is where the arm (n,) [rad] has its initial camera elsewhere."""
@@ -136,7 +142,21 @@ class Situation:
         arm = self.arm
         if "camera" in changes and arm is not None:
             arm = replace(arm, scene=replace(arm.scene, camera=changes["camera"]))
-        return replace(self, problem=replace(self.problem, **changes), arm=arm)
+        found = replace(self, problem=replace(self.problem, **changes), arm=arm)
+        estimated = {"camera", "points", "initial_T_goal"} & changes.keys()
+        return replace(found, uncertain=None, risk=0.0) if estimated else found
+
+    def with_risk(self, risk: float) -> Situation:
+        """Return it with a risk that the plan may have.
+
+        Raises:
+            InputError: target and goal are no estimate with its uncertainty.
+        """
+        if risk > 0.0 and self.uncertain is None:
+            raise InputError(
+                "risk: target and goal are taken as exact; open the folder of a run, or give two images"
+            )
+        return replace(self, risk=risk)
 
     def with_obstacle(self, i: int, obstacle: Obstacle) -> Situation:
         """Return it with another obstacle in the place of one."""

@@ -54,10 +54,14 @@ def job_html(words: str) -> str:
 
 
 def _stage(answer: Answer) -> str:
+    if answer.risk_plan is not None:
+        return "risk"
     return "camera" if answer.arm_plan is None else "arm"
 
 
 def _what(answer: Answer) -> str:
+    if answer.situation.risk:
+        return _at_risk(answer)
     milliseconds = 1e3 * (answer.camera_plan.seconds if answer.arm_plan is None else answer.arm_plan.seconds)
     if answer.camera_alone:
         return "camera's path; of the whole arm not yet"
@@ -65,6 +69,24 @@ def _what(answer: Answer) -> str:
         return "the camera's path is certified; for the whole arm…"
     whose = "camera's path" if answer.arm_plan is None else "whole arm"
     return f"{whose}, {milliseconds:.1f} ms"
+
+
+def _at_risk(answer: Answer) -> str:
+    """Say what is planned for, and what samples of the estimate's error say of the plan."""
+    stated, found = f"at a risk of {_percent(answer.situation.risk)}", answer.risk_plan
+    if found is None:
+        whether = "is" if answer.camera_plan.status == "certified" else "is not"
+        return f"{stated}: this takes seconds …; the path without a risk {whether} certified"
+    violated, bound = found.predicted, found.predicted_bound
+    links = "" if found.links is None else f", links {_percent(found.links.violated)}"
+    return (
+        f"{stated}: {_percent(violated)} of {found.samples} samples violate a constraint "
+        f"(surely ≤ {_percent(bound)}){links}; {found.seconds:.1f} s"
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g}%"
 
 
 def _against(answer: Answer) -> str:

@@ -1,0 +1,94 @@
+"""A run of another process on the page, as its recording grows."""
+
+import shutil
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.runs.changed_task import DrawnCell, short, written
+from tests.viewer.conftest import PATIENCE, settled
+
+from omniservo.errors import InputError
+from omniservo.recording import Recorded, RecordedRun, RunRecording, topics
+from omniservo.runs import run_task
+from omniservo.tasks import load_task
+from omniservo.viewer.camera_view import with_trajectories
+from omniservo.viewer.moment import Moment
+from omniservo.viewer.open_viewed import open_viewed
+from omniservo.viewer.situation import with_xi
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Of a short run."""
+    folder = tmp_path_factory.mktemp("watched")
+    task = load_task(written(folder, short(5, 1.0)))
+    with RunRecording(folder / "run.mcap") as recording:
+        run_task(task, DrawnCell, filmed=False, recording=recording)
+    return folder / "run.mcap"
+
+
+def words_hold(page, words):
+    """Wait until the page says so of a run."""
+    end, never = time.monotonic() + PATIENCE, threading.Event()
+    while words not in page.shown.job.content:
+        assert time.monotonic() < end, page.shown.job.content
+        never.wait(0.02)
+
+
+def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
+    whole = recording.read_bytes()
+    growing = tmp_path / "result.unfinished.mcap"
+    growing.write_bytes(whole[: len(whole) // 2])
+    number = page.answer.number
+    page.open(open_viewed(tmp_path / "result"))
+    page.wait_for(lambda answer: answer.number > number and page.playback.moment is not None, PATIENCE)
+    assert "nothing is sent" in page.shown.job.content
+    assert page.playback.moment.image is not None
+    assert 0.0 <= page.playback.moment.time < 5.0
+    with growing.open("ab") as file:
+        file.write(whole[len(whole) // 2 :])
+    words_hold(page, "the run has ended: the goal is reached")
+    steps = [e.message for e in RecordedRun(recording) if isinstance(e, Recorded) and e.topic == topics.STEP]
+    answer = page.wait_for(lambda answer: page.playback.run and page.is_settled(answer), PATIENCE)
+    run = page.playback.run
+    assert page.playback.moment is None
+    assert np.array_equal(run.times, [step.time for step in steps])
+    assert np.array_equal(run.joints, [step.joints for step in steps])
+    assert run.plan.status == answer.verdict == "certified"
+    camera = answer.situation.arm.scene.world_T_camera(run.joints[-1])
+    assert np.linalg.norm(camera.translation - run.world_T_camera[-1].translation) < 2e-3
+
+
+def test_the_camera_s_own_image_is_shown_where_the_plan_is_of_that_camera(page):
+    answer, playback = settled(page), page.playback
+    camera = answer.plan.problem.camera
+    image = np.random.default_rng(1).integers(0, 255, (camera.height, camera.width), dtype=np.uint8)
+    playback.follow(Moment(0.0, answer.joints(0.0), "", 0.25, image))
+    assert playback.w == 0.25
+    own = with_trajectories(image, answer.plan, 0.25)
+    assert np.array_equal(playback.seen(answer), own)
+    other = replace(answer, situation=answer.situation.with_problem(camera=with_xi(camera, 0.5)))
+    assert not np.array_equal(playback.seen(other), own)
+    playback.follow(None)
+
+
+def test_a_run_that_is_watched_ends_with_what_is_opened_in_its_place(recording, page, tmp_path):
+    shutil.copy(recording, tmp_path / "whole.mcap")
+    cut = tmp_path / "result.unfinished.mcap"
+    cut.write_bytes((tmp_path / "whole.mcap").read_bytes()[:-4000])
+    page.open(open_viewed(tmp_path / "result"))
+    page.wait_for(lambda answer: page.playback.moment is not None, PATIENCE)
+    number = page.answer.number
+    page.open(open_viewed("whole-arm-1"))
+    settled(page, number)
+    assert page.playback.moment is None
+    assert page._watched._closed.is_set()
+
+
+def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path):
+    (tmp_path / "other.mcap").write_bytes(b"not one of ours")
+    with pytest.raises(InputError, match=r"other.mcap: not an MCAP file"):
+        open_viewed(tmp_path / "other.mcap")
