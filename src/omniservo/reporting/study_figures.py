@@ -139,7 +139,8 @@ def _drawn_row(result: RowResult) -> Drawing:
 def _draw_image(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     """Draw the points' true trajectories in the image."""
     camera = scene.camera
-    seen = [scene.shown(pose.inv().apply(scene.points)) for pose in trajectory.poses]
+    ways = zip(trajectory.rotations, trajectory.places, strict=True)
+    seen = [scene.shown((scene.points - centre) @ rotation) for rotation, centre in ways]
     pixels = np.array([np.where(ok[:, None], place, np.nan) for place, ok in seen])
     for points in pixels.transpose(1, 0, 2):
         axes.plot(*points.T, color=EXECUTED, lw=0.8, alpha=0.6)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
-from scipy.spatial.transform import RigidTransform
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quaternions import quaternion_from_matrix
 
 
 @with_field_docs
@@ -27,6 +30,12 @@ class ServoMeasurement:
     """(n,) [m], by the pose that explains the goal image"""
     goal_T_camera: RigidTransform
     """the camera's pose in the camera frame of the goal image, by these two poses [m]"""
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """θu (3,), the rotation vector of goal_R_camera [rad]."""
+        matrix = self.goal_T_camera.as_matrix()[:3, :3]
+        return Rotation.from_quat(quaternion_from_matrix(np.ascontiguousarray(matrix))).as_rotvec()
 
     @property
     def points(self) -> FloatArray:

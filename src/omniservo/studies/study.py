@@ -178,6 +178,9 @@ class Study(Section):
         """16 hexadecimal digits of all that the file says, its cameras included."""
         return hashlib.sha256(self.to_json().encode()).hexdigest()[:16]
 
+    def __hash__(self) -> int:
+        return hash(self.hash)
+
     def to_json(self) -> str:
         """Return the study complete by itself: cameras in it, lengths in m, angles in rad."""
         return json.dumps({"format": FORMAT, **self.model_dump(mode="json")})

@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 import omniservo
 from omniservo.planning import Plan
 from omniservo.run_methods import run_method
 from omniservo.studies.closed_loop import ClosedLoop, Trajectory
+from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study import Study
-from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import NotLed, controller_of_scene
-from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene, generators
+from omniservo.studies.study_scene import NoScene, StudyScene
 
 STATUSES = ("converged", "timed_out", "stopped", "not_estimated", "not_planned", "no_scene", "error")
 
@@ -100,8 +99,6 @@ def run_row(study: Study, number: int) -> RowResult:
     )  # fmt: skip
     try:
         return _run(study, empty)
-    except NoScene as none:
-        return RowResult(replace(empty, status="no_scene", reason=str(none)))
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
@@ -109,37 +106,34 @@ def run_row(study: Study, number: int) -> RowResult:
 
 
 def _run(study: Study, empty: StudyRow) -> RowResult:
-    scene = draw_scene(study, empty.scene, study.cameras[empty.camera])
-    _, random = generators(study, empty.scene)
-    camera, goal = StudyCamera(scene, random), scene.initial_T_goal
-    images = [camera.take(pose.rotation.as_matrix(), np.array(pose.translation)) for pose in (_HERE, goal)]
-    known = replace(
+    start = scene_start(study, empty.scene, empty.camera)
+    if isinstance(start, NoScene):
+        return RowResult(replace(empty, status="no_scene", reason=str(start)))
+    scene = start.scene
+    drawn = replace(
         empty,
         start_rotation_rad=scene.drawn.rotation,
         start_distance_ratio=scene.drawn.distance_ratio,
-        start_distance_m=float(np.linalg.norm(goal.translation)),
+        start_distance_m=float(np.linalg.norm(scene.initial_T_goal.translation)),
         obstacles=len(scene.obstacles),
         noise_px=scene.conditions.noise,
         latency_s=scene.conditions.latency,
     )
     try:
-        led = controller_of_scene(study, scene, run_method(empty.method), *images)
+        led = controller_of_scene(study, start, run_method(empty.method))
     except NotLed as none:
-        still = Trajectory([0.0], [_HERE])
-        row = scored(study, scene, replace(known, status=none.status, reason=none.reason), still)
+        still = Trajectory([0.0], [np.eye(3)], [np.zeros(3)])
+        row = scored(study, scene, replace(drawn, status=none.status, reason=none.reason), still)
         return RowResult(row, None, scene, still)
     certified = led.plan is not None and led.plan.status == "certified"
-    ended = ClosedLoop(study, scene, camera, led).run()
-    said = replace(known, status=ended.status, reason=ended.reason, certified=certified)
+    ended = ClosedLoop(study, scene, start.camera(), led).run()
+    said = replace(drawn, status=ended.status, reason=ended.reason, certified=certified)
     return RowResult(scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
-
-
-_HERE = RigidTransform.identity()
 
 
 def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajectory) -> StudyRow:
     """Return the row with what the true poses say of it."""
-    off = scene.initial_T_goal.inv() * trajectory.poses[-1]
+    off = scene.initial_T_goal.inv() * trajectory.end
     translation, rotation = float(np.linalg.norm(off.translation)), float(off.rotation.magnitude())
     gap = trajectory.least_gap(scene)
     collision = gap is not None and gap < scene.clearance

@@ -14,6 +14,7 @@ from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
 from omniservo.estimation import refine_pose
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
+from omniservo.planning.quick_poses import composed
 from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod, limited_twist
 
 LEAST_POINTS = 4
@@ -211,5 +212,5 @@ class GoalServo:
             distances[use],
             self._goal_bearings[use],
             self._goal_distances[use],
-            self._goal_T_initial * initial_T_camera,
+            composed(self._goal_T_initial, initial_T_camera),
         )
