@@ -6,7 +6,11 @@ from scipy.stats import binomtest
 from tests.studies.conftest import rows_of
 
 from omniservo.errors import InputError
-from omniservo.studies import Rate, compare_studies, summaries
+from omniservo.studies import Rate, StudyTally, compare_studies
+
+
+def summarised(rows):
+    return StudyTally(rows).summaries()
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 10), (3, 10), (10, 10), (731, 1000), (1, 1)])
@@ -23,14 +27,14 @@ def test_nothing_says_nothing():
 def test_rows_without_a_scene_are_left_out_and_crashes_are_not(undisturbed):
     rows = [row for row in rows_of(undisturbed) if row.method == "ibvs"]
     spoilt = [replace(rows[0], status="no_scene"), replace(rows[1], status="error", success=False), *rows[2:]]
-    (found,) = summaries(spoilt)
+    (found,) = summarised(spoilt)
     assert found.success.of == len(rows) - 1
     assert found.statuses["error"] == 1
 
 
 def test_collisions_are_counted_of_the_rows_with_an_obstacle(undisturbed):
     rows = rows_of(undisturbed)
-    for found in summaries(rows):
+    for found in summarised(rows):
         own = [row for row in rows if row.method == found.method and row.obstacles]
         assert 0 < found.collision.of == len(own) < found.success.of
         assert found.collision.count == sum(row.collision for row in own)

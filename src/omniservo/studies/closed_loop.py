@@ -55,6 +55,10 @@ class Trajectory:
         """Of the camera's way [m]."""
         return float(np.linalg.norm(np.diff(self.centres, axis=0), axis=1).sum())
 
+    def farthest(self, place: FloatArray) -> float:
+        """Return the largest distance of the camera's centre to a place (3,) [m]."""
+        return float(np.linalg.norm(self.centres - place, axis=1).max())
+
     def least_gap(self, scene: StudyScene) -> float | None:
         """Return the smallest distance of the camera's centre to an obstacle [m]; None: there is none."""
         if not scene.obstacles:

@@ -11,7 +11,8 @@ from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
 from omniservo.run_methods import RunMethod
-from omniservo.servoing import RestToRestLaw, servo_method
+from omniservo.servoing import RestToRestLaw
+from omniservo.studies.program import Program
 from omniservo.studies.scene_start import Estimated, SceneStart
 from omniservo.studies.study import Study
 from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
@@ -63,13 +64,13 @@ class NotLed(NoSolutionError):
         self.status, self.reason = status, reason
 
 
-def controller_of_scene(study: Study, start: SceneStart, method: RunMethod) -> Led:
+def controller_of_scene(study: Study, start: SceneStart, program: Program, name: str) -> Led:
     """Return the method's controller for what is estimated of the scene.
 
     Raises:
         NotLed: the images give no estimate, or the planner finds no path to follow.
     """
-    known, camera = start.estimated, start.scene.camera
+    known, camera, method = start.estimated, start.scene.camera, program.method(name)
     if isinstance(known, str):
         raise NotLed("not_estimated", known)
     speeds = study.servo.linear_speed, study.servo.angular_speed
@@ -77,7 +78,7 @@ def controller_of_scene(study: Study, start: SceneStart, method: RunMethod) -> L
     if method.plans is None:
         servo = GoalServo(
             camera, known.points, known.goal_pixels,
-            method=servo_method(method.name, study.servo.gain), initial_T_goal=known.goal,
+            method=program.law(name, study.servo.gain), initial_T_goal=known.goal,
             options=GoalServoOptions(tolerance, *speeds),
         )  # fmt: skip
         return Led(servo, known.followed, None)
