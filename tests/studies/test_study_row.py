@@ -228,6 +228,19 @@ def test_success_is_near_the_goal_and_clear_of_every_ball(
     assert row.final_translation_error_m == pytest.approx(off_goal, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("times", "end", "diverged"), [(1.99, 1.5, False), (2.01, 1.5, True), (2.01, 0.0, False)]
+)
+def test_a_camera_diverged_that_was_led_away_and_is_not_at_the_goal(clean, scene, times, end, diverged):
+    goal = np.array(scene.initial_T_goal.translation)
+    far = max(np.linalg.norm(goal), scene.drawn.distance)
+    places = [goal + far * np.array([share, 0.0, 0.0]) for share in (times, end)]
+    turn = scene.initial_T_goal.rotation
+    way = [RigidTransform.identity(), *(RigidTransform.from_components(place, turn) for place in places)]
+    row = scored(clean, scene, run_row(clean, 0).row, along(way))
+    assert row.diverged is diverged
+
+
 def test_the_gap_is_that_of_the_way_between_images_too(scene):
     trajectory = along([RigidTransform.from_translation([x, 0.0, 0.0]) for x in (0.0, 1.0)])
     beside = replace(scene, obstacles=(Sphere([0.5, 0.3, 0.0], 0.1),))

@@ -17,7 +17,7 @@ from omniservo.studies.study_row import COLUMNS, StudyRow, fields_of_row
 
 PARQUET, CSV = "rows.parquet", "rows.csv"
 _SHOWN = 5
-_TOGETHER = 10_000
+_TOGETHER = 4000
 """rows that are written together: a row group of Parquet"""
 
 
