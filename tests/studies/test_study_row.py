@@ -184,6 +184,19 @@ def test_noise_lost_and_wrong_points_are_as_often_as_stated(clean, scene):
     assert off[~wrong].std() == pytest.approx(0.2, rel=0.05)
 
 
+def test_a_point_is_not_taken_for_one_that_is_hidden(scene):
+    hiding = replace(scene, obstacles=(Sphere(0.5 * scene.points[0], 0.01),))
+    hidden = hiding.hidden(scene.points, np.zeros(3))
+    true, _ = scene.shown(scene.points)
+    stated = replace(scene.conditions, noise=0.0, lost=0.0, wrong=0.9)
+    camera = StudyCamera(replace(hiding, conditions=stated), np.random.default_rng(3))
+    for _ in range(20):
+        image = camera.take(np.eye(3), np.zeros(3))
+        off = np.linalg.norm(image.pixels[image.found][:, None] - true[hidden], axis=2)
+        assert off.min() > 1e-6
+        assert not image.found[hidden].any()
+
+
 def test_calibration_and_model_errors_move_what_is_shown(scene):
     far = scene.points / np.linalg.norm(scene.points, axis=1)[:, None]
     true, _ = scene.shown(far)
