@@ -2,8 +2,8 @@
 
 Run: ``python -m benchmarks.study_faults [SCENES] [SECONDS]``; a row is a closed loop of at most SECONDS.
 SCENES are drawn for each of two cameras and met by eight methods, so 6250 make 10⁵ rows. Undisturbed: two
-processes. Shards: four, one of them run twice in two folders, one with a part spoilt, which must be named, and
-is run again. Cluster: a Dask scheduler and three workers on loopback, one of which is killed while it works.
+processes. Shards: four, one of them run twice in two folders, one with a part spoilt, which is named and
+run again. Cluster: a Dask scheduler and three workers on loopback, one of which is killed while it works.
 """
 
 from __future__ import annotations

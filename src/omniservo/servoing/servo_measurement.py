@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
-from omniservo.geometry.quaternions import quaternion_from_matrix
+from omniservo.servoing.rotation_vector import rotation_vector
 
 
 @with_field_docs
@@ -34,8 +33,7 @@ class ServoMeasurement:
     @cached_property
     def turn(self) -> FloatArray:
         """θu (3,), the rotation vector of goal_R_camera [rad]."""
-        matrix = self.goal_T_camera.as_matrix()[:3, :3]
-        return Rotation.from_quat(quaternion_from_matrix(np.ascontiguousarray(matrix))).as_rotvec()
+        return rotation_vector(self.goal_T_camera.as_matrix()[:3, :3])
 
     @property
     def points(self) -> FloatArray:

@@ -7,15 +7,17 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from omniservo.errors import FeatureLoss
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray
-from omniservo.geometry.quaternions import quaternion_from_matrix
 from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
 from omniservo.servoing.feedback import feedback
-from omniservo.servoing.rotation_vector import cross_matrix, rotation_vector_interaction
+from omniservo.servoing.rotation_vector import (
+    cross_matrix,
+    rotation_vector,
+    rotation_vector_interaction,
+)
 from omniservo.servoing.servo_measurement import ServoMeasurement
 
 MOST_TRIANGLES = 84
@@ -69,7 +71,8 @@ class SphericalServo:
         """
         corners = _triangles(len(seen.bearings))
         area, slope = _areas(seen, corners)
-        goal_area = 0.5 * np.linalg.norm(_normals(seen.goal_bearings[corners]), axis=1)
+        goal_normals = _normals(seen.goal_bearings.T[:, corners])
+        goal_area = 0.5 * np.sqrt((goal_normals**2).sum(axis=0))
         use = np.ones(len(corners), dtype=np.bool_)
         for each in (area, goal_area):
             use &= each > LEAST_AREA * each.max(initial=0.0)
@@ -104,27 +107,27 @@ def _triangles(count: int) -> IntArray:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b (…, 3); `np.cross` takes several times as long on few vectors."""
-    product: FloatArray = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    """Return a × b (3, …), coordinates first; `np.cross` takes several times as long on few vectors."""
+    product: FloatArray = a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT]
     return product
 
 
-def _normals(corners: FloatArray) -> FloatArray:
-    """Return (b − a) × (c − a), (k, 3), of triangles (k, 3, 3)."""
-    return _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _normals(spanned: FloatArray) -> FloatArray:
+    """Return (b − a) × (c − a), (3, k), of triangles (3, k, 3), coordinates first and corners last."""
+    return _cross(spanned[:, :, 1] - spanned[:, :, 0], spanned[:, :, 2] - spanned[:, :, 0])
 
 
 def _areas(seen: ServoMeasurement, corners: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return Δ (k,) and ∂Δ/∂(linear velocity) (k, 3) of the triangles."""
-    spanned = seen.bearings[corners]
+    spanned = seen.bearings.T[:, corners]
     normals = _normals(spanned)
-    twice = np.linalg.norm(normals, axis=1)
-    unit = normals / np.maximum(twice, 1e-300)[:, None]
+    twice = np.sqrt((normals**2).sum(axis=0))
+    unit = normals / np.maximum(twice, 1e-300)
     # 2 dΔ = Σ ds_i · ((s_{i+1} − s_{i+2}) × n) round the triangle, ds_i = −(1/d_i)(I − s_i s_iᵀ) υ dt
-    opposite = spanned[:, _NEXT] - spanned[:, _LAST]
-    pull = _cross(opposite, unit[:, None])
-    across = pull - spanned * (pull * spanned).sum(axis=2, keepdims=True)
-    slope: FloatArray = -0.5 * (across / seen.distances[corners][:, :, None]).sum(axis=1)
+    opposite = spanned[:, :, _NEXT] - spanned[:, :, _LAST]
+    pull = _cross(opposite, unit[:, :, None])
+    across = pull - spanned * (pull * spanned).sum(axis=0)
+    slope: FloatArray = -0.5 * (across / seen.distances[corners]).sum(axis=2).T
     return 0.5 * twice, slope
 
 
@@ -143,8 +146,8 @@ def _rotation(seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
     weigh = np.trace(spread) * np.eye(3) - spread
     # Σ (1/d) back × (I − s sᵀ) υ = Σ (1/d) ([back]× − (back × s) sᵀ) υ
     near = 1.0 / seen.distances
-    crossed = _cross(back, s) * near[:, None]
-    moved = cross_matrix(back.T @ near) - crossed.T @ s
-    turn = Rotation.from_quat(quaternion_from_matrix(rotation)).as_rotvec()
+    crossed = _cross(back.T, s.T) * near
+    moved = cross_matrix(back.T @ near) - crossed @ s
+    turn = rotation_vector(rotation)
     rates = rotation_vector_interaction(turn)
     return turn, np.hstack((rates @ np.linalg.solve(weigh, moved), rates))

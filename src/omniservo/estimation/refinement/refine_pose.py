@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
 from omniservo.cameras.models import CentralModel
@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.estimation.refinement.pose_refinement import pose_covariance, refine_pose_kernel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, owned
-from omniservo.geometry.quaternions import quaternion_from_matrix
+from omniservo.geometry.quaternions import matrix_from_quaternion, quaternion_from_matrix
 
 
 @with_field_docs
@@ -81,6 +81,8 @@ def refine_pose(
 
 def _pose(quaternion: FloatArray, translation: FloatArray) -> RigidTransform:
     """Return the pose of a unit quaternion, without SciPy's checks, which take longer than the refinement."""
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = Rotation.from_quat(quaternion).as_matrix(), translation
+    rotation, matrix = np.empty((3, 3)), np.eye(4)
+    x, y, z, w = quaternion.tolist()
+    matrix_from_quaternion(x, y, z, w, rotation)
+    matrix[:3, :3], matrix[:3, 3] = rotation, translation
     return RigidTransform(matrix, normalize=False)
