@@ -107,6 +107,12 @@ def test_rows_of_another_text_of_the_file_are_refused(own, tmp_path):
         run_study(study, tmp_path / "rows", program=other, workers=1)
 
 
+def test_a_program_without_the_study_s_method_is_refused_before_anything_is_run(own, tmp_path):
+    with pytest.raises(InputError, match="method: 'mine.Still' given"):
+        run_study(own[0], tmp_path / "rows", workers=1)
+    assert not (tmp_path / "rows").exists()
+
+
 def test_a_study_file_names_no_code(tmp_path):
     for given in (own_file(tmp_path), "mine.Still"):
         with pytest.raises(InputError, match=r"methods.*(names methods of the package|legal: certified)"):

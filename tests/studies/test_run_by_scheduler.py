@@ -5,9 +5,11 @@ import signal
 import pytest
 from tests.studies.conftest import rows_of
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.studies import PACKAGE, run_study
+from omniservo.studies.run_by_scheduler import run_by_scheduler
 from omniservo.studies.study_folder import HEADER, this_machine
+from omniservo.studies.study_parts import PartWork
 
 distributed = pytest.importorskip("distributed", reason="dask[distributed] is not installed")
 
@@ -63,6 +65,15 @@ def test_parts_of_workers_with_another_version_are_not_written(study, cluster, t
     with pytest.raises(InputError, match=r"jsonl.gz: version: '0.1.0\+[0-9a-f]{8}'; '0.1.0\+another0' is"):
         run_study(study, tmp_path / "rows", scheduler=cluster.scheduler_address)
     assert not list((tmp_path / "rows" / "parts").iterdir())
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_what_fails_on_a_worker_is_named(study, cluster, tmp_path):
+    work = PartWork(study.to_json(), PACKAGE)
+    with pytest.raises(
+        NoSolutionError, match="the cluster gives no rows: TypeError: .*the same command goes on"
+    ):
+        run_by_scheduler(work, tmp_path, ["no number"], cluster.scheduler_address, print)
 
 
 def test_a_scheduler_that_does_not_answer_is_named(study, tmp_path, monkeypatch):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -30,7 +32,8 @@ def run_by_scheduler(
     Raises:
         InputError: Dask is not installed, no scheduler answers there, or a worker has another version.
         NotWritten: as `write_part`.
-        NoSolutionError: several workers were killed while they ran a part; what was finished is there.
+        NoSolutionError: the scheduler ended, a worker cannot run parts, or several were killed while they ran
+            one; what was finished is there.
     """
     client, as_completed = _connected(address)
     study, version = study_of_json(work.study, work.program.names), work.program.version
@@ -40,7 +43,7 @@ def run_by_scheduler(
         key = study.hash, version
         return [client.submit(_run_part, work, n, key=(*key, n), pure=False) for n in islice(waiting, count)]
 
-    with client:
+    with _without_tracebacks(), client:
         ahead = max(_LEAST_AHEAD, _AHEAD * sum(client.nthreads().values()))
         running = as_completed(handed_out(ahead), loop=client.loop)
         for future in running:
@@ -59,15 +62,26 @@ def _run_part(work: PartWork, number: int) -> tuple[int, bytes, dict[str, str]]:
 
 
 def _result(future: Any, folder: Path) -> Any:
-    from distributed import KilledWorker
-
     try:
         return future.result()
-    except KilledWorker as error:
+    except Exception as error:  # of Dask, such as KilledWorker, or of what the worker has in place of ours
+        said = " ".join(str(error).split())[:300]
         raise NoSolutionError(
-            f"{folder}: workers were killed again and again, last {error.last_worker.address}; finished "
-            "parts are kept, the same command goes on"
+            f"{folder}: the cluster gives no rows: {type(error).__name__}: {said}; finished parts are kept, "
+            "the same command goes on"
         ) from None
+
+
+@contextmanager
+def _without_tracebacks() -> Iterator[None]:
+    """Let the client not log what `_result` says of a cluster that is lost."""
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _connected(address: str) -> tuple[Any, Any]:

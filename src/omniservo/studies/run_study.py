@@ -65,8 +65,9 @@ def run_study(
         progress: is called with what is behind.
 
     Raises:
-        InputError: the folder is another study's or version's, in use, or cannot be written; both workers
-            and a scheduler; no scheduler there, or a worker of another version.
+        InputError: the study names a method that the program does not have; both workers and a scheduler; the
+            folder is another study's or version's, in use, or cannot be written; no scheduler there, or a
+            worker of another version.
         NoSolutionError: a worker was killed, of a cluster more often than its scheduler allows; what was
             finished is there.
     """
@@ -74,6 +75,8 @@ def run_study(
     count = workers if workers is not None else _cores()
     if count < 1:
         raise InputError(f"workers: {count} given; legal: 1 or more")
+    for name in study.methods:
+        program.method(name)
     if scheduler is not None and workers is not None:
         raise InputError("workers, scheduler: both given; legal: one of them")
     with opened_folder(study, program.version, folder):

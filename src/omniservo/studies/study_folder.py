@@ -6,7 +6,6 @@ import fcntl
 import importlib.metadata
 import json
 import platform
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -22,8 +21,7 @@ from omniservo.tasks.task_files import TaskFiles
 
 FORMAT = "omniservo.study-run/1"
 HEADER = "study.json"
-_OWN = re.compile(r"[^\W\d][\w-]{0,80}\.[^\W\d]\w{0,80}")
-"""FILE.CLASS"""
+_LONGEST_NAME = 200
 _LIBRARIES = ("numpy", "scipy", "numba")
 
 
@@ -47,6 +45,10 @@ class StudyHeader:
             "study": json.loads(self.study.to_json()),
         }
         return json.dumps(fields, indent=1) + "\n"
+
+
+def _is_own(name: Any) -> bool:
+    return isinstance(name, str) and len(name) <= _LONGEST_NAME and name.rpartition(".")[2].isidentifier()
 
 
 def this_machine() -> dict[str, str]:
@@ -77,7 +79,7 @@ def read_header(folder: Path) -> StudyHeader:
     if not isinstance(fields, dict) or fields.get("format") != FORMAT:
         raise InputError(f"{path}: format: legal: {FORMAT!r}")
     own = fields.get("own_methods", [])
-    if not isinstance(own, list) or not all(isinstance(name, str) and _OWN.fullmatch(name) for name in own):
+    if not isinstance(own, list) or not all(map(_is_own, own)):
         raise InputError(f"{path}: own_methods: {spelled(own)}; legal: a list of names FILE.CLASS")
     study = study_of_fields(fields.get("study"), TaskFiles(f"{path}: study", folder), own)
     version, machines = fields.get("version"), fields.get("machines")
