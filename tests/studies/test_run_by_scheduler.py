@@ -23,27 +23,6 @@ def cluster():
         yield cluster
 
 
-@pytest.mark.filterwarnings("ignore")  # of what the killed worker leaves
-def test_rows_of_a_cluster_whose_worker_is_killed_are_those_of_one_process(
-    study, undisturbed, cluster, tmp_path
-):
-    with distributed.Client(cluster, set_as_default=False) as client:
-        pids = client.run(os.getpid)
-        killed = []
-
-        def kill_one_at_work(stage, share):
-            busy = [address for address, parts in client.processing().items() if parts]
-            if share and busy and not killed:
-                killed.append(pids[busy[0]])
-                os.kill(killed[0], signal.SIGKILL)
-
-        folder = tmp_path / "rows"
-        assert run_study(study, folder, scheduler=cluster.scheduler_address, progress=kill_one_at_work)
-    assert killed
-    assert rows_of(folder) == rows_of(undisturbed)
-    assert json.loads((folder / HEADER).read_text())["machines"] == [this_machine()]
-
-
 @pytest.mark.filterwarnings("ignore")
 def test_an_interrupted_run_on_a_cluster_is_gone_on_with_here(study, undisturbed, cluster, tmp_path):
     def interrupt(stage, share):
@@ -88,3 +67,24 @@ def test_without_dask_a_message_names_what_is_to_be_installed(study, tmp_path, m
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install omniservo\[cluster\]"):
         run_study(study, tmp_path / "rows", scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.filterwarnings("ignore")  # of what the killed worker leaves
+def test_rows_of_a_cluster_whose_worker_is_killed_are_those_of_one_process(
+    study, undisturbed, cluster, tmp_path
+):
+    with distributed.Client(cluster, set_as_default=False) as client:
+        pids = client.run(os.getpid)
+        killed = []
+
+        def kill_one_at_work(stage, share):
+            busy = [address for address, parts in client.processing().items() if parts]
+            if share and busy and not killed:
+                killed.append(pids[busy[0]])
+                os.kill(killed[0], signal.SIGKILL)
+
+        folder = tmp_path / "rows"
+        assert run_study(study, folder, scheduler=cluster.scheduler_address, progress=kill_one_at_work)
+    assert killed
+    assert rows_of(folder) == rows_of(undisturbed)
+    assert json.loads((folder / HEADER).read_text())["machines"] == [this_machine()]

@@ -9,7 +9,8 @@ from scipy.stats import binomtest
 from tests.studies.conftest import rows_of
 
 from omniservo.errors import InputError, NotWritten
-from omniservo.studies import Rate, StudyTally, compare_studies, write_rows
+from omniservo.reporting.study_report import write_study_report
+from omniservo.studies import PACKAGE, Rate, StudyTally, compare_studies, read_header, write_rows
 
 
 def summarised(rows):
@@ -124,6 +125,15 @@ def test_a_table_in_several_groups_has_every_row_once(undisturbed, tmp_path, mon
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     lines = write_rows(tmp_path, iter(rows)).read_text().splitlines()
     assert [line.split(",")[0] for line in lines] == ["row", *(str(row.row) for row in rows)]
+
+
+def test_a_report_of_another_version_s_rows_draws_none_of_them_and_says_so(undisturbed, tmp_path):
+    header, tally = read_header(undisturbed), StudyTally(rows_of(undisturbed))
+    old = replace(header, version="0.1.0+00000000")
+    write_study_report(old, tally, tmp_path / "report.html", PACKAGE)
+    report = (tmp_path / "report.html").read_text()
+    assert f"Not drawn: the rows were run by 0.1.0+00000000, and this is {PACKAGE.version}." in report
+    assert "two of a method at most" not in report
 
 
 def test_a_table_that_cannot_be_written_leaves_the_one_before(undisturbed, tmp_path):

@@ -44,8 +44,11 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
         ),
         part("How runs ended", _endings(found)),
     ]
-    worst = tally.worst(_WORST) if program.version == header.version else []
-    if worst:
+    worst = tally.worst(_WORST)
+    if worst and program.version != header.version:
+        words = f"Not drawn: the rows were run by {header.version}, and this is {program.version}."
+        body.append(part("The worst", tag("p", words)))
+    elif worst:
         figures = (framed(draw_row(run_row(study, row.row, program)), "half") for row in worst)
         words = "Rows without success: collisions, then the largest final errors; two of a method at most."
         body.append(part("The worst", tag("p", words), tag("div", *figures, class_="figures")))
