@@ -343,7 +343,8 @@ class PathTracker:
             reset(covariance)
             return estimated_pose, covariance
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
-        moved = self._moved(self.report.time, time)
+        before = self.report.time
+        moved = (self._way.pose(before), plan_seen) if self._where is None else self._moved(before, time)
         predict_state(estimated_pose, covariance, *moved, time - self.report.time)
         return estimated_pose, covariance
 
