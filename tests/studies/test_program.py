@@ -127,10 +127,14 @@ def test_a_study_file_names_no_code(tmp_path):
         ("mine.py:Absent", "mine.py has no class 'Absent'"),
         ("mine.py:np", "mine.py:np has no step|not callable|no class"),
         ("absent.py:Still", "absent.py"),
+        ("broken.py:Still", r"method: broken.py: line 2: SyntaxError: "),
+        ("failing.py:Still", r"method: failing.py: line 3: ModuleNotFoundError: No module named 'absent'"),
     ],
 )
 def test_a_wrong_method_file_is_named_before_anything_is_run(tmp_path, monkeypatch, source, message):
     own_file(tmp_path)
+    (tmp_path / "broken.py").write_text("\nclass (\n")
+    (tmp_path / "failing.py").write_text("\n\nimport absent\n")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
         Program.of([source])
