@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pyarrow.parquet as parquet
 import pytest
@@ -85,9 +86,28 @@ def test_a_row_is_replayed_alone_and_drawn(small, undisturbed, tmp_path, capsys,
     assert "has rows 0 to 11" in err
 
 
+def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(tmp_path, capsys):
+    study = written(tmp_path, scenes=2, cameras="[fe185]", methods="[pbvs]")
+    own = Path(__file__).parents[2] / "examples" / "own_method.py"
+    call = ("study", study, "--out", tmp_path / "rows", "--workers", 1, "--method-file", f"{own}:TurnFirst")
+    code, out, _ = called(capsys, *call, "--json")
+    assert code == 0
+    assert [method["method"] for method in json.loads(out)["methods"]] == ["pbvs", "own_method.TurnFirst"]
+    assert "TurnFirst" in (tmp_path / "rows" / "report.html").read_text()
+    assert str(own) not in (tmp_path / "rows" / "study.json").read_text()
+    code, _, err = called(capsys, *call[:-2])
+    assert code == 2
+    assert "is another" in err
+    code, _, err = called(capsys, "run", "--replay", f"{tmp_path / 'rows'}:1")
+    assert code == 2
+    assert "row 1 is of own_method.TurnFirst, whose code is not kept" in err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["quick", "--method-file", "pbvs"], "method file: 'pbvs' given; legal: FILE.py:CLASS"),
+        (["quick", "--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], "legal: one of them"),
         (["quik"], "did you mean 'quick'"),
         (["quick", "--shard", "3/2"], "shard: 3/2 given"),
     ],

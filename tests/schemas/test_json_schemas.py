@@ -54,7 +54,7 @@ def test_every_format_in_the_source_has_a_schema():
     named = {name for text in texts for name in re.findall(r'"(omniservo\.[\w-]+/\d+)"', text)}
     read_only = {"omniservo.goal/1"}  # older
     binary = {"omniservo.recording/1"}  # MCAP, no JSON
-    lines = {"omniservo.study-part/1"}  # of JSON, compressed
+    lines = {"omniservo.study-part/2"}  # of JSON, compressed
     assert named - read_only - binary - lines == set(FORMATS)
 
 

@@ -24,6 +24,7 @@ from omniservo.servoing import (
     SwitchedServoOptions,
     servo_method,
 )
+from omniservo.servoing.rotation_vector import rotation_vector
 
 TARGET = np.array(
     [[0.1 * i, 0.08 * k, 0.6 - 0.15 * abs(i) + 0.05 * i * k] for k in (-1, 0, 1) for i in (-1, 0, 1)]
@@ -267,3 +268,11 @@ def test_wrong_options_are_named(make, message):
 
 def test_every_method_of_a_run_is_planned_or_has_its_law():
     assert {method.name for method in METHODS.values() if method.plans is None} == set(SERVO_METHODS)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-12, 1e-3, 1.0, 3.1, np.pi - 1e-9, np.pi])
+def test_a_rotation_s_vector_is_scipy_s(angle):
+    rotation = Rotation.from_rotvec(angle * np.array([0.48, -0.6, 0.64]))
+    found = rotation_vector(rotation.as_matrix())
+    assert np.linalg.norm(found) <= np.pi + 1e-15
+    assert (Rotation.from_rotvec(found).inv() * rotation).magnitude() < 1e-15

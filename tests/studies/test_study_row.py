@@ -9,7 +9,7 @@ from tests.studies.conftest import rows_of, written
 from omniservo.cameras import preset
 from omniservo.planning import Sphere
 from omniservo.studies import load_study, run_row
-from omniservo.studies.closed_loop import HOLD, ClosedLoop, Trajectory
+from omniservo.studies.closed_loop import HOLD, ClosedLoop, Trajectory, exponential_map
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
 from omniservo.studies.study_row import scored
@@ -124,7 +124,7 @@ def looped(study, scene, twist, **conditions):
 def test_a_twist_acts_from_the_arrival_of_its_image_by_the_exponential_map(clean, scene):
     linear, angular = np.array([0.02, -0.01, 0.03]), np.array([0.05, 0.02, -0.04])
     _, trajectory = looped(clean, scene, [*linear, *angular], latency=0.1)
-    last, elapsed = trajectory.poses[-1], trajectory.times[-1] - 0.1
+    last, elapsed = trajectory.end, trajectory.times[-1] - 0.1
     rotation, centre = Rotation.identity(), np.zeros(3)
     small = Rotation.from_rotvec(angular * elapsed / 200)
     for _ in range(200):  # midpoint rule, another way than the exponential map
@@ -184,6 +184,19 @@ def test_noise_lost_and_wrong_points_are_as_often_as_stated(clean, scene):
     assert off[~wrong].std() == pytest.approx(0.2, rel=0.05)
 
 
+def test_a_point_is_not_taken_for_one_that_is_hidden(scene):
+    hiding = replace(scene, obstacles=(Sphere(0.5 * scene.points[0], 0.01),))
+    hidden = hiding.hidden(scene.points, np.zeros(3))
+    true, _ = scene.shown(scene.points)
+    stated = replace(scene.conditions, noise=0.0, lost=0.0, wrong=0.9)
+    camera = StudyCamera(replace(hiding, conditions=stated), np.random.default_rng(3))
+    for _ in range(20):
+        image = camera.take(np.eye(3), np.zeros(3))
+        off = np.linalg.norm(image.pixels[image.found][:, None] - true[hidden], axis=2)
+        assert off.min() > 1e-6
+        assert not image.found[hidden].any()
+
+
 def test_calibration_and_model_errors_move_what_is_shown(scene):
     far = scene.points / np.linalg.norm(scene.points, axis=1)[:, None]
     true, _ = scene.shown(far)
@@ -191,6 +204,22 @@ def test_calibration_and_model_errors_move_what_is_shown(scene):
     wrong = replace(scene, conditions=replace(scene.conditions, focal=0.01, centre=(2.0, -1.0)))
     shown, _ = wrong.shown(far)
     assert np.allclose(shown - true, 0.01 * (true - middle) + [2.0, -1.0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.0199, 0.0201, 0.5, 3.0])
+def test_a_step_is_scipy_s_exponential_map(angle):
+    axis = np.array([0.48, -0.6, 0.64])
+    motion = np.concatenate(([0.3, -0.2, 0.1], angle * axis))
+    rotation, translation = exponential_map(motion)
+    known = RigidTransform.from_exp_coords(np.concatenate((motion[3:], motion[:3]))).as_matrix()
+    assert np.allclose(rotation, known[:3, :3], rtol=0.0, atol=1e-14)
+    assert np.allclose(translation, known[:3, 3], rtol=0.0, atol=1e-14)
+
+
+def along(poses):
+    """Return the trajectory through poses."""
+    rotations = [pose.rotation.as_matrix() for pose in poses]
+    return Trajectory(list(range(len(poses))), rotations, [np.array(pose.translation) for pose in poses])
 
 
 @pytest.mark.parametrize(
@@ -205,18 +234,31 @@ def test_success_is_near_the_goal_and_clear_of_every_ball(
     half = 0.5 * np.array(goal.translation)
     across = np.cross(half, [1.0, 0.0, 0.0])
     ball = Sphere(half + (0.02 + off_ball) * across / np.linalg.norm(across), 0.02)
-    trajectory = Trajectory([0.0, 1.0, 1.0], [RigidTransform.identity(), goal, end * goal])
+    trajectory = along([RigidTransform.identity(), goal, end * goal])
     empty = run_row(clean, 0).row
     row = scored(clean, replace(scene, obstacles=(ball,)), empty, trajectory)
     assert (row.collision, row.success) == (collision, success)
     assert row.final_translation_error_m == pytest.approx(off_goal, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("times", "end", "diverged"), [(1.99, 1.5, False), (2.01, 1.5, True), (2.01, 0.0, False)]
+)
+def test_a_camera_diverged_that_was_led_away_and_is_not_at_the_goal(clean, scene, times, end, diverged):
+    goal = np.array(scene.initial_T_goal.translation)
+    far = max(np.linalg.norm(goal), scene.drawn.distance)
+    places = [goal + far * np.array([share, 0.0, 0.0]) for share in (times, end)]
+    turn = scene.initial_T_goal.rotation
+    way = [RigidTransform.identity(), *(RigidTransform.from_components(place, turn) for place in places)]
+    row = scored(clean, scene, run_row(clean, 0).row, along(way))
+    assert row.diverged is diverged
+
+
 def test_the_gap_is_that_of_the_way_between_images_too(scene):
-    poses = [RigidTransform.from_translation([x, 0.0, 0.0]) for x in (0.0, 1.0)]
+    trajectory = along([RigidTransform.from_translation([x, 0.0, 0.0]) for x in (0.0, 1.0)])
     beside = replace(scene, obstacles=(Sphere([0.5, 0.3, 0.0], 0.1),))
-    assert Trajectory([0.0, 1.0], poses).least_gap(beside) == pytest.approx(0.2)
-    assert Trajectory([0.0, 1.0], poses).least_gap(replace(scene, obstacles=())) is None
+    assert trajectory.least_gap(beside) == pytest.approx(0.2)
+    assert trajectory.least_gap(replace(scene, obstacles=())) is None
 
 
 def test_a_depth_stated_wrongly_ends_off_the_goal_by_no_more_than_the_image_allows(tmp_path):

@@ -1,12 +1,20 @@
 import math
+import statistics
+import sys
 from dataclasses import replace
 
+import pyarrow.parquet as parquet
 import pytest
 from scipy.stats import binomtest
 from tests.studies.conftest import rows_of
 
-from omniservo.errors import InputError
-from omniservo.studies import Rate, compare_studies, summaries
+from omniservo.errors import InputError, NotWritten
+from omniservo.reporting.study_report import write_study_report
+from omniservo.studies import PACKAGE, Rate, StudyTally, compare_studies, read_header, write_rows
+
+
+def summarised(rows):
+    return StudyTally(rows).summaries()
 
 
 @pytest.mark.parametrize(("count", "of"), [(0, 10), (3, 10), (10, 10), (731, 1000), (1, 1)])
@@ -23,14 +31,14 @@ def test_nothing_says_nothing():
 def test_rows_without_a_scene_are_left_out_and_crashes_are_not(undisturbed):
     rows = [row for row in rows_of(undisturbed) if row.method == "ibvs"]
     spoilt = [replace(rows[0], status="no_scene"), replace(rows[1], status="error", success=False), *rows[2:]]
-    (found,) = summaries(spoilt)
+    (found,) = summarised(spoilt)
     assert found.success.of == len(rows) - 1
     assert found.statuses["error"] == 1
 
 
 def test_collisions_are_counted_of_the_rows_with_an_obstacle(undisturbed):
     rows = rows_of(undisturbed)
-    for found in summaries(rows):
+    for found in summarised(rows):
         own = [row for row in rows if row.method == found.method and row.obstacles]
         assert 0 < found.collision.of == len(own) < found.success.of
         assert found.collision.count == sum(row.collision for row in own)
@@ -68,3 +76,75 @@ def test_studies_without_a_common_method_are_refused(undisturbed):
     rows = rows_of(undisturbed)
     with pytest.raises(InputError, match="no method in common"):
         compare_studies(rows, [replace(row, method="other") for row in rows])
+
+
+def test_a_tally_has_what_all_rows_at_once_have(undisturbed):
+    rows = rows_of(undisturbed)
+    rows[3] = replace(rows[3], success=True, seconds=0.1, path_length_m=2.0)
+    rows[6] = replace(rows[6], success=True, seconds=0.4, path_length_m=1.0, collision=True)
+    tally = StudyTally(iter(rows))
+    assert (tally.rows, tally.without) == (len(rows), 0)
+    for found in tally.summaries():
+        own = [row for row in rows if row.method == found.method]
+        good = [row for row in own if row.success]
+        assert found.success == Rate(len(good), len(own))
+        assert found.feature_lost == Rate(sum(row.feature_lost for row in own), len(own))
+        assert found.diverged == Rate(sum(row.diverged for row in own), len(own))
+        assert found.statuses == {s: sum(r.status == s for r in own) for s in sorted({r.status for r in own})}
+        if good:
+            assert found.seconds == statistics.median(row.seconds for row in good)
+            assert found.path_length_m == statistics.median(row.path_length_m for row in good)
+            assert found.translation_m == statistics.median(row.final_translation_error_m for row in good)
+        kept = tally.methods[found.method]
+        assert list(kept.turned) == [row.start_rotation_rad for row in own]
+        assert list(kept.reached) == [row.success for row in own]
+
+
+def test_the_worst_rows_are_collisions_then_the_largest_errors_and_two_of_a_method(undisturbed):
+    rows = [
+        replace(row, success=False, collision=False, final_translation_error_m=0.001 * (row.row % 17))
+        for row in rows_of(undisturbed)
+    ]
+    rows[9] = replace(rows[9], collision=True, final_translation_error_m=0.0)
+    worst = StudyTally(reversed(rows)).worst(10)
+    assert worst[0] == rows[9]
+    assert [sum(row.method == method for row in worst) for method in ("certified", "ibvs", "pbvs")] == [2] * 3
+    others = [row.final_translation_error_m for row in worst[1:]]
+    assert others == sorted(others, reverse=True)
+    for method in ("ibvs", "pbvs"):
+        own = sorted((row.final_translation_error_m for row in rows if row.method == method), reverse=True)
+        assert [row.final_translation_error_m for row in worst if row.method == method] == own[:2]
+
+
+def test_a_table_in_several_groups_has_every_row_once(undisturbed, tmp_path, monkeypatch):
+    monkeypatch.setattr("omniservo.studies.study_rows._TOGETHER", 20)
+    rows = rows_of(undisturbed)
+    table = parquet.ParquetFile(write_rows(tmp_path, iter(rows)))
+    assert [table.metadata.row_group(k).num_rows for k in range(table.num_row_groups)] == [20, 20, 14]
+    assert table.read().to_pylist() == [vars(row) for row in rows]
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    lines = write_rows(tmp_path, iter(rows)).read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["row", *(str(row.row) for row in rows)]
+
+
+def test_a_report_of_another_version_s_rows_draws_none_of_them_and_says_so(undisturbed, tmp_path):
+    header, tally = read_header(undisturbed), StudyTally(rows_of(undisturbed))
+    old = replace(header, version="0.1.0+00000000")
+    write_study_report(old, tally, tmp_path / "report.html", PACKAGE)
+    report = (tmp_path / "report.html").read_text()
+    assert f"Not drawn: the rows were run by 0.1.0+00000000, and this is {PACKAGE.version}." in report
+    assert "two of a method at most" not in report
+
+
+def test_a_table_that_cannot_be_written_leaves_the_one_before(undisturbed, tmp_path):
+    rows = rows_of(undisturbed)
+    before = write_rows(tmp_path, rows).read_bytes()
+
+    def broken():
+        yield rows[0]
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(NotWritten, match=r"rows.parquet: No space left on device"):
+        write_rows(tmp_path, broken())
+    assert [path.name for path in tmp_path.iterdir()] == ["rows.parquet"]
+    assert (tmp_path / "rows.parquet").read_bytes() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +17,7 @@ from omniservo.files import whole_folder
 from omniservo.shipped_studies import shipped_studies, study_file
 
 if TYPE_CHECKING:
-    from omniservo.studies import MethodSummary, StudyHeader, StudyRow
+    from omniservo.studies import MethodSummary, Program, StudyHeader, StudyRow
 
 _RUN = "run"
 
@@ -45,6 +46,16 @@ StudyArgument = Annotated[
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", min=1, help="Processes; default one for each core.")
 ]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://HOST:8786."),
+]
+MethodFileOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--method-file", metavar="FILE.py:CLASS", help="Also run a method of your own: its code is run."
+    ),
+]
 ShardOption = Annotated[
     str | None,
     typer.Option("--shard", metavar="K/N", help="The K-th of N shares; study merge joins them."),
@@ -57,6 +68,8 @@ def run(
     study: StudyArgument,
     out: Annotated[Path, typer.Option("--out", help="Folder of the rows; an existing one is gone on with.")],
     workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    method_file: MethodFileOption = None,
     shard: ShardOption = None,
     as_json: JsonOption = False,
     quiet: QuietOption = False,
@@ -71,14 +84,17 @@ def run(
     # before NumPy is loaded: rows that this process runs are then those of one-thread workers
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     with output.working("loading") as progress:
-        from omniservo.studies import Shard, load_study, run_study
+        from omniservo.studies import Program, Shard, load_study, run_study
 
         share = None if shard is None else Shard.parse(shard)
-        loaded = load_study(study)
+        program = Program.of(method_file or ())
+        loaded = load_study(study, program.names)
         DOING.written.append(out)  # whoever ends it finds its finished parts there
-        whole = run_study(loaded, out, workers=workers, shard=share, progress=progress)
+        whole = run_study(
+            loaded, out, program=program, workers=workers, scheduler=scheduler, shard=share, progress=progress
+        )
         if whole:
-            done = _finished(out, progress)
+            done = _finished(out, program, progress)
     if not whole:
         output.line(f"{out}: this share is done; omniservo study merge joins the folders of all")
         output.result({"status": "share done", "out": str(out), "study_hash": loaded.hash})
@@ -97,11 +113,11 @@ def merge(
     """Join the folders of a study's shards; every certificate is verified again."""
     output = Output(as_json, quiet)
     with output.working("loading") as progress:
-        from omniservo.studies import merge_studies
+        from omniservo.studies import Program, merge_studies
 
         with whole_folder(out, force=force) as work:
             _, certificates = merge_studies(folders, work, progress)
-            done = _finished(work, progress)
+            done = _finished(work, Program(), progress)
     output.line(f"{certificates} certificates verified again")
     _say(output, out, done)
 
@@ -118,8 +134,8 @@ def compare(
     with output.working("loading") as progress:
         from omniservo.studies import compare_studies, read_parts
 
-        both = [[row for part in read_parts(d, progress) for row in part.rows] for d in (before, after)]
-    found = compare_studies(*both)
+        both = ((row for part in read_parts(d, progress) for row in part.rows) for d in (before, after))
+        found = compare_studies(*both)
     for each in found:
         low, high = each.interval
         rows = f"; lost rows {_few(each.lost)}; won rows {_few(each.won)}" if each.lost or each.won else ""
@@ -141,29 +157,34 @@ class _Finished:
     """A whole study."""
 
     header: StudyHeader
-    rows: list[StudyRow]
+    rows: int
     found: list[MethodSummary]
     cpu_seconds: dict[str, float]
     """method → of one row, on average; of those who computed it"""
 
 
-def _finished(folder: Path, progress: Progress) -> _Finished:
-    """Write table and report of a folder with all parts."""
+def _finished(folder: Path, program: Program, progress: Progress) -> _Finished:
+    """Write table and report of a folder with all parts, which are read once, one after the other."""
     from omniservo.reporting.study_report import write_study_report
-    from omniservo.studies import read_header, read_parts, summaries, write_rows
+    from omniservo.studies import StudyTally, read_header, read_parts, write_rows
 
-    header = read_header(folder)
-    rows: list[StudyRow] = []
+    header, tally = read_header(folder), StudyTally()
     taken = dict.fromkeys(header.study.methods, 0.0)
-    for part in read_parts(folder):
-        rows += part.rows
-        for method, seconds in part.cpu_seconds.items():
-            taken[method] += seconds
-    write_rows(folder, rows)
+
+    def rows() -> Iterator[StudyRow]:
+        for part in read_parts(folder):
+            for method, seconds in part.cpu_seconds.items():
+                taken[method] += seconds
+            for row in part.rows:
+                tally.add(row)
+                yield row
+
+    write_rows(folder, rows())
     progress("writing the report")
-    write_study_report(header, rows, folder / "report.html")
-    each = len(rows) / len(taken)
-    return _Finished(header, rows, summaries(rows), {m: seconds / each for m, seconds in taken.items()})
+    write_study_report(header, tally, folder / "report.html", program)
+    each = tally.rows / len(taken)
+    cpu_seconds = {method: seconds / each for method, seconds in taken.items()}
+    return _Finished(header, tally.rows, tally.summaries(), cpu_seconds)
 
 
 def _say(output: Output, out: Path, done: _Finished) -> None:
@@ -188,7 +209,7 @@ def _say(output: Output, out: Path, done: _Finished) -> None:
             "study": done.header.study.name,
             "study_hash": done.header.study.hash,
             "version": done.header.version,
-            "rows": len(done.rows),
+            "rows": done.rows,
             "methods": [each.to_dict() for each in done.found],
             "cpu_seconds_per_row": done.cpu_seconds,
             "out": str(out),

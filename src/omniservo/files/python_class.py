@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
 from typing import Any
 
 from omniservo.errors import InputError, spelled
-from omniservo.files.documents import require_file
+from omniservo.files.documents import read_bytes
 
 
-def python_class(name: str, what: str) -> Callable[..., Any]:
+def python_class(name: str, what: str, code: bytes | None = None) -> Callable[..., Any]:
     """Return what ``FILE.py:CLASS`` names; ``what`` it is to be stands in messages.
 
+    Args:
+        name: of file and class.
+        what: "method", say.
+        code: what the file holds, where it was read before or elsewhere; None: it is read.
+
     Raises:
-        InputError: no such file, or no such class in it.
+        InputError: no such file, not one of Python, code that cannot be run, or no such class in it.
     """
     path, _, class_name = name.rpartition(":")
-    require_file(path)
-    spec = importlib.util.spec_from_file_location(f"omniservo_{what}_{Path(path).stem}", path)
-    if spec is None or spec.loader is None:
+    if not path.endswith(".py"):
         raise InputError(f"{what}: {path}: not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
+    content = read_bytes(path) if code is None else code
+    module = ModuleType(f"omniservo_{what}_{Path(path).stem}")
+    module.__file__ = path
+    sys.modules[module.__name__] = module  # where dataclasses and pickle look for it
+    try:
+        exec(compile(content, path, "exec"), vars(module))  # noqa: S102 — the user named the file to run it
+    except Exception as error:
+        line = error.lineno if isinstance(error, SyntaxError) else extract_tb(error.__traceback__)[-1].lineno
+        raise InputError(f"{what}: {path}: line {line}: {type(error).__name__}: {error}") from error
     found: Callable[..., Any] | None = getattr(module, class_name, None)
     if not callable(found):
         raise InputError(f"{what}: {path} has no class {spelled(class_name)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from omniservo.reporting.style import (
     new_figure,
     styled,
 )
-from omniservo.studies import MethodSummary, RowResult, StudyRow
+from omniservo.studies import MethodSummary, RowResult, StudyTally
 from omniservo.studies.closed_loop import Trajectory
 from omniservo.studies.study_scene import StudyScene
+from omniservo.studies.study_tally import MethodTally
 
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
@@ -33,12 +34,12 @@ _CELLS = (12, 8)
 _COLUMNS = 4
 
 
-def study_drawings(rows: Sequence[StudyRow], found: Sequence[MethodSummary]) -> Iterator[Drawing]:
+def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
     """Yield the figures of a study."""
     with styled():
-        yield _rates(found)
+        yield _rates(tally.summaries())
     with styled():
-        yield _regions(rows, found)
+        yield _regions(tally.methods)
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
@@ -66,7 +67,7 @@ def _rates(found: Sequence[MethodSummary]) -> Drawing:
     return Drawing("study-rates", "By method", caption, figure)
 
 
-def _regions(rows: Sequence[StudyRow], found: Sequence[MethodSummary]) -> Drawing:
+def _regions(found: Mapping[str, MethodTally]) -> Drawing:
     columns = min(_COLUMNS, len(found))
     lines = -(-len(found) // columns)
     figure = new_figure(2.9 * columns + 0.6, 2.5 * lines + 0.7)
@@ -74,14 +75,11 @@ def _regions(rows: Sequence[StudyRow], found: Sequence[MethodSummary]) -> Drawin
     for axes in grid.flat[len(found) :]:
         axes.set_visible(False)
     scattered = True
-    for axes, each in zip(grid.flat, found, strict=False):
-        own = [row for row in rows if row.method == each.method and row.start_rotation_rad is not None]
-        turned = np.degrees([row.start_rotation_rad or 0.0 for row in own])
-        ratio = np.array([row.start_distance_ratio or 0.0 for row in own])
-        good = np.array([row.success for row in own], dtype=np.bool_)
-        scattered = len(own) <= _SCATTERED
-        _region(axes, turned, ratio, good, scattered)
-        axes.set_title(each.method)
+    for axes, (method, own) in zip(grid.flat, found.items(), strict=False):
+        turned, ratio = np.degrees(own.turned), np.array(own.ratio)
+        scattered = len(turned) <= _SCATTERED
+        _region(axes, turned, ratio, np.array(own.reached) > 0.0, scattered)
+        axes.set_title(method)
     for axes in grid[:, 0]:
         axes.set_ylabel("distance / goal's")
     for axes in grid[-1]:
@@ -139,7 +137,8 @@ def _drawn_row(result: RowResult) -> Drawing:
 def _draw_image(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     """Draw the points' true trajectories in the image."""
     camera = scene.camera
-    seen = [scene.shown(pose.inv().apply(scene.points)) for pose in trajectory.poses]
+    ways = zip(trajectory.rotations, trajectory.places, strict=True)
+    seen = [scene.shown((scene.points - centre) @ rotation) for rotation, centre in ways]
     pixels = np.array([np.where(ok[:, None], place, np.nan) for place, ok in seen])
     for points in pixels.transpose(1, 0, 2):
         axes.plot(*points.T, color=EXECUTED, lw=0.8, alpha=0.6)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,71 +10,55 @@ from omniservo.files import write_whole
 from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, page, part, table, tag
 from omniservo.reporting.study_figures import draw_row, study_drawings
-from omniservo.studies import MethodSummary, StudyHeader, StudyRow, run_row, summaries
+from omniservo.studies import MethodSummary, Program, StudyHeader, StudyTally, run_row
+from omniservo.studies.study_row import DIVERGED
 from omniservo.studies.study_summary import errors, number, percent
 
 _WORST = 10
-_OF_ONE_METHOD = 2
-"""in the gallery: else it shows the worst method alone"""
 
 
-def write_study_report(
-    header: StudyHeader, rows: Sequence[StudyRow], path: Path, *, drawn: int = _WORST
-) -> None:
+def write_study_report(header: StudyHeader, tally: StudyTally, path: Path, program: Program) -> None:
     """Write the report, with figures of the worst rows, which are run again for it.
+
+    A program of another version than the rows' would run others: then there are no such figures.
 
     Raises:
         InputError: it cannot be written.
     """
-    write_whole(path, study_html(header, rows, drawn), force=True)
+    write_whole(path, study_html(header, tally, program), force=True)
 
 
-def study_html(header: StudyHeader, rows: Sequence[StudyRow], drawn: int) -> str:
+def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
     """Return the report's text."""
-    study, found = header.study, summaries(rows)
-    without = sum(not row.counts for row in rows)
+    study, found = header.study, tally.summaries()
     summary = (
-        f"{len(rows)} closed loops: {study.scenes} scenes for each camera ({', '.join(study.cameras)}), "
+        f"{tally.rows} closed loops: {study.scenes} scenes for each camera ({', '.join(study.cameras)}), "
         f"{len(study.methods)} methods on the same scenes"
     )
     body: list[Markup] = [
         banner(f"Study {study.name}", summary),
-        part("By method", _table(found), tag("p", _limits(header, without), class_="quiet")),
+        part("By method", _table(found), tag("p", _limits(header, tally.without), class_="quiet")),
         part(
             "Figures",
-            tag(
-                "div", *(framed(drawing, "wide") for drawing in study_drawings(rows, found)), class_="figures"
-            ),
+            tag("div", *(framed(drawing, "wide") for drawing in study_drawings(tally)), class_="figures"),
         ),
         part("How runs ended", _endings(found)),
     ]
-    worst = worst_rows(rows, drawn)
-    if worst:
-        figures = (framed(draw_row(run_row(study, row.row)), "half") for row in worst)
+    worst = tally.worst(_WORST)
+    if worst and program.version != header.version:
+        words = f"Not drawn: the rows were run by {header.version}, and this is {program.version}."
+        body.append(part("The worst", tag("p", words)))
+    elif worst:
+        figures = (framed(draw_row(run_row(study, row.row, program)), "half") for row in worst)
         words = "Rows without success: collisions, then the largest final errors; two of a method at most."
         body.append(part("The worst", tag("p", words), tag("div", *figures, class_="figures")))
     body.append(part("What it was run with", _run_with(header)))
     return page(f"study {study.name}", body)
 
 
-def worst_rows(rows: Sequence[StudyRow], count: int) -> list[StudyRow]:
-    """Return the rows of the gallery, worst first."""
-    failed = [
-        row for row in rows if not row.success and row.final_translation_error_m is not None and row.images
-    ]
-    failed.sort(key=lambda row: (not row.collision, -(row.final_translation_error_m or 0.0), row.row))
-    taken: Counter[str] = Counter()
-    kept = []
-    for row in failed:
-        if taken[row.method] < _OF_ONE_METHOD:
-            taken[row.method] += 1
-            kept.append(row)
-    return kept[:count]
-
-
 def _table(found: Sequence[MethodSummary]) -> Markup:
-    head = ["method", "success", "95% interval", "collision", "feature lost", "final error, median",
-            "path, median", "time, median"]  # fmt: skip
+    head = ["method", "success", "95% interval", "collision", "feature lost", "diverged",
+            "final error, median", "path, median", "time, median"]  # fmt: skip
     lines = []
     for each in found:
         low, high = each.success.interval
@@ -86,6 +69,7 @@ def _table(found: Sequence[MethodSummary]) -> Markup:
                 f"{100 * low:.1f}–{100 * high:.1f}%",
                 f"{percent(each.collision)} ({each.collision.count} of {each.collision.of})",
                 percent(each.feature_lost),
+                percent(each.diverged),
                 errors(each),
                 number(each.path_length_m, ".2f", " m"),
                 number(each.seconds, ".1f", " s"),
@@ -101,6 +85,7 @@ def _limits(header: StudyHeader, without: int) -> str:
         f"Success: within {1e3 * limits.translation:g} mm and {math.degrees(limits.rotation):.3g}° of the "
         f"goal after {limits.seconds:g} s at most, and the camera's centre never within "
         f"{1e3 * study.obstacles.clearance:g} mm of an obstacle. Collision: of the runs with an obstacle. "
+        f"Diverged: not at the goal, and once {DIVERGED:g} times as far from it as start and target. "
         f"Medians are those of successful runs.{left}"
     )
 

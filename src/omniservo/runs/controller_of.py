@@ -8,9 +8,9 @@ from omniservo.geometry.arrays import IntArray
 from omniservo.perception import MatchedPoints
 from omniservo.planning import Plan
 from omniservo.run_methods import RunMethod
-from omniservo.runs.own_method import OwnMethod
 from omniservo.safety import Controller
 from omniservo.servoing import ServoMethod, servo_method
+from omniservo.servoing.own_method import OwnMethod
 from omniservo.tasks import Task
 from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
 from omniservo.tracking.planned_motion import PlannedMotion

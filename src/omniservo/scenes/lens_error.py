@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,10 +34,15 @@ class LensError:
 
     def at(self, pixels: FloatArray) -> FloatArray:
         """Return d (…, 2) [px] at pixels (…, 2)."""
-        random = np.random.default_rng(self.seed)
-        waves = random.standard_normal((2, _WAVES, 2)) / self.length
-        phases = random.uniform(0.0, 2.0 * math.pi, (2, _WAVES))
+        waves, phases = self._sample
         found = np.empty(pixels.shape)
         for k in range(2):
             found[..., k] = np.cos(np.einsum("...j,ij->...i", pixels, waves[k]) + phases[k]).sum(axis=-1)
         return np.asarray(self.sigma * math.sqrt(2.0 / _WAVES) * found)
+
+    @cached_property
+    def _sample(self) -> tuple[FloatArray, FloatArray]:
+        """Wave vectors (2, k, 2) [1/px] and phases (2, k) [rad]."""
+        random = np.random.default_rng(self.seed)
+        waves = random.standard_normal((2, _WAVES, 2)) / self.length
+        return waves, random.uniform(0.0, 2.0 * math.pi, (2, _WAVES))

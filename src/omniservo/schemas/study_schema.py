@@ -64,9 +64,11 @@ def study_run_schema() -> Schema:
     """Return the schema of what a study's folder says of its rows, `study.json`."""
     study = study_schema()
     parts = study.pop("$defs")
+    study["properties"]["methods"]["items"] = TEXT
     fields: dict[str, Schema] = {
         "study_hash": said({"type": "string", "pattern": "^[0-9a-f]{16}$"}, "of the study"),
         "version": said(TEXT, "of the program"),
+        "own_methods": said(several(TEXT), "FILE.CLASS of methods from files, whose code is not kept"),
         "machines": several({"type": "object", "additionalProperties": TEXT}),
         "study": study,
     }

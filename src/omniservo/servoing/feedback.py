@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from omniservo.errors import SingularInteraction
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.adaptive_gain import AdaptiveGain, Gain
-from omniservo.servoing.control_law import camera_twist
+from omniservo.servoing.control_law import LEAST_CONDITIONING, singular_message, solve_twist
 
 
 def feedback(error: FloatArray, interaction: FloatArray, gain: Gain) -> FloatArray:
@@ -18,11 +21,10 @@ def feedback(error: FloatArray, interaction: FloatArray, gain: Gain) -> FloatArr
     Raises:
         SingularInteraction: L does not determine a twist.
     """
-    twist = _solution(error, interaction)
-    twist += _solution(error - interaction @ twist, interaction)  # what the normal equations round off
+    rows, twist, more = np.ascontiguousarray(interaction), np.empty(6), np.empty(6)
+    conditioning = solve_twist(rows, np.ascontiguousarray(error), twist)
+    if conditioning < LEAST_CONDITIONING:
+        raise SingularInteraction(singular_message(len(error), conditioning))
+    solve_twist(rows, error - rows @ twist, more)  # what the normal equations round off
+    twist += more
     return -(gain(twist) if isinstance(gain, AdaptiveGain) else gain) * twist
-
-
-def _solution(error: FloatArray, interaction: FloatArray) -> FloatArray:
-    """Return L⁺ e (6,)."""
-    return -camera_twist(error[:, None], interaction[:, None], None, 1.0)

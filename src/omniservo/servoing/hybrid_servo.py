@@ -60,7 +60,7 @@ class HybridServo:
                 f"none of {len(now)} points lies in front of the image plane, now and in the goal image; "
                 "2½-D servoing needs one"
             )
-        points, turn = seen.goal_points, seen.goal_T_camera.rotation.as_rotvec()
+        points, turn = seen.goal_points, seen.turn
         off = np.linalg.norm(points[use] - points.mean(axis=0), axis=1)
         j = int(use[np.argmin(np.round(off, _ALIKE))])
         (x, y), depth = now[j], seen.points[j, 2]

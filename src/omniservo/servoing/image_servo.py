@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-import numpy as np
-
 from omniservo.errors import FeatureLoss, InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
@@ -77,7 +75,7 @@ class ImageServo:
             for points, names in ((seen.points, ("current", "mean")), (seen.goal_points, ("desired", "mean")))
             if self.options.matrix in names
         ]
-        matrix: FloatArray = np.mean(blocks, axis=0)
+        matrix = blocks[0] if len(blocks) == 1 else 0.5 * (blocks[0] + blocks[1])
         return (now - goal)[use].ravel(), matrix.reshape(-1, 6)
 
     def step(self, seen: ServoMeasurement) -> FloatArray:

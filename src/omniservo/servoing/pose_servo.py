@@ -55,12 +55,11 @@ class PoseServo:
 
     def error(self, seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
         """Return e (6,) in m and rad, and its interaction matrix L (6, 6)."""
-        pose = seen.goal_T_camera
-        turn = pose.rotation.as_rotvec()
+        pose, turn = seen.goal_T_camera, seen.turn
         matrix = np.zeros((6, 6))
         matrix[3:, 3:] = rotation_vector_interaction(turn)
         if self.options.translation == "camera":
-            matrix[:3, :3] = pose.rotation.as_matrix()
+            matrix[:3, :3] = pose.as_matrix()[:3, :3]
             return np.concatenate((pose.translation, turn)), matrix
         goal = seen.goal_points.mean(axis=0)
         now = pose.inv().apply(goal)

@@ -7,12 +7,21 @@ import math
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quaternions import quaternion_from_matrix
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
     """Return [v]× (3, 3): [v]× x = v × x."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_vector(rotation: FloatArray) -> FloatArray:
+    """Return θu (3,) of a rotation matrix (3, 3), 0 ≤ θ ≤ π."""
+    x, y, z, w = quaternion_from_matrix(np.ascontiguousarray(rotation)).tolist()
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 * math.atan2(sine, w) / sine if sine > 0.0 else 2.0
+    return np.array([factor * x, factor * y, factor * z])
 
 
 def rotation_vector_interaction(rotation_vector: FloatArray) -> FloatArray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
+from omniservo.servoing.rotation_vector import rotation_vector
 
 
 @with_field_docs
@@ -27,6 +29,11 @@ class ServoMeasurement:
     """(n,) [m], by the pose that explains the goal image"""
     goal_T_camera: RigidTransform
     """the camera's pose in the camera frame of the goal image, by these two poses [m]"""
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """θu (3,), the rotation vector of goal_R_camera [rad]."""
+        return rotation_vector(self.goal_T_camera.as_matrix()[:3, :3])
 
     @property
     def points(self) -> FloatArray:

@@ -7,14 +7,17 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from omniservo.errors import FeatureLoss
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
 from omniservo.servoing.feedback import feedback
-from omniservo.servoing.rotation_vector import cross_matrix, rotation_vector_interaction
+from omniservo.servoing.rotation_vector import (
+    cross_matrix,
+    rotation_vector,
+    rotation_vector_interaction,
+)
 from omniservo.servoing.servo_measurement import ServoMeasurement
 
 MOST_TRIANGLES = 84
@@ -22,6 +25,9 @@ MOST_TRIANGLES = 84
 
 LEAST_AREA = 0.1
 """A triangle smaller than this share of the largest one is not used: of a thin one 1/√Δ runs away."""
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""round a triangle's corners, and round the axes"""
 
 LEAST_TRIANGLES = 3
 """The translation has three components."""
@@ -65,7 +71,8 @@ class SphericalServo:
         """
         corners = _triangles(len(seen.bearings))
         area, slope = _areas(seen, corners)
-        goal_area = 0.5 * np.linalg.norm(_normals(seen.goal_bearings[corners]), axis=1)
+        goal_normals = _normals(seen.goal_bearings.T[:, corners])
+        goal_area = 0.5 * np.sqrt((goal_normals**2).sum(axis=0))
         use = np.ones(len(corners), dtype=np.bool_)
         for each in (area, goal_area):
             use &= each > LEAST_AREA * each.max(initial=0.0)
@@ -99,22 +106,28 @@ def _triangles(count: int) -> IntArray:
     return every[np.linspace(0, len(every) - 1, MOST_TRIANGLES).round().astype(np.int64)]
 
 
-def _normals(corners: FloatArray) -> FloatArray:
-    """Return (b − a) × (c − a), (k, 3), of triangles (k, 3, 3)."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a × b (3, …), coordinates first; `np.cross` takes several times as long on few vectors."""
+    product: FloatArray = a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT]
+    return product
+
+
+def _normals(spanned: FloatArray) -> FloatArray:
+    """Return (b − a) × (c − a), (3, k), of triangles (3, k, 3), coordinates first and corners last."""
+    return _cross(spanned[:, :, 1] - spanned[:, :, 0], spanned[:, :, 2] - spanned[:, :, 0])
 
 
 def _areas(seen: ServoMeasurement, corners: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return Δ (k,) and ∂Δ/∂(linear velocity) (k, 3) of the triangles."""
-    spanned = seen.bearings[corners]
+    spanned = seen.bearings.T[:, corners]
     normals = _normals(spanned)
-    twice = np.linalg.norm(normals, axis=1)
-    unit = normals / np.maximum(twice, 1e-300)[:, None]
+    twice = np.sqrt((normals**2).sum(axis=0))
+    unit = normals / np.maximum(twice, 1e-300)
     # 2 dΔ = Σ ds_i · ((s_{i+1} − s_{i+2}) × n) round the triangle, ds_i = −(1/d_i)(I − s_i s_iᵀ) υ dt
-    opposite = np.roll(spanned, -1, axis=1) - np.roll(spanned, -2, axis=1)
-    pull = np.cross(opposite, unit[:, None])
-    across = pull - spanned * (pull * spanned).sum(axis=2, keepdims=True)
-    slope: FloatArray = -0.5 * (across / seen.distances[corners][:, :, None]).sum(axis=1)
+    opposite = spanned[:, :, _NEXT] - spanned[:, :, _LAST]
+    pull = _cross(opposite, unit[:, :, None])
+    across = pull - spanned * (pull * spanned).sum(axis=0)
+    slope: FloatArray = -0.5 * (across / seen.distances[corners]).sum(axis=2).T
     return 0.5 * twice, slope
 
 
@@ -126,15 +139,15 @@ def _rotation(seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
     """
     s, goal = seen.bearings, seen.goal_bearings
     u, _, vt = np.linalg.svd(goal.T @ s)
-    keep = np.diag([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
-    rotation: FloatArray = u @ keep @ vt
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    rotation: FloatArray = u @ vt
     back = goal @ rotation
     spread = back.T @ s
     weigh = np.trace(spread) * np.eye(3) - spread
     # Σ (1/d) back × (I − s sᵀ) υ = Σ (1/d) ([back]× − (back × s) sᵀ) υ
     near = 1.0 / seen.distances
-    crossed = np.cross(back, s) * near[:, None]
-    moved = cross_matrix(back.T @ near) - crossed.T @ s
-    turn = Rotation.from_matrix(rotation).as_rotvec()
+    crossed = _cross(back.T, s.T) * near
+    moved = cross_matrix(back.T @ near) - crossed @ s
+    turn = rotation_vector(rotation)
     rates = rotation_vector_interaction(turn)
     return turn, np.hstack((rates @ np.linalg.solve(weigh, moved), rates))

@@ -62,11 +62,10 @@ class SwitchedServo:
             FeatureLoss, SingularInteraction: as `ImageServo`.
         """
         by_image, by_pose = self._image.error(seen), self._pose.error(seen)
-        turn = seen.goal_T_camera.rotation.magnitude()
         away = np.linalg.norm(seen.goal_T_camera.translation) / seen.goal_distances.mean()
         size: dict[Mode, float] = {
             "image": float(np.sqrt(np.mean(by_image[0] ** 2))),
-            "pose": float(np.hypot(away, turn)),
+            "pose": float(np.hypot(away, np.linalg.norm(seen.turn))),
         }
         if self._bounds is None:
             options = self.options

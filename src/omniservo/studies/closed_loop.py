@@ -7,10 +7,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
+from omniservo.servoing.rotation_vector import cross_matrix
 from omniservo.studies.study import Study
 from omniservo.studies.study_camera import StudyCamera, StudyImage
 from omniservo.studies.study_controller import Led
@@ -30,8 +31,10 @@ class Trajectory:
 
     times: list[float] = field(default_factory=list)
     """[s]"""
-    poses: list[RigidTransform] = field(default_factory=list)
-    """in the initial camera frame"""
+    rotations: list[FloatArray] = field(default_factory=list)
+    """(3, 3) of initial_T_camera"""
+    places: list[FloatArray] = field(default_factory=list)
+    """(3,) of the camera's centre in the initial camera frame [m]"""
     feature_lost: bool = False
     """a point left the image, or an obstacle hid it"""
     images: int = 0
@@ -40,12 +43,21 @@ class Trajectory:
     @property
     def centres(self) -> FloatArray:
         """(k, 3) [m]."""
-        return np.array([pose.translation for pose in self.poses])
+        return np.array(self.places)
+
+    @property
+    def end(self) -> RigidTransform:
+        """The last initial_T_camera."""
+        return RigidTransform.from_components(self.places[-1], Rotation.from_matrix(self.rotations[-1]))
 
     @property
     def length(self) -> float:
         """Of the camera's way [m]."""
         return float(np.linalg.norm(np.diff(self.centres, axis=0), axis=1).sum())
+
+    def farthest(self, place: FloatArray) -> float:
+        """Return the largest distance of the camera's centre to a place (3,) [m]."""
+        return float(np.linalg.norm(self.centres - place, axis=1).max())
 
     def least_gap(self, scene: StudyScene) -> float | None:
         """Return the smallest distance of the camera's centre to an obstacle [m]; None: there is none."""
@@ -82,7 +94,7 @@ class ClosedLoop:
         self._scene, self._camera, self._led = scene, camera, led
         self._period = 1.0 / study.images.rate
         self._most = study.limits.seconds
-        self._pose, self._time = RigidTransform.identity(), 0.0
+        self._rotation, self._centre, self._time = np.eye(3), np.zeros(3), 0.0
         self._twist, self._since, self._newest = np.zeros(6), 0.0, -1.0
         self.trajectory = Trajectory()
         self._note()
@@ -98,7 +110,7 @@ class ClosedLoop:
                     if self._act(*heapq.heappop(waiting), images):
                         return Ended("converged", "", self.trajectory)
                 self._move(exposed)
-                image = self._camera.take(self._pose.rotation.as_matrix(), np.array(self._pose.translation))
+                image = self._camera.take(self._rotation, self._centre)
                 self.trajectory.images += 1
                 self.trajectory.feature_lost |= not bool(image.in_view.all())
                 arrival = self._camera.arrival(exposed)
@@ -128,10 +140,10 @@ class ClosedLoop:
         acting = min(until, max(self._since + HOLD, self._time)) - self._time
         if acting > 0.0 and self._twist.any():
             pieces, begin = max(math.ceil(acting / LONGEST - 1e-9), 1), self._time
-            step = acting / pieces * np.concatenate((self._twist[3:], self._twist[:3]))
-            move = RigidTransform.from_exp_coords(step)
+            turn, shift = exponential_map(acting / pieces * self._twist)
             for k in range(1, pieces + 1):
-                self._pose, self._time = self._pose * move, begin + acting * k / pieces
+                self._centre = self._centre + self._rotation @ shift
+                self._rotation, self._time = self._rotation @ turn, begin + acting * k / pieces
                 if k < pieces:
                     self._note()
         self._time = until
@@ -139,4 +151,25 @@ class ClosedLoop:
 
     def _note(self) -> None:
         self.trajectory.times.append(self._time)
-        self.trajectory.poses.append(self._pose)
+        self.trajectory.rotations.append(self._rotation)
+        self.trajectory.places.append(self._centre)
+
+
+def exponential_map(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rotation (3, 3) and translation (3,) [m] of exp of a twist times a time (6,): υ [m], ω [rad].
+
+    R = I + a[ω]× + b[ω]×² and t = (I + b[ω]× + c[ω]×²) υ, with a = sin θ/θ, b = (1 − cos θ)/θ² and
+    c = (1 − a)/θ². `RigidTransform.from_exp_coords` has the same, and checks that take longer than all else
+    between two images.
+    """
+    square = float(motion[3:] @ motion[3:])
+    angle = math.sqrt(square)
+    if angle < 0.02:  # by their series, where the differences would lose digits
+        a, b = 1.0 - square / 6.0 * (1.0 - square / 20.0), 0.5 - square / 24.0 * (1.0 - square / 30.0)
+        c = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
+    else:
+        a, b = math.sin(angle) / angle, 2.0 * math.sin(0.5 * angle) ** 2 / square
+        c = (1.0 - a) / square
+    cross = cross_matrix(motion[3:])
+    twice = cross @ cross
+    return np.eye(3) + a * cross + b * twice, motion[:3] + (b * cross + c * twice) @ motion[:3]

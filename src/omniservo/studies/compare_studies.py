@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import zip_longest
 
 from omniservo.errors import InputError
 from omniservo.studies.study_row import StudyRow
-from omniservo.studies.study_summary import Rate, summaries
+from omniservo.studies.study_summary import Rate
+from omniservo.studies.study_tally import StudyTally
 
 
 @dataclass(frozen=True)
@@ -53,23 +56,26 @@ class MethodDifference:
         }
 
 
-def compare_studies(before: Sequence[StudyRow], after: Sequence[StudyRow]) -> list[MethodDifference]:
-    """Return the differences of the methods that both have.
+def compare_studies(before: Iterable[StudyRow], after: Iterable[StudyRow]) -> list[MethodDifference]:
+    """Return the differences of the methods that both have; rows are read once, and not kept.
 
     Raises:
         InputError: they have no method in common.
     """
-    same = before[0].study_hash == after[0].study_hash
-    first = {found.method: found.success for found in summaries(before)}
-    second = {found.method: found.success for found in summaries(after)}
-    common = [method for method in first if method in second and first[method].of and second[method].of]
+    first, second = StudyTally(), StudyTally()
+    lost: dict[str, list[int]] = defaultdict(list)
+    won: dict[str, list[int]] = defaultdict(list)
+    for a, b in zip_longest(before, after):
+        for tally, row in ((first, a), (second, b)):
+            if row is not None:
+                tally.add(row)
+        if a and b and (a.study_hash, a.row) == (b.study_hash, b.row) and a.success != b.success:
+            (lost if a.success else won)[a.method].append(a.row)
+    rates = [{found.method: found.success for found in tally.summaries()} for tally in (first, second)]
+    common = [method for method in rates[0] if method in rates[1] and all(rate[method].of for rate in rates)]
     if not common:
-        raise InputError(f"no method in common: {', '.join(first)} and {', '.join(second)}")
-    pairs = list(zip(before, after, strict=True)) if same else []
-    found = []
-    for method in common:
-        own = [(a, b) for a, b in pairs if a.method == method]
-        lost = tuple(a.row for a, b in own if a.success and not b.success)
-        won = tuple(a.row for a, b in own if b.success and not a.success)
-        found.append(MethodDifference(method, first[method], second[method], lost, won))
-    return found
+        raise InputError(f"no method in common: {', '.join(rates[0])} and {', '.join(rates[1])}")
+    return [
+        MethodDifference(method, rates[0][method], rates[1][method], tuple(lost[method]), tuple(won[method]))
+        for method in common
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +17,30 @@ from omniservo.tasks.load_task import first_problem, found_camera
 from omniservo.tasks.task_files import TaskFiles
 
 
-def load_study(study: str | Path) -> Study:
+def load_study(study: str | Path, own: Sequence[str] = ()) -> Study:
     """Read a study: a shipped name or the path of a YAML or JSON file.
+
+    Args:
+        study: name or path.
+        own: names of methods from files (`Program.names`), which are run beside those that the study names.
 
     Raises:
         InputError: the file is not a valid study; the message names file, field, value and what is legal.
     """
     path = study_file(study)
-    return study_of_fields(read_document(path), TaskFiles(str(study), path.parent))
+    document = read_document(path)
+    if own and isinstance(document, dict) and isinstance(document.get("methods"), list):
+        document = {**document, "methods": [*document["methods"], *own]}
+    return study_of_fields(document, TaskFiles(str(study), path.parent), own)
 
 
-def study_of_json(text: str) -> Study:
-    """Return the study that `Study.to_json` wrote."""
-    return study_of_fields(json.loads(text), TaskFiles("study", Path()))
+def study_of_json(text: str, own: Sequence[str] = ()) -> Study:
+    """Return the study that `Study.to_json` wrote, with methods ``own`` from files."""
+    return study_of_fields(json.loads(text), TaskFiles("study", Path()), own)
 
 
-def study_of_fields(document: Any, files: TaskFiles) -> Study:
-    """Return the study of a file's fields.
+def study_of_fields(document: Any, files: TaskFiles, own: Sequence[str] = ()) -> Study:
+    """Return the study of a file's fields, in which methods ``own`` from files may be named.
 
     Raises:
         InputError: a field is missing, unknown or not legal.
@@ -46,7 +54,7 @@ def study_of_fields(document: Any, files: TaskFiles) -> Study:
     for name in ("arm", "arms", "mount"):
         if name in fields:
             raise InputError(f"{source}: {name}: a study moves a free camera; omniservo run has the arm")
-    context = stated_units(fields.pop("units", {}), source)
+    context: dict[str, Any] = {**stated_units(fields.pop("units", {}), source), "own": own}
     fields["cameras"] = _found_cameras(fields.get("cameras"), files)
     try:
         found = Study.model_validate(fields, context=context)

@@ -44,7 +44,7 @@ def merge_studies(
     (work / "parts").mkdir()
     for number, holder in found.items():
         source = part_file(holder, number)
-        certificates += _verified(read_part(study, holder, number), source)
+        certificates += _verified(read_part(study, first.version, holder, number), source)
         _taken_over(source, part_file(work, number))
         progress("verifying certificates", (number + 1) / count)
     machines = {tuple(m.items()): m for header in headers for m in header.machines}

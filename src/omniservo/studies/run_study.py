@@ -1,33 +1,22 @@
-"""Running a study's parts: on all cores, resumed where it was ended, or one shard of it."""
+"""Running a study's parts: on all cores or a cluster, resumed where it was ended, or one shard of it."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from omniservo.errors import InputError, NoSolutionError
-from omniservo.studies.load_study import study_of_json
+from omniservo.errors import InputError
+from omniservo.studies.program import PACKAGE, Program
+from omniservo.studies.run_by_pool import run_by_pool
+from omniservo.studies.run_by_scheduler import run_by_scheduler
 from omniservo.studies.study import Study
-from omniservo.studies.study_folder import opened_folder
-from omniservo.studies.study_parts import missing_parts, part_count, rows_of_part, run_part
+from omniservo.studies.study_folder import note_machine, opened_folder, this_machine
+from omniservo.studies.study_parts import PartWork, missing_parts, part_count, rows_of_part, write_part
 
 Progress = Callable[[str, float], object]
 """Called with what is being done, and the share of it that is behind."""
-
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Each worker has one thread: then a row is the same to the last bit however many run beside it.
-
-Numba's number is not among them: its settings belong to compiled kernels, and no kernel of a row has
-several."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +47,9 @@ def run_study(
     study: Study,
     folder: Path,
     *,
+    program: Program = PACKAGE,
     workers: int | None = None,
+    scheduler: str | None = None,
     shard: Shard | None = None,
     progress: Progress = lambda stage, share: None,
 ) -> bool:
@@ -67,29 +58,49 @@ def run_study(
     Args:
         study: what is run.
         folder: new, or of the same study and version.
+        program: this package, and methods from files that the study names.
         workers: processes; None: one for each core. One: this process itself.
+        scheduler: address of a Dask cluster that runs the parts in place of this machine.
         shard: the share to run; None: all.
         progress: is called with what is behind.
 
     Raises:
-        InputError: the folder is another study's, in use, or cannot be written.
-        NoSolutionError: a worker process was killed; what was finished is there.
+        InputError: the study names a method that the program does not have; both workers and a scheduler; the
+            folder is another study's or version's, in use, or cannot be written; no scheduler there, or a
+            worker of another version.
+        NoSolutionError: a worker was killed, of a cluster more often than its scheduler allows; what was
+            finished is there.
     """
     share = shard or Shard()
     count = workers if workers is not None else _cores()
     if count < 1:
         raise InputError(f"workers: {count} given; legal: 1 or more")
-    with opened_folder(study, folder):
+    for name in study.methods:
+        program.method(name)
+    if scheduler is not None and workers is not None:
+        raise InputError("workers, scheduler: both given; legal: one of them")
+    with opened_folder(study, program.version, folder):
         wanted = range(share.number - 1, part_count(study), share.count)
         missing = missing_parts(study, folder, wanted)
         behind = _Behind(study, len(wanted) - len(missing), missing, progress)
-        if count == 1 or len(missing) == 1:
-            for number in missing:
-                run_part(study, folder, number)
-                behind.add(number)
+        work = PartWork(study.to_json(), program)
+        if scheduler is not None and missing:
+            run_by_scheduler(work, folder, missing, scheduler, behind.add)
         elif missing:
-            _run_by_pool(study, folder, missing, min(count, len(missing)), behind)
+            note_machine(folder, this_machine())
+            _run_here(work, folder, missing, min(count, len(missing)), behind.add)
         return not missing_parts(study, folder, range(part_count(study)))
+
+
+def _run_here(
+    work: PartWork, folder: Path, missing: list[int], workers: int, done: Callable[[int], object]
+) -> None:
+    if workers > 1:
+        run_by_pool(work, folder, missing, workers, done)
+        return
+    for number in missing:
+        write_part(folder, number, work.content(number))
+        done(number)
 
 
 def _cores() -> int:
@@ -111,71 +122,3 @@ class _Behind:
         self._done += len(rows_of_part(self._study, number))
         share = self._done / self._rows
         self._progress(f"{self._what}: {int(10 * share) * 10}%", share)
-
-
-def _run_by_pool(study: Study, folder: Path, missing: list[int], workers: int, behind: _Behind) -> None:
-    """Run parts in processes of their own, few of them ahead: what is queued is lost to an interrupt."""
-    text, waiting = study.to_json(), iter(missing)
-    running: dict[Future[None], int] = {}
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin_worker)
-    try:
-        with _for_workers():
-            for number in (next(waiting) for _ in range(workers)):
-                running[pool.submit(_run_part, text, str(folder), number)] = number
-        while running:
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                number = running.pop(future)
-                future.result()
-                behind.add(number)
-                if (following := next(waiting, None)) is not None:
-                    running[pool.submit(_run_part, text, str(folder), following)] = following
-        pool.shutdown()
-    except BaseException as error:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()
-        if isinstance(error, BrokenProcessPool):
-            raise NoSolutionError(
-                f"{folder}: a worker process was killed; finished parts are kept, the same command goes on"
-            ) from None
-        raise
-
-
-@contextmanager
-def _for_workers() -> Iterator[None]:
-    """Let processes started here have one thread each, and leave Ctrl-C to this one."""
-    kept = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    ours = threading.current_thread() is threading.main_thread()
-    answer = signal.signal(signal.SIGINT, signal.SIG_IGN) if ours else None
-    try:
-        yield
-    finally:
-        if ours:
-            signal.signal(signal.SIGINT, answer)
-        for name, value in kept.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _begin_worker() -> None:
-    """End with the process that started this one: else a killed study would leave its workers waiting."""
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-_study = cache(study_of_json)
-
-
-def _run_part(text: str, folder: str, number: int) -> None:
-    run_part(_study(text), Path(folder), number)

@@ -41,10 +41,13 @@ class StudyCamera:
         noise = conditions.noise * self._random.standard_normal((n, 2))
         chances, others = self._random.random((2, n)), self._random.integers(1, n, n)
         pixels, in_view = scene.shown((scene.points - centre) @ rotation)
-        in_view &= ~scene.hidden(scene.points, centre)
-        shown_as = np.where(chances[1] < conditions.wrong, (np.arange(n) + others) % n, np.arange(n))
-        pixels = pixels[shown_as] + noise
-        found = in_view & in_view[shown_as] & (chances[0] >= conditions.lost)
+        if scene.obstacles:
+            in_view &= ~scene.hidden(scene.points, centre)
+        found = in_view & (chances[0] >= conditions.lost)
+        if conditions.wrong:
+            shown_as = np.where(chances[1] < conditions.wrong, (np.arange(n) + others) % n, np.arange(n))
+            pixels, found = pixels[shown_as], found & in_view[shown_as]
+        pixels = pixels + noise
         pixels[~found] = 0.0
         found[found] = scene.camera.unproject(pixels[found])[1]
         return StudyImage(pixels, found, in_view)

@@ -1,4 +1,4 @@
-"""From a scene's first two images to what leads the camera: only what is measured is used."""
+"""From what is estimated of a scene to what leads the camera: only what is measured is used."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import NoSolutionError
-from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
 from omniservo.run_methods import RunMethod
-from omniservo.servoing import RestToRestLaw, servo_method
+from omniservo.servoing import RestToRestLaw
+from omniservo.studies.program import Program
+from omniservo.studies.scene_start import Estimated, SceneStart
 from omniservo.studies.study import Study
-from omniservo.studies.study_camera import StudyImage
-from omniservo.studies.study_scene import StudyScene
 from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
 
 _PEAK = 1.875
@@ -66,71 +64,41 @@ class NotLed(NoSolutionError):
         self.status, self.reason = status, reason
 
 
-def controller_of_scene(
-    study: Study, scene: StudyScene, method: RunMethod, initial: StudyImage, goal: StudyImage
-) -> Led:
-    """Return the method's controller for the points found in both images.
+def controller_of_scene(study: Study, start: SceneStart, program: Program, name: str) -> Led:
+    """Return the method's controller for what is estimated of the scene.
 
     Raises:
-        NotLed: the images give no estimate, or the planner no path to follow.
+        NotLed: the images give no estimate, or the planner finds no path to follow.
     """
-    matched = np.flatnonzero(initial.found & goal.found)
-    length = float(np.linalg.norm(scene.initial_T_goal.translation)) * (1.0 + scene.conditions.depth)
-    if len(matched) < TrackerOptions().least_features:
-        raise NotLed("not_estimated", f"{len(matched)} points are found in both images")
-    estimate = estimate_two_view(scene.camera, initial.pixels[matched], goal.pixels[matched], scale=length)
-    pose = estimate.initial_T_goal
-    if pose is None:
-        raise NotLed("not_estimated", f"{estimate.status}: {estimate.message}")
-    rows = np.flatnonzero(estimate.inliers)
-    followed = matched[rows]
-    pixels = initial.pixels[followed], goal.pixels[followed]
-    tolerance = study.servo.tolerance_px + _NOISE_SHARE * estimate.noise_px
+    known, camera, method = start.estimated, start.scene.camera, program.method(name)
+    if isinstance(known, str):
+        raise NotLed("not_estimated", known)
+    speeds = study.servo.linear_speed, study.servo.angular_speed
+    tolerance = study.servo.tolerance_px + _NOISE_SHARE * known.estimate.noise_px
     if method.plans is None:
-        return Led(_goal_servo(study, scene, method, estimate, rows, pixels[1], tolerance), followed, None)
-    plan = _plan(study, scene, method, estimate.points[rows], pose)
+        servo = GoalServo(
+            camera, known.points, known.goal_pixels,
+            method=program.law(name, study.servo.gain), initial_T_goal=known.goal,
+            options=GoalServoOptions(tolerance, *speeds),
+        )  # fmt: skip
+        return Led(servo, known.followed, None)
+    plan = _plan(study, start, method, known)
     if plan.path is None or (method.plans == "certified" and plan.status != "certified"):
         raise NotLed("not_planned", f"{plan.status}: {plan.reason}")
-    options = TrackerOptions(
-        tolerance_px=tolerance,
-        max_linear_speed=study.servo.linear_speed,
-        max_angular_speed=study.servo.angular_speed,
-    )
+    options = TrackerOptions(tolerance_px=tolerance, max_linear_speed=speeds[0], max_angular_speed=speeds[1])
     tracker = PathTracker(
-        plan, scene.camera, goal_pixels=pixels[1], initial_pixels=pixels[0], options=options,
-        time_law=RestToRestLaw(_duration(study, plan.path)),
+        plan, camera, goal_pixels=known.goal_pixels, initial_pixels=known.initial_pixels,
+        options=options, time_law=RestToRestLaw(_duration(study, plan.path)),
     )  # fmt: skip
-    return Led(tracker, followed, plan)
+    return Led(tracker, known.followed, plan)
 
 
-def _goal_servo(
-    study: Study,
-    scene: StudyScene,
-    method: RunMethod,
-    estimate: TwoViewEstimate,
-    rows: IntArray,
-    goal_pixels: FloatArray,
-    tolerance: float,
-) -> GoalServo:
-    options = GoalServoOptions(
-        tolerance_px=tolerance,
-        max_linear_speed=study.servo.linear_speed,
-        max_angular_speed=study.servo.angular_speed,
-    )
-    return GoalServo(
-        scene.camera, estimate.points[rows], goal_pixels, method=servo_method(method.name, study.servo.gain),
-        initial_T_goal=estimate.initial_T_goal, options=options,
-    )  # fmt: skip
-
-
-def _plan(
-    study: Study, scene: StudyScene, method: RunMethod, points: FloatArray, goal: RigidTransform
-) -> Plan:
-    certified = method.plans == "certified"
+def _plan(study: Study, start: SceneStart, method: RunMethod, known: Estimated) -> Plan:
+    scene, certified = start.scene, method.plans == "certified"
     problem = PlanningProblem(
         scene.camera,  # type: ignore[arg-type]  # of any model: its unified form is taken
-        points,
-        goal,
+        known.points,
+        known.goal,
         scene.obstacles,
         clearance=scene.clearance + study.servo.clearance_margin,
         least_distance=_LEAST_DISTANCE,

@@ -8,19 +8,20 @@ import json
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import omniservo
 from omniservo.errors import InputError, NotWritten, spelled
 from omniservo.files import read_document, write_whole
+from omniservo.run_methods import METHODS
 from omniservo.studies.load_study import study_of_fields
 from omniservo.studies.study import Study
 from omniservo.tasks.task_files import TaskFiles
 
 FORMAT = "omniservo.study-run/1"
 HEADER = "study.json"
+_LONGEST_NAME = 200
 _LIBRARIES = ("numpy", "scipy", "numba")
 
 
@@ -40,9 +41,14 @@ class StudyHeader:
             "study_hash": self.study.hash,
             "version": self.version,
             "machines": self.machines,
+            "own_methods": [name for name in self.study.methods if name not in METHODS],
             "study": json.loads(self.study.to_json()),
         }
         return json.dumps(fields, indent=1) + "\n"
+
+
+def _is_own(name: Any) -> bool:
+    return isinstance(name, str) and len(name) <= _LONGEST_NAME and name.rpartition(".")[2].isidentifier()
 
 
 def this_machine() -> dict[str, str]:
@@ -72,7 +78,10 @@ def read_header(folder: Path) -> StudyHeader:
     fields: Any = read_document(path)
     if not isinstance(fields, dict) or fields.get("format") != FORMAT:
         raise InputError(f"{path}: format: legal: {FORMAT!r}")
-    study = study_of_fields(fields.get("study"), TaskFiles(f"{path}: study", folder))
+    own = fields.get("own_methods", [])
+    if not isinstance(own, list) or not all(map(_is_own, own)):
+        raise InputError(f"{path}: own_methods: {spelled(own)}; legal: a list of names FILE.CLASS")
+    study = study_of_fields(fields.get("study"), TaskFiles(f"{path}: study", folder), own)
     version, machines = fields.get("version"), fields.get("machines")
     if fields.get("study_hash") != study.hash:
         given = spelled(fields.get("study_hash"))
@@ -83,8 +92,8 @@ def read_header(folder: Path) -> StudyHeader:
 
 
 @contextmanager
-def opened_folder(study: Study, folder: Path) -> Iterator[StudyHeader]:
-    """Give the header of a new folder, or of one that holds rows of the same study and version; locked.
+def opened_folder(study: Study, version: str, folder: Path) -> Iterator[None]:
+    """Lock a new folder, or one that holds rows of the same study and version, and write its header.
 
     Raises:
         InputError: it holds something else, another process works in it, or it cannot be written.
@@ -101,20 +110,21 @@ def opened_folder(study: Study, folder: Path) -> Iterator[StudyHeader]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(f"{folder}: another process works in it") from None
-        yield _header(study, folder)
+        machines: tuple[dict[str, str], ...] = ()
+        if (folder / HEADER).exists():
+            there = read_header(folder)
+            refuse_other(folder, there, study, version)
+            machines = there.machines
+        write_whole(folder / HEADER, StudyHeader(study, version, machines).to_json(), force=True)
+        yield
 
 
-def _header(study: Study, folder: Path) -> StudyHeader:
-    """Return the folder's header, with this machine in it."""
-    here = this_machine()
-    machines: tuple[dict[str, str], ...] = ()
-    if (folder / HEADER).exists():
-        there = read_header(folder)
-        refuse_other(folder, there, study, omniservo.__version__)
-        machines = there.machines
-    header = StudyHeader(study, omniservo.__version__, (*machines, *([] if here in machines else [here])))
-    write_whole(folder / HEADER, header.to_json(), force=True)
-    return header
+def note_machine(folder: Path, machine: dict[str, str]) -> None:
+    """Name a machine in the header of an open folder, if it is not there yet."""
+    header = read_header(folder)
+    if machine not in header.machines:
+        header = replace(header, machines=(*header.machines, machine))
+        write_whole(folder / HEADER, header.to_json(), force=True)
 
 
 def refuse_other(folder: Path, there: StudyHeader, study: Study, version: str) -> None:

@@ -11,17 +11,19 @@ import zlib
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from time import process_time
 from typing import Any
 
-import omniservo
 from omniservo.errors import InputError, NotWritten
 from omniservo.files import read_bytes
+from omniservo.studies.load_study import study_of_json
+from omniservo.studies.program import Program
 from omniservo.studies.study import Study
 from omniservo.studies.study_row import RowResult, StudyRow, fields_of_row, row_of_fields, run_row
 
-FORMAT = "omniservo.study-part/1"
+FORMAT = "omniservo.study-part/2"
 _FOLDER = "parts"
 _ENDING = ".jsonl.gz"
 _MOST_TEXT = 2**27
@@ -40,6 +42,22 @@ class StudyPart:
     """row → plan file"""
     cpu_seconds: dict[str, float]
     """method → of all its rows"""
+
+
+@dataclass(frozen=True)
+class PartWork:
+    """What a process is handed that runs parts."""
+
+    study: str
+    """as `Study.to_json` has it"""
+    program: Program
+
+    def content(self, number: int) -> bytes:
+        """Run a part's rows; return what its file holds."""
+        return part_content(_study(self.study, self.program.names), self.program, number)
+
+
+_study = lru_cache(maxsize=1)(study_of_json)
 
 
 def part_rows(study: Study) -> int:
@@ -75,30 +93,31 @@ def missing_parts(study: Study, folder: Path, wanted: Iterable[int]) -> list[int
     return [number for number in wanted if part_file(folder, number).name not in there]
 
 
-def run_part(study: Study, folder: Path, number: int) -> None:
-    """Run a part's rows and write them.
-
-    Raises:
-        NotWritten: the disk is full, or the folder is not ours. Nothing of the part is left.
-    """
+def part_content(study: Study, program: Program, number: int) -> bytes:
+    """Run a part's rows; return what its file holds."""
     results: list[RowResult] = []
     taken: dict[str, float] = defaultdict(float)
     for row in rows_of_part(study, number):
         begin = process_time()
-        results.append(run_row(study, row))
+        results.append(run_row(study, row, program))
         taken[results[-1].row.method] += process_time() - begin
-    lines = [_line({"format": FORMAT, "part": number, **_identity(study)})]
+    lines = [_line({"format": FORMAT, "part": number, **_identity(study, program.version)})]
     for result in results:
         plan = result.plan_fields()
         lines.append(_line({"row": fields_of_row(result.row), **({} if plan is None else {"plan": plan})}))
     text = "".join(lines)
     seconds = {method: round(value, 3) for method, value in taken.items()}
     end = _line({"digest": _digest(text), "cpu_seconds": seconds})
-    _write(part_file(folder, number), gzip.compress((text + end).encode(), 5, mtime=0))
+    return gzip.compress((text + end).encode(), 5, mtime=0)
 
 
-def _write(path: Path, content: bytes) -> None:
-    """Write a file whole under a hidden name, then link it to its own; the first one there stays."""
+def write_part(folder: Path, number: int, content: bytes) -> None:
+    """Write a part whole under a hidden name, then link it to its own; the first one there stays.
+
+    Raises:
+        NotWritten: the disk is full, or the folder is not ours. Nothing of the part is left.
+    """
+    path = part_file(folder, number)
     hidden = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with hidden.open("xb") as stream:
@@ -115,19 +134,28 @@ def _write(path: Path, content: bytes) -> None:
         hidden.unlink(missing_ok=True)
 
 
-def read_part(study: Study, folder: Path, number: int) -> StudyPart:
+def read_part(study: Study, version: str, folder: Path, number: int) -> StudyPart:
     """Return a part as it was written.
 
     Raises:
         InputError: missing, damaged, or of another study or version; the message names the file.
     """
     path = part_file(folder, number)
-    lines = _text(path).splitlines(keepends=True)
+    return part_of_content(study, version, path, number, read_bytes(path, max_bytes=_MOST_TEXT))
+
+
+def part_of_content(study: Study, version: str, path: Path, number: int, content: bytes) -> StudyPart:
+    """Return the part that a file's content has; ``path`` stands in messages.
+
+    Raises:
+        InputError: as `read_part`.
+    """
+    lines = _text(path, content).splitlines(keepends=True)
     try:
         head, *rows, end = (json.loads(line) for line in lines)
         if end["digest"] != _digest("".join(lines[:-1])):
             raise _damaged(path, "its digest does not fit")
-        for name, value in {"format": FORMAT, "part": number, **_identity(study)}.items():
+        for name, value in {"format": FORMAT, "part": number, **_identity(study, version)}.items():
             if head.get(name) != value:
                 raise InputError(f"{path}: {name}: {head.get(name)!r}; {value!r} is needed")
         found = tuple(row_of_fields(entry["row"]) for entry in rows)
@@ -142,9 +170,9 @@ def read_part(study: Study, folder: Path, number: int) -> StudyPart:
     return StudyPart(number, found, plans, taken)
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, content: bytes) -> str:
     try:
-        with gzip.GzipFile(fileobj=io.BytesIO(read_bytes(path, max_bytes=_MOST_TEXT))) as stream:
+        with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
             text = stream.read(_MOST_TEXT + 1)
         if len(text) > _MOST_TEXT:
             raise _damaged(path, f"more than {_MOST_TEXT} bytes of text")
@@ -157,8 +185,8 @@ def _damaged(path: Path, why: str) -> InputError:
     return InputError(f"{path}: damaged: {why}; delete it and run the study into this folder again")
 
 
-def _identity(study: Study) -> dict[str, str]:
-    return {"study_hash": study.hash, "version": omniservo.__version__}
+def _identity(study: Study, version: str) -> dict[str, str]:
+    return {"study_hash": study.hash, "version": version}
 
 
 def _digest(text: str) -> str:

@@ -9,18 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-import omniservo
 from omniservo.planning import Plan
-from omniservo.run_methods import run_method
 from omniservo.studies.closed_loop import ClosedLoop, Trajectory
+from omniservo.studies.program import PACKAGE, Program
+from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study import Study
-from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import NotLed, controller_of_scene
-from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene, generators
+from omniservo.studies.study_scene import NoScene, StudyScene
 
 STATUSES = ("converged", "timed_out", "stopped", "not_estimated", "not_planned", "no_scene", "error")
+
+
+DIVERGED = 2.0
+"""times as far from the goal as start and target, a camera was led away"""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,9 @@ class StudyRow:
     path_length_m: float | None
     least_gap_m: float | None
     """of the camera's centre to an obstacle's surface; None: there is no obstacle"""
+    diverged: bool
+    """the camera was led away: its final errors are not within the limits, and its centre was once twice as
+    far from the goal as start and target, whichever of the two is farther"""
     images: int
     """that were taken on the way"""
     certified: bool
@@ -88,61 +93,59 @@ class RowResult:
         return {**self.plan.to_dict(), "seconds": 0.0} if self.plan and self.row.certified else None
 
 
-def run_row(study: Study, number: int) -> RowResult:
+def run_row(study: Study, number: int, program: Program = PACKAGE) -> RowResult:
     """Run row ``number``; whatever goes wrong in it is a row, too."""
     scene_number, camera, method = study.place(number)
     empty = StudyRow(
-        row=number, study_hash=study.hash, version=omniservo.__version__, seed=study.seed, method=method,
+        row=number, study_hash=study.hash, version=program.version, seed=study.seed, method=method,
         camera=camera, status="error", reason="", success=False, collision=False, feature_lost=False,
         final_translation_error_m=None, final_rotation_error_rad=None, seconds=None, path_length_m=None,
-        least_gap_m=None, images=0, certified=False, scene=scene_number, start_rotation_rad=None,
-        start_distance_ratio=None, start_distance_m=None, obstacles=0, noise_px=None, latency_s=None,
+        least_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
+        start_rotation_rad=None, start_distance_ratio=None, start_distance_m=None, obstacles=0,
+        noise_px=None, latency_s=None,
     )  # fmt: skip
     try:
-        return _run(study, empty)
-    except NoScene as none:
-        return RowResult(replace(empty, status="no_scene", reason=str(none)))
+        return _run(study, empty, program)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
         return RowResult(replace(empty, reason=f"{type(error).__name__}: {error} ({where})"[:500]))
 
 
-def _run(study: Study, empty: StudyRow) -> RowResult:
-    scene = draw_scene(study, empty.scene, study.cameras[empty.camera])
-    _, random = generators(study, empty.scene)
-    camera, goal = StudyCamera(scene, random), scene.initial_T_goal
-    images = [camera.take(pose.rotation.as_matrix(), np.array(pose.translation)) for pose in (_HERE, goal)]
-    known = replace(
+def _run(study: Study, empty: StudyRow, program: Program) -> RowResult:
+    start = scene_start(study, empty.scene, empty.camera)
+    if isinstance(start, NoScene):
+        return RowResult(replace(empty, status="no_scene", reason=str(start)))
+    scene = start.scene
+    drawn = replace(
         empty,
         start_rotation_rad=scene.drawn.rotation,
         start_distance_ratio=scene.drawn.distance_ratio,
-        start_distance_m=float(np.linalg.norm(goal.translation)),
+        start_distance_m=float(np.linalg.norm(scene.initial_T_goal.translation)),
         obstacles=len(scene.obstacles),
         noise_px=scene.conditions.noise,
         latency_s=scene.conditions.latency,
     )
     try:
-        led = controller_of_scene(study, scene, run_method(empty.method), *images)
+        led = controller_of_scene(study, start, program, empty.method)
     except NotLed as none:
-        still = Trajectory([0.0], [_HERE])
-        row = scored(study, scene, replace(known, status=none.status, reason=none.reason), still)
+        still = Trajectory([0.0], [np.eye(3)], [np.zeros(3)])
+        row = scored(study, scene, replace(drawn, status=none.status, reason=none.reason), still)
         return RowResult(row, None, scene, still)
     certified = led.plan is not None and led.plan.status == "certified"
-    ended = ClosedLoop(study, scene, camera, led).run()
-    said = replace(known, status=ended.status, reason=ended.reason, certified=certified)
+    ended = ClosedLoop(study, scene, start.camera(), led).run()
+    said = replace(drawn, status=ended.status, reason=ended.reason, certified=certified)
     return RowResult(scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
-
-
-_HERE = RigidTransform.identity()
 
 
 def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajectory) -> StudyRow:
     """Return the row with what the true poses say of it."""
-    off = scene.initial_T_goal.inv() * trajectory.poses[-1]
+    off = scene.initial_T_goal.inv() * trajectory.end
     translation, rotation = float(np.linalg.norm(off.translation)), float(off.rotation.magnitude())
     gap = trajectory.least_gap(scene)
     collision = gap is not None and gap < scene.clearance
+    goal = np.array(scene.initial_T_goal.translation)
+    far = max(float(np.linalg.norm(goal)), scene.drawn.distance)
     near = translation <= study.limits.translation and rotation <= study.limits.rotation
     return replace(
         row,
@@ -154,6 +157,7 @@ def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajector
         seconds=trajectory.times[-1],
         path_length_m=trajectory.length,
         least_gap_m=gap,
+        diverged=bool(not near and trajectory.farthest(goal) > DIVERGED * far),
         images=trajectory.images,
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -80,13 +81,18 @@ class StudyScene:
 
     def hidden(self, points: FloatArray, centre: FloatArray) -> BoolArray:
         """Return which points (n, 3) an obstacle hides from a camera's ``centre`` (3,)."""
-        found = np.zeros(len(points), dtype=np.bool_)
-        ray = points - centre
-        length = (ray**2).sum(axis=1)
-        for ball in self.obstacles:
-            along = np.clip((ray @ (ball.center - centre)) / length, 0.0, 1.0)
-            found |= np.linalg.norm(centre + along[:, None] * ray - ball.center, axis=1) < ball.radius
-        return found
+        middles, radii = self._balls
+        ray, to_ball = points - centre, middles - centre
+        along = np.clip((ray @ to_ball.T) / (ray**2).sum(axis=1)[:, None], 0.0, 1.0)
+        off = along[:, :, None] * ray[:, None] - to_ball
+        behind: BoolArray = ((off**2).sum(axis=2) < radii**2).any(axis=1)
+        return behind
+
+    @cached_property
+    def _balls(self) -> tuple[FloatArray, FloatArray]:
+        """Middles (b, 3) and radii (b,) of the obstacles [m]."""
+        middles = np.array([ball.center for ball in self.obstacles]).reshape(-1, 3)
+        return middles, np.array([ball.radius for ball in self.obstacles])
 
 
 class NoScene(Exception):

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-
-import numpy as np
-
-from omniservo.studies.study_row import StudyRow
 
 _Z = 1.959963984540054
 """standard deviations that a two-sided interval of 95% reaches to"""
@@ -41,6 +36,9 @@ class Rate:
         return {"count": self.count, "of": self.of, "share": self.share, "interval_95": list(self.interval)}
 
 
+RATES = ("success", "collision", "feature_lost", "diverged")
+
+
 @dataclass(frozen=True)
 class MethodSummary:
     """One method over all rows that count."""
@@ -50,6 +48,7 @@ class MethodSummary:
     collision: Rate
     """of the rows with an obstacle"""
     feature_lost: Rate
+    diverged: Rate
     statuses: dict[str, int]
     """how its runs ended"""
     translation_m: float
@@ -63,36 +62,8 @@ class MethodSummary:
 
     def to_dict(self) -> dict[str, object]:
         """Return everything as JSON has it."""
-        rates = {name: getattr(self, name).to_dict() for name in ("success", "collision", "feature_lost")}
+        rates = {name: getattr(self, name).to_dict() for name in RATES}
         return {**vars(self), **rates}
-
-
-def summaries(rows: Sequence[StudyRow]) -> list[MethodSummary]:
-    """Return a summary of each method, in the order in which the rows have them."""
-    methods = dict.fromkeys(row.method for row in rows)
-    return [_summary(name, [row for row in rows if row.method == name and row.counts]) for name in methods]
-
-
-def _summary(method: str, rows: list[StudyRow]) -> MethodSummary:
-    good = [row for row in rows if row.success]
-    beside = [row for row in rows if row.obstacles]
-    statuses = {s: sum(row.status == s for row in rows) for s in sorted({row.status for row in rows})}
-    return MethodSummary(
-        method=method,
-        success=Rate(len(good), len(rows)),
-        collision=Rate(sum(row.collision for row in beside), len(beside)),
-        feature_lost=Rate(sum(row.feature_lost for row in rows), len(rows)),
-        statuses=statuses,
-        translation_m=_median(row.final_translation_error_m for row in good),
-        rotation_rad=_median(row.final_rotation_error_rad for row in good),
-        path_length_m=_median(row.path_length_m for row in good),
-        seconds=_median(row.seconds for row in good),
-    )
-
-
-def _median(values: Iterable[float | None]) -> float:
-    known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else math.nan
 
 
 def percent(rate: Rate) -> str:

@@ -14,7 +14,9 @@ from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
 from omniservo.estimation import refine_pose
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
-from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod, limited_twist
+from omniservo.planning.quick_poses import composed
+from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod
+from omniservo.servoing.control_law import limit_twist
 
 LEAST_POINTS = 4
 """The pose needs four."""
@@ -189,12 +191,11 @@ class GoalServo:
         if refined.reference_T_camera is None:
             raise Divergence(f"no camera pose explains the {int(use.sum())} points in the image")
         self._initial_T_camera = pose = refined.reference_T_camera
-        twist = np.asarray(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
+        twist = np.array(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
         if twist.shape != (6,) or not np.isfinite(twist).all():
             raise NotFinite(f"{type(self.method).__name__} gives the twist {twist.tolist()}; it was not sent")
-        limits = self.options.max_linear_speed, self.options.max_angular_speed
-        self._twist, factor = limited_twist(twist, *limits)
-        self._time = time
+        factor = limit_twist(twist, self.options.max_linear_speed, self.options.max_angular_speed)
+        self._twist, self._time = twist, time
         error = float(np.sqrt(((pixels - self._goal_pixels)[use] ** 2).sum() / use.sum()))
         self._settled = self._settled + 1 if error <= self.options.tolerance_px else 0
         self.report = GoalServoReport(self._goal_pixels, error, pose, factor < 1.0)
@@ -211,5 +212,5 @@ class GoalServo:
             distances[use],
             self._goal_bearings[use],
             self._goal_distances[use],
-            self._goal_T_initial * initial_T_camera,
+            composed(self._goal_T_initial, initial_T_camera),
         )

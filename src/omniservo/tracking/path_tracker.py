@@ -266,14 +266,15 @@ class PathTracker:
         kernel.predict_pixels(self._camera.parameters, self._points, pose, before, after, pixels, seen)
         return pixels, seen
 
-    def _carried_on(self, time: float, acts_at: float) -> FloatArray:
-        """Return poses (4, 7): as measured from the exposure on, then as planned until the twist acts [s]."""
+    def _carried_on(self, time: float, acts_at: float, here: FloatArray, then: FloatArray) -> FloatArray:
+        """Return poses (4, 7): as measured from the exposure on, then as planned until the twist acts [s].
+
+        The plan has the camera ``here`` and ``then``, (7,), at these times.
+        """
         if self._where is None or acts_at <= time:
-            here = self._way.pose(time)
-            return np.array([here, here, here, self._way.pose(acts_at)])
+            return np.array([here, here, here, then])
         known = min(max(self._where.until, time), acts_at)
-        ends = self._way.pose(known), self._way.pose(acts_at)
-        return np.array([self._where(time), self._where(known), *ends])
+        return np.array([self._where(time), self._where(known), self._way.pose(known), then])
 
     def _moved(self, since: float, until: float) -> tuple[FloatArray, FloatArray]:
         """Return the camera's poses (7,) at two times [s] in one frame, as measured or else as planned."""
@@ -322,13 +323,14 @@ class PathTracker:
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
         estimated_pose, covariance = self._predicted(time, plan_seen)
+        carried_on = self._carried_on(time, acts_at, plan_seen, plan_now)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
             self._camera.parameters,
             self._feature.kind,
             self._settings,
             (self._points, seen, used, self._goal.pixels.copy()),
-            (plan_seen, plan_now, plan_twist, self._carried_on(time, acts_at), offsets, w_dot_now * growth),
+            (plan_seen, plan_now, plan_twist, carried_on, offsets, w_dot_now * growth),
             (estimated_pose, covariance, time_sigma * twist_seen),
             (pose, twist, reference, evidence),
         )
@@ -341,7 +343,8 @@ class PathTracker:
             reset(covariance)
             return estimated_pose, covariance
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
-        moved = self._moved(self.report.time, time)
+        before = self.report.time
+        moved = (self._way.pose(before), plan_seen) if self._where is None else self._moved(before, time)
         predict_state(estimated_pose, covariance, *moved, time - self.report.time)
         return estimated_pose, covariance
 

@@ -64,8 +64,9 @@ class StructureRefinement:
             used: (n,) the points that were seen and belong.
             pose: (7,) of the camera, as estimated.
         """
-        gaps = [np.linalg.norm(pose[4:] - kept[4:]) for kept in self._poses]
-        if len(self._poses) >= MOST_VIEWS or min(gaps) < self._apart:
+        if len(self._poses) >= MOST_VIEWS:
+            return None
+        if min(np.linalg.norm(pose[4:] - kept[4:]) for kept in self._poses) < self._apart:
             return None
         poses = np.array([*self._poses, pose])
         points = self._points.copy()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras.conversion import unified_image
 from omniservo.cameras.models import CentralModel
@@ -13,6 +13,7 @@ from omniservo.errors import InputError
 from omniservo.estimation.refinement.pose_refinement import pose_covariance, refine_pose_kernel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, owned
+from omniservo.geometry.quaternions import matrix_from_quaternion, quaternion_from_matrix
 
 
 @with_field_docs
@@ -65,13 +66,23 @@ def refine_pose(
     image = unified_image(camera)
     seen, use = image.kept(seen, use)
     seen, parameters = np.ascontiguousarray(seen), image.camera.parameters
-    quaternion = np.ascontiguousarray(reference_T_camera.rotation.as_quat())
-    translation = np.ascontiguousarray(reference_T_camera.translation, dtype=np.float64)
+    guess = reference_T_camera.as_matrix()
+    quaternion = quaternion_from_matrix(np.ascontiguousarray(guess[:3, :3]))
+    translation = np.ascontiguousarray(guess[:3, 3])
     quaternion, translation, rms, ok = refine_pose_kernel(
         parameters, model, seen, use, quaternion, translation
     )
     covariance = np.full((6, 6), math.nan)
     if ok:
         ok = pose_covariance(parameters, model, seen, use, quaternion, translation, 0.0, covariance)
-    pose = RigidTransform.from_components(translation, Rotation.from_quat(quaternion)) if ok else None
+    pose = _pose(quaternion, translation) if ok else None
     return PoseRefinement(pose, float(rms), owned(covariance), bool(ok))
+
+
+def _pose(quaternion: FloatArray, translation: FloatArray) -> RigidTransform:
+    """Return the pose of a unit quaternion, without SciPy's checks, which take longer than the refinement."""
+    rotation, matrix = np.empty((3, 3)), np.eye(4)
+    x, y, z, w = quaternion.tolist()
+    matrix_from_quaternion(x, y, z, w, rotation)
+    matrix[:3, :3], matrix[:3, 3] = rotation, translation
+    return RigidTransform(matrix, normalize=False)

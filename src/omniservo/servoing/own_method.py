@@ -9,7 +9,8 @@ from pathlib import Path
 from omniservo.errors import InputError, InvalidData, ServoStop
 from omniservo.files import python_class
 from omniservo.geometry.arrays import FloatArray
-from omniservo.servoing import ServoMeasurement, ServoMethod
+from omniservo.servoing.servo_measurement import ServoMeasurement
+from omniservo.servoing.servo_method import ServoMethod
 
 
 class OwnMethod:
@@ -17,14 +18,15 @@ class OwnMethod:
 
     Args:
         source: ``FILE.py:CLASS``, whose code is run.
-        gain: λ of the task [1/s].
+        gain: λ [1/s].
+        code: what the file holds; None: it is read.
 
     Raises:
         InputError: no such class, or not one that is made from a gain and has ``step``.
     """
 
-    def __init__(self, source: str, gain: float) -> None:
-        made = python_class(source, "method")
+    def __init__(self, source: str, gain: float, code: bytes | None = None) -> None:
+        made = python_class(source, "method", code)
         try:
             inspect.signature(made).bind(gain)
         except TypeError as error:

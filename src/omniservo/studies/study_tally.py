@@ -1,0 +1,121 @@
+"""What is kept of a study's rows while they are read once: counts, and a few numbers of each."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from omniservo.studies.study_row import StudyRow
+from omniservo.studies.study_summary import MethodSummary, Rate
+
+_SHOWN = 2
+"""of a method's worst rows: else a gallery shows the worst method alone"""
+
+_MEDIANS = ("final_translation_error_m", "final_rotation_error_rad", "path_length_m", "seconds")
+
+
+def _numbers() -> array[float]:
+    return array("d")
+
+
+@dataclass(eq=False)
+class MethodTally:
+    """The rows of one method, in 24 to 56 bytes each."""
+
+    statuses: Counter[str] = field(default_factory=Counter)
+    """how those that count ended"""
+    counts: Counter[str] = field(default_factory=Counter)
+    """how many of them have "success", "feature_lost", "diverged", a "collision", an "obstacle" """
+    good: dict[str, array[float]] = field(default_factory=lambda: {name: _numbers() for name in _MEDIANS})
+    """column → its numbers in the successful rows"""
+    turned: array[float] = field(default_factory=_numbers)
+    """start_rotation_rad of the rows that have a scene"""
+    ratio: array[float] = field(default_factory=_numbers)
+    """start_distance_ratio of the same"""
+    reached: array[float] = field(default_factory=_numbers)
+    """whether they succeeded"""
+    worst: list[StudyRow] = field(default_factory=list)
+    """the worst of those without success, at most two"""
+
+    def add(self, row: StudyRow) -> None:
+        """Count a row in."""
+        if not row.counts:
+            return
+        self.statuses[row.status] += 1
+        has = {
+            "success": row.success,
+            "feature_lost": row.feature_lost,
+            "diverged": row.diverged,
+            "collision": row.collision,
+            "obstacle": row.obstacles > 0,
+        }
+        self.counts.update(name for name, holds in has.items() if holds)
+        if row.start_rotation_rad is not None and row.start_distance_ratio is not None:
+            self.turned.append(row.start_rotation_rad)
+            self.ratio.append(row.start_distance_ratio)
+            self.reached.append(row.success)
+        if row.success:
+            for name, numbers in self.good.items():
+                value = getattr(row, name)
+                numbers.append(math.nan if value is None else value)
+        elif row.final_translation_error_m is not None and row.images:
+            self.worst = sorted((*self.worst, row), key=badness)[:_SHOWN]
+
+    def summary(self, method: str) -> MethodSummary:
+        """Return what the rows say of the method."""
+        of, counts = self.statuses.total(), self.counts
+        translation, rotation, path_length, seconds = map(_median, self.good.values())
+        return MethodSummary(
+            method=method,
+            success=Rate(counts["success"], of),
+            collision=Rate(counts["collision"], counts["obstacle"]),
+            feature_lost=Rate(counts["feature_lost"], of),
+            diverged=Rate(counts["diverged"], of),
+            statuses=dict(sorted(self.statuses.items())),
+            translation_m=translation,
+            rotation_rad=rotation,
+            path_length_m=path_length,
+            seconds=seconds,
+        )
+
+
+def badness(row: StudyRow) -> tuple[bool, float, int]:
+    """Return by what rows without success are ordered, the worst first: collisions, then the final error."""
+    return not row.collision, -(row.final_translation_error_m or 0.0), row.row
+
+
+class StudyTally:
+    """Takes in a study's rows one by one; none of them is kept but the worst."""
+
+    def __init__(self, rows: Iterable[StudyRow] = ()) -> None:
+        self.rows = 0
+        """that were added"""
+        self.without = 0
+        """of them without a scene: no rate counts them"""
+        self.methods: dict[str, MethodTally] = {}
+        """in the order in which the rows have them"""
+        for row in rows:
+            self.add(row)
+
+    def add(self, row: StudyRow) -> None:
+        """Count a row in."""
+        self.rows += 1
+        self.without += not row.counts
+        self.methods.setdefault(row.method, MethodTally()).add(row)
+
+    def summaries(self) -> list[MethodSummary]:
+        """Return a summary of each method."""
+        return [tally.summary(method) for method, tally in self.methods.items()]
+
+    def worst(self, count: int) -> list[StudyRow]:
+        """Return the rows of the gallery, worst first, two of a method at most."""
+        return sorted((row for tally in self.methods.values() for row in tally.worst), key=badness)[:count]
+
+
+def _median(numbers: array[float]) -> float:
+    return float(np.median(numbers)) if numbers else math.nan
