@@ -1,9 +1,9 @@
 """The tables of docs/benchmark.md: what each method does on a study's scenes that are proven feasible.
 
-Run: ``omniservo study paper-benchmark --out DIR``, then ``python -m benchmarks.public_benchmark DIR``. Every
-scene is drawn again and planned for with the true points and goal: where that gives a certified path that
-keeps the clearance, the image's limits and the sight of every point, the scene is proven feasible. Neither
-estimate nor margins have a part in it. What is past 90° is so from the axis, at the start or at the goal.
+Run: ``omniservo study paper-benchmark --out DIR``, then ``python -m benchmarks.public_benchmark DIR
+[PICTURE.png]``. Every scene is drawn again and planned for with the true points and goal: where that gives a
+certified path that keeps the clearance, the image's limits and the sight of every point, the scene is proven
+feasible. Neither estimate nor margins have a part in it. What is past 90° is so from the axis, at an end.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from pathlib import Path
 from benchmarks.tables import print_table
 
 from omniservo.planning import PlanningProblem, plan_path
-from omniservo.studies import Rate, Study, StudyRow, read_header, read_parts
+from omniservo.reporting.study_figures import study_drawings
+from omniservo.studies import Rate, Study, StudyRow, StudyTally, read_header, read_parts
 from omniservo.studies.study_scene import draw_scene
 
 LEAST_DISTANCE = 0.03
@@ -65,11 +66,14 @@ def _said(rows: list[StudyRow]) -> str:
     return f"{100 * rate.share:.1f}% ({low:.0f}–{high:.0f}) of {rate.of}"
 
 
-def main(folder: str) -> None:
-    """Print the tables."""
+def main(folder: str, picture: str | None = None) -> None:
+    """Print the tables; draw the page's picture of where each method reaches the goal from."""
     header = read_header(Path(folder))
     study = header.study
     rows = [row for part in read_parts(Path(folder)) for row in part.rows if row.counts]
+    if picture is not None:
+        *_, drawing = study_drawings(StudyTally(rows))
+        drawing.figure.savefig(picture, dpi=90)
     truths = {
         row.scene: truth_of(study, row.scene, row.camera) for row in rows if row.method == study.methods[0]
     }

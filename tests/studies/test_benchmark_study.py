@@ -89,6 +89,13 @@ def test_where_no_plan_keeps_the_risk_the_estimate_is_taken_as_exact(uncertain):
     assert np.array_equal(hopeless.path.translation, exact.path.translation)
 
 
+def test_a_ball_that_is_not_aside_is_on_the_straight_line(uncertain):
+    scene = uncertain[1].scene
+    end, middle = np.array(scene.initial_T_goal.translation), scene.obstacles[0].center
+    assert np.linalg.norm(np.cross(middle, end)) < 1e-12
+    assert 0.3 <= middle @ end / (end @ end) <= 0.7
+
+
 class Arrived:
     """Says from the first image on that it has arrived, and is still moving."""
 
