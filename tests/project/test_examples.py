@@ -185,6 +185,15 @@ def test_own_method_reaches_the_goal_later_than_the_one_that_turns_and_moves_at_
     assert numbers("turn first: # s", first)[0] > numbers("pbvs: # s", at_once)[0] + 2.0
 
 
+def test_a_wrong_depth_reaches_as_many_goals_as_the_true_one_but_later(tmp_path):
+    pbvs, wrong = run("wrong_depth", tmp_path).splitlines()
+    assert wrong.startswith("wrong_depth.WrongDepth: ")
+    reached, of, seconds = numbers("# of # reach the goal, after # s", pbvs)
+    assert of == 8
+    assert numbers("# of 8 reach", wrong) == [reached]
+    assert numbers("after # s", wrong)[0] > seconds + 0.5
+
+
 def test_own_robot_is_driven_to_the_goal(tmp_path):
     text = run("own_robot", tmp_path)
     assert numbers("servo done, # mm from the goal", text)[0] < 0.3

@@ -140,7 +140,7 @@ def compare(
         low, high = each.interval
         rows = f"; lost rows {_few(each.lost)}; won rows {_few(each.won)}" if each.lost or each.won else ""
         output.line(
-            f"{each.method:<16}{100 * each.before.share:6.1f}% → {100 * each.after.share:.1f}%  "
+            f"{each.method:<15} {100 * each.before.share:6.1f}% → {100 * each.after.share:.1f}%  "
             f"difference {100 * low:+.1f} to {100 * high:+.1f} points (95%)"
             f"{'' if each.differs else ', which may be none'}{rows}"
         )
@@ -194,7 +194,7 @@ def _say(output: Output, out: Path, done: _Finished) -> None:
     for each in done.found:
         low, high = (100 * end for end in each.success.interval)
         output.line(
-            f"{each.method:<16}success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
+            f"{each.method:<15} success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
             f"collision {percent(each.collision):>6}  feature lost {percent(each.feature_lost):>6}  "
             f"{done.cpu_seconds[each.method]:.2f} CPU s a row"
         )

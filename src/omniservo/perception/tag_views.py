@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import UnifiedCamera, perspective_view
 from omniservo.cameras.models.central_model import CentralModel
+from omniservo.cameras.widest_angle import widest_angle
 from omniservo.geometry.arrays import ByteArray, FloatArray
 
 _FIELD = np.deg2rad(84.0)
@@ -56,7 +57,7 @@ def field_views(camera: CentralModel) -> tuple[TagView, ...]:
 
 @lru_cache(maxsize=4)
 def _field_views(camera: Any) -> tuple[TagView, ...]:
-    widest = _widest_angle(camera)
+    widest = widest_angle(camera)
     if widest <= _NARROW:
         return ()
     views = [view_towards(camera, np.array([0.0, 0.0, 1.0]), _FIELD)]
@@ -115,12 +116,3 @@ def _scale(camera: CentralModel, frame: FloatArray, reach: float) -> float:
             steps = np.stack([pixels[1] - pixels[0], pixels[2] - pixels[0]], axis=2)[good] / step
             return float(np.linalg.norm(steps, 2, axis=(1, 2)).max())
     return 0.0
-
-
-def _widest_angle(camera: CentralModel) -> float:
-    """Largest angle from the axis of anything in the image [rad]."""
-    u, v = np.meshgrid(np.linspace(0, camera.width - 1, 60), np.linspace(0, camera.height - 1, 60))
-    pixels = np.stack([u, v], axis=-1)
-    bearings, valid = camera.unproject(pixels)
-    valid &= camera.in_image(pixels)
-    return float(np.arccos(np.clip(bearings[valid][:, 2].min(initial=1.0), -1.0, 1.0)))

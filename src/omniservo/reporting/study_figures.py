@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.patches import Circle, Rectangle
 
 from omniservo.reporting.style import (
@@ -30,7 +32,10 @@ from omniservo.studies.study_tally import MethodTally
 
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
-_CELLS = (12, 8)
+_A_CELL = 20
+"""runs of a method, on average"""
+_MOST_CELLS = 12
+_SHARES, _NO_START = "viridis", "#d9d9d9"
 _COLUMNS = 4
 
 
@@ -86,10 +91,13 @@ def _regions(found: Mapping[str, MethodTally]) -> Drawing:
         axes.set_xlabel("start rotation [deg]")
     if scattered:
         legend_below(figure, grid.flat[0], 2)
+    else:
+        scale = ScalarMappable(Normalize(0.0, 100.0), _SHARES)
+        figure.colorbar(scale, ax=grid, label="reach the goal [%]", shrink=0.8, pad=0.02)
     caption = (
         "Each start by its rotation from the goal and its distance to the target over the goal's."
         if scattered
-        else "Share of starts that reach the goal, from none (white) to all (dark); empty: no start."
+        else "Share of the starts in each cell that reach the goal; grey: no start is there."
     )
     return Drawing("study-regions", "Where each method reaches the goal from", caption, figure)
 
@@ -99,11 +107,14 @@ def _region(axes: Axes, turned: Any, ratio: Any, good: Any, scattered: bool) -> 
         axes.plot(turned[good], ratio[good], "o", ms=4, color=SEVEN[2], alpha=0.8, label="success")
         axes.plot(turned[~good], ratio[~good], "x", ms=5, color=CERTIFIED, label="no success")
         return
+    across = min(max(int(math.sqrt(1.5 * len(turned) / _A_CELL)), 3), _MOST_CELLS)
+    cells = across, round(across / 1.5)
     edges = [turned.min(), turned.max()], [ratio.min() - 1e-9, ratio.max() + 1e-9]
-    both, x, y = np.histogram2d(turned, ratio, bins=_CELLS, range=edges)
-    reached, _, _ = np.histogram2d(turned[good], ratio[good], bins=_CELLS, range=edges)
+    both, x, y = np.histogram2d(turned, ratio, bins=cells, range=edges)
+    reached, _, _ = np.histogram2d(turned[good], ratio[good], bins=cells, range=edges)
     share = np.where(both > 0, reached / np.maximum(both, 1), np.nan)
-    axes.pcolormesh(x, y, share.T, vmin=0.0, vmax=1.0, cmap="Greens")
+    axes.pcolormesh(x, y, share.T, vmin=0.0, vmax=1.0, cmap=_SHARES)
+    axes.set_facecolor(_NO_START)
     axes.grid(visible=False)
 
 

@@ -2,6 +2,7 @@
 
 from omniservo.servoing.adaptive_gain import AdaptiveGain
 from omniservo.servoing.control_law import camera_twist, limited_twist
+from omniservo.servoing.even_pace_law import EvenPaceLaw
 from omniservo.servoing.features import (
     BearingFeatures,
     Feature,
@@ -30,6 +31,7 @@ __all__ = [
     "SERVO_METHODS",
     "AdaptiveGain",
     "BearingFeatures",
+    "EvenPaceLaw",
     "ExponentialLaw",
     "Feature",
     "FeatureName",

@@ -24,6 +24,10 @@ that is at most 0.1 mm off."""
 HOLD = 0.25
 """[s] that a twist acts at most: after so long without an image the camera stands"""
 
+SETTLING = 2.0
+"""[s] that a run goes on after its controller says for the first time that the goal is reached: a law that
+comes down exponentially says so while its slowest direction is still under way"""
+
 
 @dataclass(eq=False)
 class Trajectory:
@@ -96,6 +100,7 @@ class ClosedLoop:
         self._most = study.limits.seconds
         self._rotation, self._centre, self._time = np.eye(3), np.zeros(3), 0.0
         self._twist, self._since, self._newest = np.zeros(6), 0.0, -1.0
+        self._arrived = math.inf
         self.trajectory = Trajectory()
         self._note()
 
@@ -122,7 +127,7 @@ class ClosedLoop:
         return Ended("timed_out", f"not done after {self._most:g} s", self.trajectory)
 
     def _act(self, arrival: float, exposed: float, number: int, images: dict[int, StudyImage]) -> bool:
-        """Let an image that arrives change the twist; return whether the goal is reached."""
+        """Let an image that arrives change the twist; return whether the run is over."""
         self._move(arrival)
         image = images.pop(number)
         if exposed <= self._newest:
@@ -131,7 +136,9 @@ class ClosedLoop:
         acts_at = arrival + 0.5 * self._period
         self._twist = self._led.controller.step(exposed, image.pixels[rows], image.found[rows], acts_at)
         self._since = arrival
-        return self._led.controller.done
+        if self._led.controller.done:
+            self._arrived = min(self._arrived, exposed)
+        return exposed >= self._arrived + SETTLING
 
     def _move(self, until: float) -> None:
         """Let the camera move until a time [s]."""

@@ -30,8 +30,8 @@ class Estimated:
     """(m,) the scene's points that belong: these are servoed on"""
     points: FloatArray
     """(m, 3) as estimated, in the initial camera frame [m]"""
-    initial_pixels: FloatArray
-    """(m, 2) [px]"""
+    initial_pixels: FloatArray | None
+    """(m, 2) [px]; None: the points are known, and not refined on the way"""
     goal_pixels: FloatArray
     """(m, 2) [px]"""
 
@@ -59,21 +59,22 @@ def scene_start(study: Study, number: int, camera: str) -> SceneStart | NoScene:
     except NoScene as none:
         return none
     _, random = generators(study, number)
-    return SceneStart(scene, _estimated(scene, StudyCamera(scene, random)), random)
+    return SceneStart(scene, estimate_of_scene(study, scene, StudyCamera(scene, random)), random)
 
 
-def _estimated(scene: StudyScene, camera: StudyCamera) -> Estimated | str:
+def estimate_of_scene(study: Study, scene: StudyScene, camera: StudyCamera) -> Estimated | str:
+    """Return what the camera's images at the scene's two ends say, or why that is nothing."""
     ends = _HERE, scene.initial_T_goal
     initial, goal = (camera.take(p.rotation.as_matrix(), np.array(p.translation)) for p in ends)
     matched = np.flatnonzero(initial.found & goal.found)
     length = float(np.linalg.norm(scene.initial_T_goal.translation)) * (1.0 + scene.conditions.depth)
     if len(matched) < TrackerOptions().least_features:
         return f"{len(matched)} points are found in both images"
-    estimate = estimate_two_view(scene.camera, initial.pixels[matched], goal.pixels[matched], scale=length)
+    pixels = initial.pixels[matched], goal.pixels[matched]
+    estimate = estimate_two_view(scene.camera, *pixels, scale=length, scale_sigma=study.servo.depth_sigma)
     pose = estimate.initial_T_goal
     if pose is None:
         return f"{estimate.status}: {estimate.message}"
     rows = np.flatnonzero(estimate.inliers)
     followed = matched[rows]
-    points, pixels = estimate.points[rows], (initial.pixels[followed], goal.pixels[followed])
-    return Estimated(estimate, pose, followed, points, *pixels)
+    return Estimated(estimate, pose, followed, estimate.points[rows], *(image[rows] for image in pixels))

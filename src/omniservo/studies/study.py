@@ -46,6 +46,8 @@ class StudyTarget(Section):
     """from the goal camera to the cube's middle [m]"""
     off_axis: Angles = Distribution("uniform", (0.0, 0.35))
     """between the goal camera's axis and the cube's middle [rad]"""
+    view_share: Share | None = None
+    """in place of ``off_axis``: as a part of the largest angle at which the whole cube is in the image"""
 
 
 class StudyStart(Section):
@@ -57,6 +59,8 @@ class StudyStart(Section):
     """distance to the cube's middle over that of the goal camera"""
     off_axis: Angles = Distribution("uniform", (0.0, 0.35))
     """between the camera's axis and the cube's middle [rad]"""
+    view_share: Share | None = None
+    """in place of ``off_axis``, likewise"""
 
 
 class StudyObstacles(Section):
@@ -66,6 +70,8 @@ class StudyObstacles(Section):
     """how many are tried; a scene whose ends are too near to it has fewer"""
     radius: Lengths = constant(0.03)
     """[m]"""
+    aside: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.1
+    """standard deviation along each axis of a ball's middle from the line, over the line's length"""
     clearance: NonNegativeLength = 0.03
     """the camera's own radius [m]: nearer to a surface than this, its centre collides"""
 
@@ -121,6 +127,12 @@ class StudyServo(Section):
     """what planning keeps beyond the clearance [m]"""
     visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 5.0
     """what planning keeps to the image's limits [px]"""
+    risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
+    """certified plans violate clearance, visibility or occlusion with at most this probability, because the
+    estimate is uncertain (`plan_with_risk`); where no path keeps that, and where None is given, the estimate
+    is taken as exact"""
+    depth_sigma: Annotated[FiniteFloat, Field(ge=0, le=0.5)] = 0.0
+    """standard deviation of ``errors.depth`` as it is stated; a plan at a stated risk counts with it"""
 
 
 class StudyLimits(Section):

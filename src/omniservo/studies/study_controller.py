@@ -10,16 +10,15 @@ import numpy as np
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
+from omniservo.risk import plan_with_risk
 from omniservo.run_methods import RunMethod
-from omniservo.servoing import RestToRestLaw
+from omniservo.servoing import EvenPaceLaw
 from omniservo.studies.program import Program
 from omniservo.studies.scene_start import Estimated, SceneStart
 from omniservo.studies.study import Study
 from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
 
-_PEAK = 1.875
-"""largest ẇ of the rest-to-rest law, over that of a constant one"""
-_SPEED_SHARE = 0.6
+_SPEED_SHARE = 0.75
 """of the largest speeds, what a path is paced for; the rest is left to feedback"""
 _LEAST_DURATION = 2.0
 """[s] of a path"""
@@ -27,7 +26,6 @@ _LEAST_DISTANCE = 0.03
 """[m] that plans keep to the points"""
 _NOISE_SHARE = 2.5
 """The goal image and this one both have noise: √2 · √2 σ on average, and this many σ for certain."""
-_PLACES = np.linspace(0.0, 1.0, 201)
 
 
 class StudyController(Protocol):
@@ -88,7 +86,7 @@ def controller_of_scene(study: Study, start: SceneStart, program: Program, name:
     options = TrackerOptions(tolerance_px=tolerance, max_linear_speed=speeds[0], max_angular_speed=speeds[1])
     tracker = PathTracker(
         plan, camera, goal_pixels=known.goal_pixels, initial_pixels=known.initial_pixels,
-        options=options, time_law=RestToRestLaw(_duration(study, plan.path)),
+        options=options, time_law=_time_law(study, plan.path),
     )  # fmt: skip
     return Led(tracker, known.followed, plan)
 
@@ -105,12 +103,21 @@ def _plan(study: Study, start: SceneStart, method: RunMethod, known: Estimated) 
         visibility_margin=study.servo.visibility_margin,
         occlusion=certified and bool(scene.obstacles),  # the paper's method knows none
     )
+    if certified and study.servo.risk is not None:
+        found = plan_with_risk(problem, known.estimate, risk=study.servo.risk, seed=scene.number)
+        if found.ok:
+            return found.plan
     return plan_path(problem, method="certified" if certified else "paper", seed=scene.number)
 
 
-def _duration(study: Study, path: CameraPath) -> float:
-    """Return how long the path is to take [s], so that its own speeds leave room for feedback."""
-    twists = path(_PLACES, order=1)
-    linear = float(np.linalg.norm(twists[:, :3], axis=1).max()) / study.servo.linear_speed
-    angular = float(np.linalg.norm(twists[:, 3:], axis=1).max()) / study.servo.angular_speed
-    return max(_LEAST_DURATION, _PEAK * max(linear, angular) / _SPEED_SHARE)
+def _time_law(study: Study, path: CameraPath) -> EvenPaceLaw:
+    """Return the law by which the path's own speeds leave room for feedback."""
+
+    def pace(w: FloatArray) -> FloatArray:
+        twists = path(w, order=1)
+        linear = np.linalg.norm(twists[:, :3], axis=1) / study.servo.linear_speed
+        return np.asarray(
+            np.maximum(linear, np.linalg.norm(twists[:, 3:], axis=1) / study.servo.angular_speed)
+        )
+
+    return EvenPaceLaw(pace, _SPEED_SHARE, _LEAST_DURATION)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
+from omniservo.cameras.widest_angle import widest_angle
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.planning import Sphere
 from omniservo.scenes import LensError
@@ -116,7 +117,7 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
         NoScene: 200 tries found none.
     """
     random, _ = generators(study, number)
-    conditions, drawn = _drawn(study, random)
+    conditions, drawn = _drawn(study, camera, random)
     lens = LensError(conditions.model, _FIELD_LENGTH * camera.width, number) if conditions.model else None
     for _ in range(_TRIES):
         points, goal = _ends(drawn, random)
@@ -132,7 +133,7 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
     )
 
 
-def _drawn(study: Study, random: np.random.Generator) -> tuple[Conditions, Geometry]:
+def _drawn(study: Study, camera: CentralModel, random: np.random.Generator) -> tuple[Conditions, Geometry]:
     images, errors, target, start = study.images, study.errors, study.target, study.start
     conditions = Conditions(
         noise=images.noise.draw(random),
@@ -148,17 +149,28 @@ def _drawn(study: Study, random: np.random.Generator) -> tuple[Conditions, Geome
         centre=(errors.centre.draw(random), errors.centre.draw(random)),
         depth=errors.depth.draw(random),
     )
-    geometry = Geometry(
-        points=int(target.points.draw(random)),
-        size=target.size.draw(random),
-        distance=target.distance.draw(random),
-        goal_off_axis=target.off_axis.draw(random),
-        rotation=start.rotation.draw(random),
-        distance_ratio=start.distance_ratio.draw(random),
-        start_off_axis=start.off_axis.draw(random),
-        obstacles=int(study.obstacles.count.draw(random)),
+    points, size, distance = (
+        int(target.points.draw(random)),
+        target.size.draw(random),
+        target.distance.draw(random),
     )
+    goal_off_axis = (target.view_share or target.off_axis).draw(random)
+    rotation, ratio = start.rotation.draw(random), start.distance_ratio.draw(random)
+    start_off_axis = (start.view_share or start.off_axis).draw(random)
+    if target.view_share:
+        goal_off_axis *= _farthest_off_axis(camera, size, distance)
+    if start.view_share:
+        start_off_axis *= _farthest_off_axis(camera, size, ratio * distance)
+    obstacles = int(study.obstacles.count.draw(random))
+    geometry = Geometry(points, size, distance, goal_off_axis, rotation, ratio, start_off_axis, obstacles)
     return conditions, geometry
+
+
+def _farthest_off_axis(camera: CentralModel, size: float, distance: float) -> float:
+    """Return how far from the axis a cube's middle may be for all of the cube to be in the image [rad]."""
+    corner = 0.5 * math.sqrt(3.0) * size
+    half = math.asin(min(corner / max(distance, 1e-9), 1.0))
+    return max(widest_angle(camera) - half, 0.0)
 
 
 def _ends(drawn: Geometry, random: np.random.Generator) -> tuple[FloatArray, RigidTransform]:
@@ -205,12 +217,12 @@ def _placed(
 ) -> tuple[Sphere, ...]:
     """Return balls across the straight line, clear of both ends and of what these see of the points."""
     end, found = np.array(goal.translation), []
-    length = float(np.linalg.norm(end))
+    aside = study.obstacles.aside * float(np.linalg.norm(end))
     for _ in range(drawn.obstacles):
         radius = study.obstacles.radius.draw(random)
         free = radius + study.obstacles.clearance + study.servo.clearance_margin + _END_ROOM
         for _ in range(_OBSTACLE_TRIES):
-            middle = random.uniform(0.3, 0.7) * end + 0.1 * length * random.standard_normal(3)
+            middle = random.uniform(0.3, 0.7) * end + aside * random.standard_normal(3)
             clear = min(np.linalg.norm(middle), np.linalg.norm(middle - end)) > free
             if clear and not _hides(middle, radius + _END_ROOM, points, end):
                 found.append(Sphere(middle, radius))

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from omniservo.errors import InputError
+from omniservo.servoing import EvenPaceLaw, RestToRestLaw
+
+
+def uneven(w):
+    """A path that moves ten times as fast in its middle as elsewhere."""
+    return 0.2 + 1.8 * np.exp(-(((w - 0.5) / 0.05) ** 2))
+
+
+LAW = EvenPaceLaw(uneven, 0.5)
+TIMES = np.linspace(0.0, LAW.duration, 2001)
+
+
+def test_the_length_is_run_through_from_rest_to_rest_at_no_more_than_the_top_speed():
+    w, speed, _ = LAW.motion(TIMES)
+    length_speed = uneven(w) * speed
+    assert length_speed.max() == pytest.approx(0.5, rel=1e-3)
+    assert length_speed[[0, -1]] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert w[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-9)
+    assert (np.diff(w) >= 0.0).all()
+
+
+def test_it_is_done_long_before_the_law_that_is_paced_for_the_fastest_place():
+    slow = RestToRestLaw(1.875 * uneven(np.array([0.5]))[0] / 0.5)
+    assert LAW.duration < 0.25 * slow.duration
+    assert LAW.finished(LAW.duration)
+    assert not LAW.finished(0.999 * LAW.duration)
+
+
+def test_speed_and_acceleration_are_the_derivatives_of_place_and_speed():
+    step = 1e-4
+    inside = TIMES[20:-20:50]
+    w, speed, change = LAW.motion(inside)
+    before, after = (LAW.motion(inside + off) for off in (-step, step))
+    assert np.allclose((after[0] - before[0]) / (2 * step), speed, atol=1e-5 * speed.max())
+    assert np.allclose((after[1] - before[1]) / (2 * step), change, atol=2e-3 * np.abs(change).max())
+    each = np.array([LAW(time) for time in inside])
+    assert np.allclose(each, np.column_stack((w, speed)))
+
+
+def test_before_and_after_it_rests():
+    assert LAW(-1.0) == (0.0, 0.0)
+    assert LAW(2 * LAW.duration) == pytest.approx((1.0, 0.0), abs=1e-9)
+
+
+def test_it_is_no_shorter_than_its_least_duration_and_something_has_to_move():
+    assert EvenPaceLaw(uneven, 100.0, 3.0).duration == 3.0
+    still = EvenPaceLaw(np.zeros_like, 1.0, 2.0)
+    assert still(1.0)[0] == pytest.approx(0.5)
+    with pytest.raises(InputError, match="pace"):
+        EvenPaceLaw(lambda w: np.full_like(w, np.nan), 1.0)
