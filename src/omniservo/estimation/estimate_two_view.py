@@ -31,7 +31,7 @@ from omniservo.estimation.robust.vouched_fit import vouched_fit
 from omniservo.estimation.status.evidence import is_only_noisier, judge
 from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
-from omniservo.estimation.status.two_motions import judge_others, two_of
+from omniservo.estimation.status.two_motions import Judged, judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_input import (
     check_choice,
@@ -45,6 +45,7 @@ from omniservo.estimation.two_view_request import FEW_TO_RAISE, TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
+from omniservo.estimation.uncertainty.sure_region import Doubt, Others
 from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
@@ -239,13 +240,13 @@ def _estimate_general(
     if vouched is not fit:
         fit = vouched
         status, words = judge(fit, matches, robust, error_px)
-    motions = two_of(fit, status)
+    judged = Judged(status, words, two_of(fit, status))
     if status == "ok" and robust and not by_squares:
-        status, words, motions = judge_others(matches, fit, request.kind, error_px)
-    if status != "ok":
-        both = tuple(_pose(m.rotation, m.translation) for m in motions)
-        return TwoViewEstimate.without_pose(matches.size, status, words, started, both)
-    return _with_pose(matches, plane, fit, request, started)
+        judged = judge_others(matches, fit, request.kind, error_px)
+    if judged.status != "ok":
+        both = tuple(_pose(m.rotation, m.translation) for m in judged.motions)
+        return TwoViewEstimate.without_pose(matches.size, judged.status, judged.words, started, both)
+    return _with_pose(matches, plane, fit, judged.doubts, request, started)
 
 
 def _estimate_few(
@@ -282,6 +283,7 @@ def _with_pose(
     matches: Matches,
     plane: tuple[Matches, FloatArray] | None,
     fit: TwoViewFit,
+    doubts: tuple[TwoViewFit, ...],
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
@@ -307,7 +309,7 @@ def _with_pose(
     known, shares, raised, words = _noise(matches, fit, request, weighted)
     if words and members.size < FEW_TO_RAISE:
         return TwoViewEstimate.without_pose(n, "not_converged", f"{words}; {ONE_WRONG}", started)
-    rivals, lens = fit.minima[1:] if plane is None else None, request.lens._replace(factor=raised)
+    lens = request.lens._replace(factor=raised)
     metres = length.of_translation(structure)
     translation, points = metres * translation, metres * points
 
@@ -318,7 +320,10 @@ def _with_pose(
         alone = response if own is None else own
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
         both = Responses(response, alone)
-        return two_view_uncertainty(members, rivals, both, solution, *sigmas, length, lens)
+        others = Others(fit.minima[1:], [Doubt.of(matches, part) for part in doubts])
+        return two_view_uncertainty(
+            members, others if plane is None else None, both, solution, *sigmas, length, lens
+        )
 
     # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
