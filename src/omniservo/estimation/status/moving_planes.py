@@ -24,7 +24,7 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix
 from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS, mark_members
-from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, TwoViewFit, fit_members
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, NEARLY_ALL, TwoViewFit, fit_members
 from omniservo.estimation.status.degenerate_motion import (
     HOMOGRAPHY,
     algebraic_map,
@@ -38,7 +38,8 @@ MORE = MOTION_PARAMETERS
 CHANCE = 3e-3
 """that one motion is taken for two, at most"""
 DOUBTFUL = 0.05
-"""likewise, below which the one is doubted: it stands, but its law holds what the rest alone says"""
+"""likewise, below which the one is doubted: it stands, but its law holds what the rest alone says; only where
+nearly all matches agree with it, since a plane gathers wrong ones, too"""
 GATES = (2.0, 3.0, 4.5)
 """[px] or, where noise is stated, `STATED` σ times that: matches nearer than that to a homography are its
 own. Relief is to stay within, and noise that chooses among them would make their rest too small."""
@@ -85,13 +86,12 @@ def bent_to_plane(matches: Matches, fit: TwoViewFit, kind: int, error_px: float)
     for gate in GATES:
         for plane, cost in flat_groups(matches, sampled, gate * max(1.0, STATED * matches.noise_px), least):
             rest = _rest(matches, fit, kind, ~plane)
-            if rest is None:
+            if rest is None or rest.members.sum() < LEAST_REST * matches.size:
                 continue
             here = _chance(matches, fit, rest, plane, _own_costs(matches, plane, kind, cost), error_px)
-            if here < DOUBTFUL:
+            if here < DOUBTFUL and fit.members.sum() >= NEARLY_ALL * matches.size:
                 doubts.append(rest)
-            few = rest.members.sum() < LEAST_REST * matches.size
-            if here < chance and not few and not is_one_answer(fit.minima[0], rest.minima[0]):
+            if here < chance and not is_one_answer(fit.minima[0], rest.minima[0]):
                 best, chance = (rest, plane), here
     return Bent(best, doubts)
 

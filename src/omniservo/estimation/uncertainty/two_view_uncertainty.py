@@ -192,8 +192,7 @@ def two_view_uncertainty(
     if others is not None:
         stretched = _stretched(members, others, response, solution, together, length)
         noisy = np.concatenate((noisy, stretched))
-        if len(stretched) and not others.doubts:  # the likelihood of one motion says nothing of them
-            sigma = math.sqrt(together.variance) / members.weights
+        sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
     weights = np.repeat(members.weights, 2, axis=1)
     moves, directions = lens.all_pixels(members, solution)
     calibration = np.array([response.answer(-weights * m) for m in moves]).reshape(-1, rows.shape[1])
