@@ -115,7 +115,7 @@ def estimate_two_view(
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
             pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
         scale_sigma: standard deviation of the stated scale over the scale.
-        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: the camera is exact.
+        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: as the camera states it.
         squares: (m, 4) matches that are the corners of a square of unknown size, as of a tag, in order round
             it. Where they are no square under the motion, one was taken for another: it is left out. Method
             "homography" does not use them. None: nothing is known of the target.

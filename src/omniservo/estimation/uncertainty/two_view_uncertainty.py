@@ -93,15 +93,14 @@ class Lens(NamedTuple):
 
     @classmethod
     def of(cls, image: UnifiedImage, covariance: npt.ArrayLike | None) -> Lens:
-        """Return the directions of a covariance; none where it is None.
+        """Return the directions of a covariance; None: of the camera's own, if it states one.
 
         Raises:
             InputError: an illegal covariance, or one of parameters that the camera does not have.
         """
-        if covariance is None:
-            return cls(image.camera, np.empty((0, 0)))
-        image.refuse_parameters("calibration_covariance")
-        return cls(image.camera, calibration_directions(covariance))
+        if covariance is not None:
+            image.refuse_parameters("calibration_covariance")
+        return cls(image.camera, calibration_directions(image.camera, covariance))
 
     @property
     def error(self) -> ModelError | None:
