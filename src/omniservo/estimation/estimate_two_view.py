@@ -45,7 +45,7 @@ from omniservo.estimation.two_view_request import FEW_TO_RAISE, TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
-from omniservo.estimation.uncertainty.sure_region import Doubt, Others
+from omniservo.estimation.uncertainty.sure_region import Others
 from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
@@ -320,12 +320,9 @@ def _with_pose(
         alone = response if own is None else own
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
         both = Responses(response, alone)
-        others = Others(fit.minima[1:], [Doubt.of(matches, part) for part in doubts])
-        return two_view_uncertainty(
-            members, others if plane is None else None, both, solution, *sigmas, length, lens
-        )
+        others = Others.of(matches, fit, doubts) if plane is None else None
+        return two_view_uncertainty(members, others, both, solution, *sigmas, length, lens)
 
-    # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
@@ -372,7 +369,7 @@ def _noise(
 
 @dataclass
 class _Uncertainty:
-    """Worked out once, when one of its parts is read."""
+    """Worked out once, when one of its parts is read: that costs more than all before, and is rarely asked."""
 
     law: Callable[[], JointUncertainty]
     scale_sigma: float

@@ -26,8 +26,8 @@ def planar_law(
 ) -> JointUncertainty | None:
     """Return the law of x = (t, δ, h₁ … hₙ) in metres; None where the motion is not determined.
 
-    It is stretched (`planar_stretches`) where the motions are given that are not told from the solution's;
-    with None it is that of first order.
+    With the ``others``, motions that pixels do not distinguish from the solution's, it is stretched
+    (`planar_stretches`); with None it is that of first order.
 
     y = (δ, τ, dm) has the covariance σ²N⁻¹, N the reduced normal matrix, and a ray's own step V⁻¹, apart from
     y; x follows both linearly.

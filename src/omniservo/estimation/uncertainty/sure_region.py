@@ -11,6 +11,7 @@ the one that moved: the law then holds the motions that the rest alone leaves, t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,11 @@ class Others(NamedTuple):
     """other minima of the same cost"""
     doubts: list[Doubt]
     """what a part of the matches says alone, which all together may have bent from"""
+
+    @classmethod
+    def of(cls, matches: Matches, fit: TwoViewFit, parts: Sequence[TwoViewFit]) -> Others:
+        """Return what a fit leaves: its other minima, and the fits to parts of the matches."""
+        return cls(fit.minima[1:], [Doubt.of(matches, part) for part in parts])
 
 
 class Doubt(NamedTuple):
