@@ -309,8 +309,7 @@ def _with_pose(
     known, shares, raised, words = _noise(matches, fit, request, weighted)
     if words and members.size < FEW_TO_RAISE:
         return TwoViewEstimate.without_pose(n, "not_converged", f"{words}; {ONE_WRONG}", started)
-    lens = request.lens._replace(factor=raised)
-    metres = length.of_translation(structure)
+    lens, metres = request.lens._replace(factor=raised), length.of_translation(structure)
     translation, points = metres * translation, metres * points
 
     def law() -> JointUncertainty:
@@ -369,7 +368,7 @@ def _noise(
 
 @dataclass
 class _Uncertainty:
-    """Worked out once, when one of its parts is read: that costs more than all before, and is rarely asked."""
+    """Worked out once, when one of its parts is read: it takes longer than all before."""
 
     law: Callable[[], JointUncertainty]
     scale_sigma: float
