@@ -213,7 +213,7 @@ def real_scores(
     data: RealSet, calibration: Calibration, size: int, rng: np.random.Generator
 ) -> tuple[int, list[Score], list[Score]]:
     """Return how many images a subset could join, and the scores by all of its images and by pairs."""
-    camera, known = calibrated_camera(calibration, "calibration")
+    camera = calibrated_camera(calibration, "calibration")
     names = [list(data.images)[k] for k in rng.permutation(len(data.images))[:size]]
     joined = join_images(camera, [data.images[name] for name in names], NaturalKind())
     visible = joined.visible.copy()
@@ -224,7 +224,7 @@ def real_scores(
     if not kept.any() or joined.noise is None or joined.window is None:
         return 0, [], []
     parts = (joined.pixels[:, kept], visible[:, kept], joined.noise[:, kept], joined.window[:, kept])
-    found = estimate_views(camera, ViewPoints(*parts), **known)
+    found = estimate_views(camera, ViewPoints(*parts))
     many: list[Score] = []
     pairs: list[Score] = []
     if found.reference is None:
@@ -244,7 +244,6 @@ def real_scores(
             parts[0][view, both],
             noise=parts[2][[first, view]][:, both].T,
             windows=parts[3][first, both],
-            **known,
         )
         if two.initial_T_goal is not None:
             pairs.append(score(two, truth))

@@ -213,8 +213,8 @@ def natural(camera: UnifiedCamera, data: RealSet, one: str, other: str) -> Match
     return found.where(np.flatnonzero(off))
 
 
-def calibrated_camera(found: Calibration, source: str) -> tuple[UnifiedCamera, dict[str, Any]]:
-    """Return the set's camera and what `estimate_two_view` is told beside it.
+def calibrated_camera(found: Calibration, source: str) -> UnifiedCamera:
+    """Return the set's camera.
 
     ``source`` "calibration": as `calibrate_camera` gives it, with its covariance. "file": the same numbers as
     another program would have left them in a file, with the usual model error and no covariance.
@@ -222,17 +222,17 @@ def calibrated_camera(found: Calibration, source: str) -> tuple[UnifiedCamera, d
     camera = found.camera
     assert camera is not None
     if source == "calibration":
-        return camera, {"calibration_covariance": found.covariance}
-    fields = {**camera.to_dict(), "model_error": None}
+        return camera
+    fields = {**camera.to_dict(), "model_error": None, "calibration_covariance": None}
     error = usual_error(UnifiedCamera.from_dict(fields), {})
-    return UnifiedCamera.from_dict({**fields, "model_error": error.to_dict()}), {}
+    return UnifiedCamera.from_dict({**fields, "model_error": error.to_dict()})
 
 
 def estimates(
     data: RealSet, found: Calibration, whose: str, source: str
 ) -> Iterator[tuple[str, int, TwoViewEstimate, tuple[RigidTransform, FloatArray]]]:
     """Give (pair, matches, estimate, truth) of all pairs of a set with its own calibration."""
-    camera, known = calibrated_camera(found, source)
+    camera = calibrated_camera(found, source)
     if whose == "given":
         camera = UnifiedCamera.from_dict({**camera.to_dict(), "max_angle": None})
     for one, other in itertools.combinations(data.images, 2):
@@ -251,7 +251,7 @@ def estimates(
                 continue
             initial, goal = matched.initial, matched.goal
             options = {"noise": matched.noise, "windows": matched.window}
-        estimate = estimate_two_view(camera, initial, goal, **known, **options)
+        estimate = estimate_two_view(camera, initial, goal, **options)
         yield name, len(initial), estimate, data.truth(one, other)
 
 

@@ -205,8 +205,10 @@ def test_noise_makes_the_ellipsoid_of_the_structure_larger_and_smaller_as_its_si
     base = answer(scene.camera, scene, (scene.pixels_initial, scene.pixels_goal), noise=0.2)
     sizes = []
     for _ in range(150):
-        law = answer(scene.camera, scene, scene.noisy(rng, 0.2), noise=0.2, robust=False).uncertainty
-        sizes.append(np.mean(np.linalg.slogdet(law.own)[1]) / 3.0)
+        found = answer(scene.camera, scene, scene.noisy(rng, 0.2), noise=0.2, robust=False)
+        if found.status == "ok":
+            sizes.append(np.mean(np.linalg.slogdet(found.uncertainty.own)[1]) / 3.0)
+    assert len(sizes) >= 145
     assert base.uncertainty.size_variance == pytest.approx(np.var(sizes), rel=0.35)
     assert base.uncertainty.structure_freedom == pytest.approx(2.0 / np.var(sizes), rel=0.35)
 
@@ -223,7 +225,7 @@ def test_a_known_length_takes_its_part_of_the_size_variance(make_scene):
     assert base.uncertainty.size_variance == pytest.approx(np.var(ratios), rel=0.35)
 
 
-@pytest.mark.parametrize(("points", "noise", "stretched"), [(20, 0.05, False), (9, 0.5, True)])
+@pytest.mark.parametrize(("points", "noise", "stretched"), [(20, 0.01, False), (9, 0.5, True)])
 def test_samples_of_a_few_points_follow_the_law_of_all(make_scene, points, noise, stretched):
     """In any order, after a rejected match, by the normal law and by the likelihood."""
     rng, base = np.random.default_rng(91), None

@@ -161,7 +161,8 @@ def test_planar_derivatives_agree_with_finite_differences(camera, make_view):
 
 
 @pytest.mark.parametrize("scale", [None, ((0, 7), None)])
-def test_covariance_before_a_board_is_that_of_repeated_noise(fisheye, make_view, scale):
+def test_covariance_before_a_board_is_that_of_repeated_noise_or_a_little_larger(fisheye, make_view, scale):
+    """The law is stretched to the tips of 5 σ: at most by a half in σ."""
     rng = np.random.default_rng(106)
     scene = unique_scene(make_view, fisheye, rng, 20)
     unit = float(np.linalg.norm(scene.translation))
@@ -183,7 +184,8 @@ def test_covariance_before_a_board_is_that_of_repeated_noise(fisheye, make_view,
         predicted.append(np.concatenate((np.diag(estimate.covariance), *each)))
     assert 0.91 <= inside / trials <= 0.99
     ratio = np.std(errors, axis=0) / np.sqrt(np.mean(predicted, axis=0) * 30 / 32)
-    np.testing.assert_allclose(ratio, 1.0, atol=0.2)
+    assert (ratio < 1.2).all()
+    assert (ratio > 0.66).all()
 
 
 def test_wrong_matches_on_a_board_are_found(fisheye, make_view):

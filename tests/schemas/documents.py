@@ -44,6 +44,7 @@ def full_plan():
         300, 300, 330, 216, 1.2, 659, 432, skew=0.1, distortion=(-0.01, 0, 0, 0), max_angle=1.5,
         dead_zone={"center": [330.0, 300.0], "radius": 5.0}, mask=[[[0, 400], [20, 400], [0, 431]]],
         deviation_px=0.1, model_error={"sigma_px": 0.1, "length_px": 100.0},
+        calibration_covariance=np.eye(5),
     )  # fmt: skip
     obstacles = (
         Sphere(AWAY, 0.1, clearance=0.2, motion=np.zeros((3, 1))),

@@ -16,7 +16,9 @@ from omniservo.files import read_text
 from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
-LENS_FIELDS = ("max_angle", "dead_zone", "mask", "deviation_px", "model_error")
+LENS_FIELDS = (
+    "max_angle", "dead_zone", "mask", "deviation_px", "model_error", "calibration_covariance",
+)  # fmt: skip
 
 _Model = TypeVar("_Model")
 

@@ -223,7 +223,8 @@ def save_camera(
         path: where. ``own``, ``kalibr``, ``ros`` and ``opencv`` are JSON where it ends in .json, else YAML,
             and ``opencv`` is XML where it ends in .xml; every other format has one way to be written.
         format: one of `FORMATS`; ``mei`` is ``camodocal`` with the unified model only. max_angle,
-            dead_zone, mask, deviation_px and model_error stand where other programs ignore them.
+            dead_zone, mask, deviation_px, model_error and calibration_covariance stand where other
+            programs ignore them.
         force: replace an existing file.
 
     Raises:

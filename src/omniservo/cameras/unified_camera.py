@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import unified_kernels
+from omniservo.cameras.calibration_covariance import CovarianceRows, covariance_from
 from omniservo.cameras.camera_fields import (
     checked_fields,
     errors_to_dict,
@@ -41,7 +42,10 @@ _RADIUS_SLACK = 1e-13
 """on r²: the rounded pixel of a valid point can be unprojected"""
 
 _REQUIRED = ("fx", "fy", "cx", "cy", "xi", "width", "height")
-_OPTIONAL = ("skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px", "model_error")
+_OPTIONAL = (
+    "skew", "distortion", "max_angle", "dead_zone", "mask", "deviation_px", "model_error",
+    "calibration_covariance",
+)  # fmt: skip
 
 
 @with_field_docs
@@ -75,6 +79,8 @@ class UnifiedCamera(KernelCamera):
             or a calibration leaves. Plans keep it in addition to their visibility margin.
         model_error: by how much the model is off, alike over regions of the image; estimates count it. A
             `ModelError`, its fields, or None: nothing is stated, and the model is taken as exact.
+        calibration_covariance: (5, 5) of fx, fy, cx, cy, xi, or (9, 9) with k1, k2, p1, p2: how exactly they
+            are known, as `Calibration.covariance`; estimates count it. None: nothing is stated.
 
     Raises:
         InputError: a number is not finite or not legal; the message names field, value and what is legal.
@@ -96,6 +102,7 @@ class UnifiedCamera(KernelCamera):
     mask: ImageMask
     deviation_px: float
     model_error: ModelError | None
+    calibration_covariance: CovarianceRows | None
     usable_angle: float = field(init=False, repr=False, compare=False)
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
@@ -118,6 +125,7 @@ class UnifiedCamera(KernelCamera):
         mask: Sequence[Sequence[Sequence[float]]] = (),
         deviation_px: float = 0.0,
         model_error: ModelError | Mapping[str, float] | None = None,
+        calibration_covariance: npt.ArrayLike | None = None,
     ) -> None:
         self._set(
             fx=focal_length("fx", fx),
@@ -134,6 +142,7 @@ class UnifiedCamera(KernelCamera):
             mask=mask_from(mask),
             deviation_px=finite_number("deviation_px", deviation_px, minimum=0.0, maximum=LARGEST_PX),
             model_error=model_error_from(model_error),
+            calibration_covariance=covariance_from(calibration_covariance),
         )
         self._bound_domain()
 
@@ -204,13 +213,14 @@ class UnifiedCamera(KernelCamera):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the camera as it stands in a problem file; `from_dict` gives an equal camera."""
-        names = (*_REQUIRED[:4], "skew", "xi")
+        names, rows = (*_REQUIRED[:4], "skew", "xi"), self.calibration_covariance
         return {
             "model": "unified",
             **{name: getattr(self, name) for name in names},
             "distortion": list(self.distortion),
             **image_to_dict(self, self.max_angle),
             **errors_to_dict(self),
+            **({} if rows is None else {"calibration_covariance": [list(row) for row in rows]}),
         }
 
     @classmethod
@@ -219,7 +229,7 @@ class UnifiedCamera(KernelCamera):
 
         Args:
             fields: model ("unified"), fx, fy, cx, cy, xi, width, height; optional skew, distortion,
-                max_angle, dead_zone, mask, deviation_px, model_error.
+                max_angle, dead_zone, mask, deviation_px, model_error, calibration_covariance.
             source: stands first in messages.
 
         Raises:

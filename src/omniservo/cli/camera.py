@@ -60,6 +60,7 @@ def show(
     """Print a camera: its parameters, its domain, and how well the unified model fits it."""
     output = Output(as_json, quiet)
     with output.working("loading") as progress:
+        from omniservo.cameras.calibration_covariance import sigmas_in_words
         from omniservo.cameras.conversion import to_unified
         from omniservo.reporting.camera_field import past_right_angle
 
@@ -67,8 +68,10 @@ def show(
         progress("measuring its field of view")
         fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
-        if value is not None:
+        if value is not None and field != "calibration_covariance":
             output.line(f"{field:<14} {_spelled_field(value)}{_UNITS.get(field, '')}")
+    if (known := fields.get("calibration_covariance")) is not None:
+        output.line(f"{'known to (1 σ)':<14} {sigmas_in_words(known)}")
     output.line(f"{'usable angle':<14} {math.degrees(shown.usable_angle):.3f} deg from the axis")
     output.line(f"{'past 90 deg':<14} {100.0 * behind:.1f}% of the image; the virtual plane loses it")
     result = {**fields, "usable_angle": shown.usable_angle, "past_right_angle": behind}

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.estimation.uncertainty.calibration_response import PARAMETERS, calibration_directions
+from omniservo.cameras.calibration_covariance import PARAMETERS, covariance_directions
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
@@ -159,7 +159,7 @@ def no_errors(known: KnownErrors) -> tuple[FloatArray, FloatArray]:
 
 def lens_directions(known: KnownErrors) -> FloatArray:
     """Return independent parts of θ − θ₀ (q, 5 or 9), one σ each."""
-    return np.empty((0, 5)) if known.lens is None else calibration_directions(known.lens)
+    return np.empty((0, 5)) if known.lens is None else covariance_directions(known.lens)
 
 
 def mount_directions(known: KnownErrors) -> FloatArray:

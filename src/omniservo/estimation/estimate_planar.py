@@ -100,13 +100,15 @@ def estimate_planar(
     if lost is not None:
         words = f"point {lost}, which the scale refers to, was rejected as a wrong match"
         return TwoViewEstimate.without_pose(n, "not_converged", words, started)
-    laws = [_law(members, solution, inside, request) for solution in found]
-    if laws[0] is None:
+    first_order = _law(members, found[0], None, inside, request)
+    if first_order is None:
         words = "the matches do not determine the motion"
         return TwoViewEstimate.without_pose(n, "not_converged", words, started)
-    if len(found) > 1 and (words := _ambiguity(found[0].motion, found[1].motion, laws[0])):
+    others = [solution.motion for solution in found[1:]]
+    if others and (words := _ambiguity(found[0].motion, others[0], first_order)):
         return TwoViewEstimate.without_pose(n, "ambiguous", words, started)
-    return _answer(matches, inside, found[0], laws[0], request, started)
+    law = _law(members, found[0], others, inside, request) or first_order
+    return _answer(matches, inside, found[0], law, request, started)
 
 
 def fit_homography(matches: Matches, robust: bool) -> tuple[FloatArray, BoolArray]:
@@ -171,12 +173,16 @@ def _refusal(members: Matches, matrix: FloatArray) -> tuple[Status, str] | None:
 
 
 def _law(
-    members: Matches, solution: PlanarSolution, inside: BoolArray, request: TwoViewRequest
+    members: Matches,
+    solution: PlanarSolution,
+    others: list[PlanarMotion] | None,
+    inside: BoolArray,
+    request: TwoViewRequest,
 ) -> JointUncertainty | None:
     freedom = 2 * members.size - UNKNOWNS
     noise = Noise.of(solution.blocks.cost, freedom, members.noise_px or None)
     windows = request.windows_of(inside)
-    return planar_law(members, *solution, noise, windows, request.length(inside), request.lens)
+    return planar_law(members, solution, others, noise, windows, request.length(inside), request.lens)
 
 
 def _ambiguity(one: PlanarMotion, other: PlanarMotion, law: JointUncertainty) -> str:

@@ -31,7 +31,7 @@ from omniservo.estimation.robust.vouched_fit import vouched_fit
 from omniservo.estimation.status.evidence import is_only_noisier, judge
 from omniservo.estimation.status.heavy_tails import tail_of
 from omniservo.estimation.status.square_evidence import fit_squares
-from omniservo.estimation.status.two_motions import judge_others, two_of
+from omniservo.estimation.status.two_motions import Judged, judge_others, two_of
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
 from omniservo.estimation.two_view_input import (
     check_choice,
@@ -45,6 +45,7 @@ from omniservo.estimation.two_view_request import FEW_TO_RAISE, TwoViewRequest
 from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.uncertainty.shared_camera_error import pixel_noise
+from omniservo.estimation.uncertainty.sure_region import Others
 from omniservo.estimation.uncertainty.two_view_uncertainty import (
     Lens,
     Noise,
@@ -114,7 +115,7 @@ def estimate_two_view(
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
             pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
         scale_sigma: standard deviation of the stated scale over the scale.
-        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: the camera is exact.
+        calibration_covariance: (5, 5) or (9, 9), as `Calibration.covariance`. None: as the camera states it.
         squares: (m, 4) matches that are the corners of a square of unknown size, as of a tag, in order round
             it. Where they are no square under the motion, one was taken for another: it is left out. Method
             "homography" does not use them. None: nothing is known of the target.
@@ -239,13 +240,13 @@ def _estimate_general(
     if vouched is not fit:
         fit = vouched
         status, words = judge(fit, matches, robust, error_px)
-    motions = two_of(fit, status)
+    judged = Judged(status, words, two_of(fit, status))
     if status == "ok" and robust and not by_squares:
-        status, words, motions = judge_others(matches, fit, request.kind, error_px)
-    if status != "ok":
-        both = tuple(_pose(m.rotation, m.translation) for m in motions)
-        return TwoViewEstimate.without_pose(matches.size, status, words, started, both)
-    return _with_pose(matches, plane, fit, request, started)
+        judged = judge_others(matches, fit, request.kind, error_px)
+    if judged.status != "ok":
+        both = tuple(_pose(m.rotation, m.translation) for m in judged.motions)
+        return TwoViewEstimate.without_pose(matches.size, judged.status, judged.words, started, both)
+    return _with_pose(matches, plane, fit, judged.doubts, request, started)
 
 
 def _estimate_few(
@@ -282,6 +283,7 @@ def _with_pose(
     matches: Matches,
     plane: tuple[Matches, FloatArray] | None,
     fit: TwoViewFit,
+    doubts: tuple[TwoViewFit, ...],
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
@@ -307,8 +309,7 @@ def _with_pose(
     known, shares, raised, words = _noise(matches, fit, request, weighted)
     if words and members.size < FEW_TO_RAISE:
         return TwoViewEstimate.without_pose(n, "not_converged", f"{words}; {ONE_WRONG}", started)
-    rivals, lens = fit.minima[1:] if plane is None else None, request.lens._replace(factor=raised)
-    metres = length.of_translation(structure)
+    lens, metres = request.lens._replace(factor=raised), length.of_translation(structure)
     translation, points = metres * translation, metres * points
 
     def law() -> JointUncertainty:
@@ -318,9 +319,9 @@ def _with_pose(
         alone = response if own is None else own
         sigmas = known, known.shared_by(alone.motion, members, request.windows_of(fit.members))
         both = Responses(response, alone)
-        return two_view_uncertainty(members, rivals, both, solution, *sigmas, length, lens)
+        others = Others.of(matches, fit, doubts) if plane is None else None
+        return two_view_uncertainty(members, others, both, solution, *sigmas, length, lens)
 
-    # Reading what is uncertain costs more than all before; not every estimate is asked for it.
     uncertain = _Uncertainty(law, request.scale_sigma, translation, points, fit.members)
     return TwoViewEstimate(
         status="ok",
@@ -367,7 +368,7 @@ def _noise(
 
 @dataclass
 class _Uncertainty:
-    """Worked out once, when one of its parts is read."""
+    """Worked out once, when one of its parts is read: it takes longer than all before."""
 
     law: Callable[[], JointUncertainty]
     scale_sigma: float

@@ -100,10 +100,9 @@ def estimate_views(
     shape = given.seen.shape
     length = checked_scale(scale, *shape)
     relative = finite_number("scale_sigma", scale_sigma, minimum=0.0)
-    directions = np.empty((0, 5))
     if calibration_covariance is not None:
         image.refuse_parameters("calibration_covariance")
-        directions = calibration_directions(calibration_covariance)
+    directions = calibration_directions(image.camera, calibration_covariance)
     work = _Adjustment(image.camera, given, directions, length, robust)
     status, words = work.place()
     if status != "ok":

@@ -19,6 +19,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.calibration import Calibration
 from omniservo.calibration.hand_eye import HandEye
 from omniservo.cameras import UnifiedCamera
+from omniservo.cameras.calibration_covariance import sigmas_in_words
 from omniservo.cameras.conversion import to_unified
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
@@ -123,6 +124,8 @@ def _of_camera(camera: CentralModel) -> Shown:
         ("sees", f"{math.degrees(camera.usable_angle):.1f}° from its axis; {behind:.0f}% of it past 90°"),
         ("model error", "not stated (exact)" if error is None else f"{error.sigma_px:.2g} px (1σ)"),
     ]
+    if isinstance(camera, UnifiedCamera) and camera.calibration_covariance is not None:
+        rows.append(("parameters (1σ)", sigmas_in_words(camera.calibration_covariance)))
     return rows, lambda: field_figure(camera)
 
 

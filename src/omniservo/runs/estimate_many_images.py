@@ -173,7 +173,7 @@ def estimate_many_images(
         features: what is looked for.
         dictionary: of the tags.
         scale: what makes the estimate metric. None: nothing.
-        calibration_covariance: as `Calibration.covariance`. None: the camera's parameters are exact.
+        calibration_covariance: as `Calibration.covariance`. None: as the camera states it.
         progress: called with what is being done, and about what share of the job is behind.
 
     Raises:

@@ -145,7 +145,7 @@ class Joining:
             if all(len(row) for row in rows):
                 pair = int(rows[0][0]), int(rows[1][0])
                 length = LengthPrior(scale.known_length.length, scale.sigma, rows=pair)
-        return KnownErrors(here.mount, None, length)
+        return KnownErrors(here.mount, _lens_of(self.first.task), length)
 
     def optimum_of_two(self, here: ViewingState, shot: Shot) -> ArmViewsOptimum | None:
         """Return how the first shot and the goal's image tell what they do, to foretell what more tell."""
@@ -162,12 +162,18 @@ class Joining:
         pixels, seen = np.stack((matched.initial, matched.goal)), np.ones((2, n), dtype=np.bool_)
         views = ArmViews(
             *_unified(self.first.task, pixels, seen, noise), (RigidTransform.identity(), None),
-            KnownErrors(here.mount, None, length),
+            KnownErrors(here.mount, _lens_of(self.first.task), length),
             is_guess=matched.noise is None, windows=matched.window,
         )  # fmt: skip
         inliers = np.zeros(n, dtype=np.bool_)
         inliers[self._joined_rows(estimate, shot, np.flatnonzero(estimate.inliers))] = True
         return estimate_arm_views(views, replace(estimate, inliers=inliers))[1]
+
+
+def _lens_of(task: Task) -> FloatArray | None:
+    """Return the covariance of the camera's parameters, if it states one."""
+    stated = unified_image(task.camera).camera.calibration_covariance
+    return None if stated is None else np.array(stated)
 
 
 def _unified(

@@ -57,6 +57,10 @@ _FIELDS: dict[str, Schema] = {
         mapping({"sigma_px": NOT_NEGATIVE, "length_px": POSITIVE}),
         "what the lens model itself is off by [px], alike over length_px",
     ),
+    "calibration_covariance": said(
+        {"oneOf": [several(vector(size), size, size) for size in (5, 9)]},
+        "how exactly fx, fy, cx, cy, xi (5) and k1, k2, p1, p2 (9) are known, as a calibration found",
+    ),
 }
 _DISTORTION = {
     "unified": said(vector(4), "k1, k2, p1, p2"),

@@ -277,7 +277,7 @@ def _problem(plan: Fields) -> Problem:
 
 def _camera(problem: Fields) -> Camera:
     known = "model fx fy cx cy skew xi distortion width height max_angle dead_zone mask"
-    camera = problem.table("camera", f"{known} deviation_px model_error")
+    camera = problem.table("camera", f"{known} deviation_px model_error calibration_covariance")
     camera.exactly("model", "unified")
     fx, fy = camera.number("fx"), camera.number("fy")
     if min(abs(fx), abs(fy)) < _LEAST_FOCAL:

@@ -21,6 +21,7 @@ _CAMERA = {
     "mask": [],
     "deviation_px": 0,
     "model_error": None,
+    "calibration_covariance": None,
 }
 _WORKSPACE: dict[str, Any] = {"min": None, "max": None, "half_spaces": []}
 _DEGREES = {"rotation": 2, "translation": 2}

@@ -59,7 +59,7 @@ class Calibration:
     camera: UnifiedCamera | None
     """Its ``max_angle`` ends at most 3° past the outermost corner: the rest of the lens was not seen. Its
     ``deviation_px`` is the smaller of the two below: what a plan is given was seen by the same camera. Its
-    ``model_error`` is what views left out show."""
+    ``model_error`` is what views left out show, its ``calibration_covariance`` the one below."""
     deviation_px: float
     """How far true pixels may lie from the camera's, anywhere up to ``max_angle``, with 95% confidence [px].
     The larger of the covariance's bound and twice the spread of the folds' cameras, plus the pattern
@@ -136,6 +136,8 @@ class Calibration:
         k1, k2, p1, p2 = self.camera.distortion
         fields = self.camera.to_dict()
         fields |= {"fy": -self.camera.fy, "distortion": [k1, k2, -p1, p2]}
+        signs = np.array([-1.0 if name in ("fy", "p1") else 1.0 for name in self.parameter_names])
+        fields["calibration_covariance"] = np.outer(signs, signs) * self.covariance
         return UnifiedCamera.from_dict(fields)
 
     def report(self) -> str:

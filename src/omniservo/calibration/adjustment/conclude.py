@@ -100,7 +100,8 @@ def conclude(
     return Calibration(
         status="ok", message=_message(selection, rms, kind),
         camera=camera_of(state.theta, size, max_angle=limit, deviation_px=min(deviation, turned_px),
-                         model_error=likely.error, **lens),
+                         model_error=likely.error,
+                         calibration_covariance=0.5 * (physical + physical.T), **lens),
         deviation_px=deviation, deviation_turned_px=turned_px, rms_px=rms,
         noise_px=math.sqrt(variance), views_used=used,
         views_dropped=selection.dropped, corners_dropped=selection.dropped_corners, distortion=kind,

@@ -36,7 +36,7 @@ import numpy as np
 from scipy.special import bdtrc, chdtri, fdtri
 
 from omniservo.estimation.matches import Matches
-from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX, Minimum
+from omniservo.estimation.refinement.motion_search import FEW_POINTS, LEAST_NOISE_PX, Minimum
 from omniservo.estimation.robust.map_consensus import BULK, count_others
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, SIGNIFICANCE, TwoViewFit
@@ -84,6 +84,9 @@ ellipsoid about the best direction can hold: then it must be less likely than th
 
 MANY = 2 * EIGHT_POINTS
 """where there are so many members. Of fewer most have such a rival, and the law's long tails reach it."""
+
+VERY_UNLIKELY = 1e-3
+"""likewise of more than `FEW_POINTS` members, of which hardly any have such a rival"""
 
 FAR_ROTATION = math.radians(5.0)
 FAR_DIRECTION = math.radians(20.0)
@@ -220,7 +223,7 @@ def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, 
     n, best = members.size, fit.minima[0]
     freedom = n - MOTION_PARAMETERS
     floor = LEAST_NOISE_PX**2 * freedom
-    least = UNLIKELY if n >= MANY else NEARLY_AS_LIKELY
+    least = VERY_UNLIKELY if n > FEW_POINTS else UNLIKELY if n >= MANY else NEARLY_AS_LIKELY
     for rival in fit.minima[1:]:
         if members.noise_px > 0.0:
             odds = math.exp(0.5 * (best.cost - rival.cost) / variance)

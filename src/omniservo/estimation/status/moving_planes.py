@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc, fdtrc
@@ -23,7 +24,7 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix
 from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS, mark_members
-from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, TwoViewFit, fit_members
+from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, NEARLY_ALL, TwoViewFit, fit_members
 from omniservo.estimation.status.degenerate_motion import (
     HOMOGRAPHY,
     algebraic_map,
@@ -36,6 +37,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 MORE = MOTION_PARAMETERS
 CHANCE = 3e-3
 """that one motion is taken for two, at most"""
+DOUBTFUL = 0.05
+"""likewise, below which the one is doubted: it stands, but its law holds what the rest alone says; only where
+nearly all matches agree with it, since a plane gathers wrong ones, too"""
 GATES = (2.0, 3.0, 4.5)
 """[px] or, where noise is stated, `STATED` σ times that: matches nearer than that to a homography are its
 own. Relief is to stay within, and noise that chooses among them would make their rest too small."""
@@ -56,10 +60,17 @@ ROUNDS = 3
 STEPS = 8
 
 
-def bent_to_plane(
-    matches: Matches, fit: TwoViewFit, kind: int, error_px: float
-) -> tuple[TwoViewFit, BoolArray] | None:
-    """Return the fit to the rest, another answer, and the plane (n,) that moves by itself; None: one will do.
+class Bent(NamedTuple):
+    """What parts of the matches that are nearly a plane say of the one motion."""
+
+    instead: tuple[TwoViewFit, BoolArray] | None
+    """the fit to the rest, another answer, and the plane (n,) that moves by itself; None: one will do"""
+    doubts: list[TwoViewFit]
+    """fits to the rest where two motions are likelier than one, but chance may bring it"""
+
+
+def bent_to_plane(matches: Matches, fit: TwoViewFit, kind: int, error_px: float) -> Bent:
+    """Return whether one motion bends to a plane that moves by itself, or may.
 
     Args:
         matches: all of them.
@@ -68,20 +79,21 @@ def bent_to_plane(
         error_px: standard deviation of the camera's model error [px].
     """
     if matches.size < 2 * EIGHT_POINTS or _is_expected(matches, fit, error_px):
-        return None
+        return Bent(None, [])
     least = max(LEAST, math.ceil(LEAST_SHARE * matches.size))
     best, chance, sampled = None, CHANCE, sampled_distances(matches)
+    doubts = []
     for gate in GATES:
         for plane, cost in flat_groups(matches, sampled, gate * max(1.0, STATED * matches.noise_px), least):
             rest = _rest(matches, fit, kind, ~plane)
             if rest is None or rest.members.sum() < LEAST_REST * matches.size:
                 continue
-            if is_one_answer(fit.minima[0], rest.minima[0]):
-                continue
             here = _chance(matches, fit, rest, plane, _own_costs(matches, plane, kind, cost), error_px)
-            if here < chance:
+            if here < DOUBTFUL and fit.members.sum() >= NEARLY_ALL * matches.size:
+                doubts.append(rest)
+            if here < chance and not is_one_answer(fit.minima[0], rest.minima[0]):
                 best, chance = (rest, plane), here
-    return best
+    return Bent(best, doubts)
 
 
 def _is_expected(matches: Matches, fit: TwoViewFit, error_px: float) -> bool:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,10 +91,20 @@ def second_motion(
     return None
 
 
-def judge_others(
-    matches: Matches, fit: TwoViewFit, kind: int, error_px: float
-) -> tuple[Status, str, tuple[Minimum, ...]]:
-    """Return status, one sentence with its evidence, and two motions; ("ok", "", ()) where one motion stands.
+class Judged(NamedTuple):
+    """What other motions leave of a pose."""
+
+    status: Status = "ok"
+    words: str = ""
+    """one sentence with the evidence"""
+    motions: tuple[Minimum, ...] = ()
+    """both, where there are two"""
+    doubts: tuple[TwoViewFit, ...] = ()
+    """what parts of the matches say alone, where one motion stands but may have bent"""
+
+
+def judge_others(matches: Matches, fit: TwoViewFit, kind: int, error_px: float) -> Judged:
+    """Return whether one motion stands beside others.
 
     Args:
         matches: all of them.
@@ -104,7 +115,7 @@ def judge_others(
     pair, count = second_motion(matches, fit, kind, error_px), int(fit.members.sum())
     if pair is not None:
         one, other = pair
-        return (
+        return Judged(
             "ambiguous",
             f"{two_motions_apart(one.minima[0], other.minima[0])}"
             f" explain {one.members.sum()} and {other.members.sum()} of {matches.size} matches:"
@@ -112,9 +123,9 @@ def judge_others(
             (one.minima[0], other.minima[0]),
         )
     bent = bent_to_plane(matches, fit, kind, error_px)
-    if bent is not None:
-        rest, plane = bent
-        return (
+    if bent.instead is not None:
+        rest, plane = bent.instead
+        return Judged(
             "ambiguous",
             f"{two_motions_apart(fit.minima[0], rest.minima[0])}: one bends to {count} of {matches.size}"
             f" matches, the other leaves less of {rest.members.sum()}, and {plane.sum()} beside them,"
@@ -124,8 +135,8 @@ def judge_others(
     chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
     if 2 * count < matches.size and chance > SIGNIFICANCE:  # where most agree, most matches are right
         words = f"{count} of {matches.size} matches agree with a motion: chance gathers as many"
-        return "too_few_points", words, ()
-    return "ok", "", ()
+        return Judged("too_few_points", words)
+    return Judged(doubts=tuple(bent.doubts))
 
 
 def two_of(fit: TwoViewFit, status: Status) -> tuple[Minimum, ...]:

@@ -8,11 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras import UnifiedCamera
-from omniservo.errors import InputError
-from omniservo.geometry.arrays import FloatArray, finite_array
-
-PARAMETERS = ("fx", "fy", "cx", "cy", "xi", "k1", "k2", "p1", "p2")
-"""In the order of `Calibration.covariance`, which ends with xi where there is no distortion."""
+from omniservo.cameras.calibration_covariance import PARAMETERS, covariance_directions
+from omniservo.geometry.arrays import FloatArray
 
 STEP = 1e-6
 """Relative step of the differences; absolute for the parameters without unit."""
@@ -34,26 +31,16 @@ def pixel_slopes(camera: UnifiedCamera, points: FloatArray, count: int) -> Float
     return slopes
 
 
-def calibration_directions(covariance: npt.ArrayLike) -> FloatArray:
+def calibration_directions(camera: UnifiedCamera, covariance: npt.ArrayLike | None) -> FloatArray:
     """Return independent directions (q, p) of the camera's parameters, one σ each: Σ dᵀd is the covariance.
+
+    ``covariance`` None: the camera's own, and (0, 5) where it states none.
 
     Raises:
         InputError: not (5, 5) or (9, 9), not symmetric, or with a negative eigenvalue.
     """
-    matrix = finite_array("calibration_covariance", covariance, (None, None))
-    if matrix.shape not in ((5, 5), (9, 9)):
-        raise InputError(
-            f"calibration_covariance: shape {matrix.shape} given; legal: (5, 5) of fx, fy, cx, cy, xi, or"
-            " (9, 9) with k1, k2, p1, p2"
-        )
-    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    units = np.where(scale > 0.0, scale, 1.0)
-    even = matrix / np.outer(units, units)
-    values, vectors = np.linalg.eigh(0.5 * (even + even.T))
-    if np.abs(even - even.T).max() > 1e-6 or values[0] < -1e-6:
-        raise InputError("calibration_covariance: a symmetric matrix without negative eigenvalues is needed")
-    kept = values > 1e-12 * max(values[-1], 1e-300)
-    return np.ascontiguousarray((vectors[:, kept] * np.sqrt(values[kept])).T * units)
+    stated = camera.calibration_covariance if covariance is None else covariance
+    return np.empty((0, 5)) if stated is None else covariance_directions(stated)
 
 
 def _changed(camera: UnifiedCamera, name: str, by: float) -> UnifiedCamera:

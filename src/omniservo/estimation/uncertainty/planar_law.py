@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.planar_motion import UNKNOWNS, PlanarBlocks, PlanarMotion
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
+from omniservo.estimation.uncertainty.planar_region import planar_stretches
 from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, Noise, ScaleLength, Solution
 from omniservo.geometry.arrays import FloatArray
 
 
 def planar_law(
     members: Matches,
-    motion: PlanarMotion,
-    rays: FloatArray,
-    blocks: PlanarBlocks,
+    solution: tuple[PlanarMotion, FloatArray, PlanarBlocks],
+    others: Sequence[PlanarMotion] | None,
     noise: Noise,
     windows: FloatArray | None,
     length: ScaleLength,
@@ -25,9 +26,13 @@ def planar_law(
 ) -> JointUncertainty | None:
     """Return the law of x = (t, δ, h₁ … hₙ) in metres; None where the motion is not determined.
 
+    With the ``others``, motions that pixels do not distinguish from the solution's, it is stretched
+    (`planar_stretches`); with None it is that of first order.
+
     y = (δ, τ, dm) has the covariance σ²N⁻¹, N the reduced normal matrix, and a ray's own step V⁻¹, apart from
     y; x follows both linearly.
     """
+    motion, rays, blocks = solution
     n = len(rays)
     inverse, follow, reduced = blocks.eliminated()
     try:
@@ -39,6 +44,10 @@ def planar_law(
     together = noise.shared_by(spread @ pulls, members, windows)
     to_motion, to_ray = _structure_slopes(motion, rays, blocks)
     shared = _joined(motion, rows, blocks, to_motion - to_ray @ follow)
+    if others is not None:
+        whole = np.asarray(together.variance * spread)
+        far = planar_stretches(motion, others, rays, blocks.across, whole, noise.freedom)
+        shared = np.concatenate((shared, far / math.sqrt(max(together.variance, 1e-300))))
     own = to_ray @ inverse @ np.swapaxes(to_ray, 1, 2)
     calibration = np.empty((0, 6 + 3 * n))
     points = motion.points(rays)

@@ -13,18 +13,22 @@ from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.cameras.conversion import UnifiedImage
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
-from omniservo.estimation.refinement.motion_search import Minimum
 from omniservo.estimation.robust.members import PRIOR_NOISE_PX
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
 from omniservo.estimation.uncertainty.first_order import LinearResponse
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.estimation.uncertainty.likelihood_region import motion_offsets, stretches
+from omniservo.estimation.uncertainty.likelihood_region import motion_offsets
 from omniservo.estimation.uncertainty.shared_errors import shared_error_factor
 from omniservo.estimation.uncertainty.structure_size import size_variance
+from omniservo.estimation.uncertainty.sure_region import Others, sure_stretches
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 PROBABLE = 1e-3
 """A stated σ is accepted unless residuals as large as found have less than this probability."""
+
+DOUBTFUL = 0.05
+"""Where nothing is stated, what residuals leave beyond `PRIOR_NOISE_PX` is one noise of single pixels unless
+it has less than this probability: it takes less to be less sure than to contradict who states something."""
 
 
 class Noise(NamedTuple):
@@ -51,7 +55,7 @@ class Noise(NamedTuple):
         """
         if members.noise_px > 0.0 or math.isinf(self.freedom):
             return self
-        usual = PRIOR_NOISE_PX**2 * float(chdtri(self.freedom, PROBABLE)) / self.freedom
+        usual = PRIOR_NOISE_PX**2 * float(chdtri(self.freedom, DOUBTFUL)) / self.freedom
         return self._replace(variance=self.variance + members.size * max(self.variance - usual, 0.0))
 
     def shared_by(self, response: FloatArray, members: Matches, windows: FloatArray | None) -> Noise:
@@ -89,15 +93,14 @@ class Lens(NamedTuple):
 
     @classmethod
     def of(cls, image: UnifiedImage, covariance: npt.ArrayLike | None) -> Lens:
-        """Return the directions of a covariance; none where it is None.
+        """Return the directions of a covariance; None: of the camera's own, if it states one.
 
         Raises:
             InputError: an illegal covariance, or one of parameters that the camera does not have.
         """
-        if covariance is None:
-            return cls(image.camera, np.empty((0, 0)))
-        image.refuse_parameters("calibration_covariance")
-        return cls(image.camera, calibration_directions(covariance))
+        if covariance is not None:
+            image.refuse_parameters("calibration_covariance")
+        return cls(image.camera, calibration_directions(image.camera, covariance))
 
     @property
     def error(self) -> ModelError | None:
@@ -156,7 +159,7 @@ class Responses(NamedTuple):
 
 def two_view_uncertainty(
     members: Matches,
-    rivals: list[Minimum] | None,
+    others: Others | None,
     responses: Responses,
     solution: Solution,
     noise: Noise,
@@ -171,8 +174,7 @@ def two_view_uncertainty(
 
     Args:
         members: the matches of the fit.
-        rivals: other minima of their cost; None: the optimum is that of another cost, whose valleys are not
-            checked.
+        others: motions beside the optimum; None: that is of another cost, whose valleys are not checked.
         responses: at the optimum.
         solution: the optimum.
         noise: of the pixels of one match.
@@ -186,8 +188,8 @@ def two_view_uncertainty(
     unit[3:6] = 1.0
     noisy = math.sqrt(together.variance) * unit * rows
     sigma = None
-    if rivals is not None:
-        stretched = _stretched(members, rivals, response, solution, together, length)
+    if others is not None:
+        stretched = _stretched(members, others, response, solution, together, length)
         noisy = np.concatenate((noisy, stretched))
         sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
     weights = np.repeat(members.weights, 2, axis=1)
@@ -212,7 +214,7 @@ def total_covariances(
 
 def _stretched(
     members: Matches,
-    rivals: list[Minimum],
+    others: Others,
     response: LinearResponse,
     solution: Solution,
     noise: Noise,
@@ -220,10 +222,10 @@ def _stretched(
 ) -> FloatArray:
     """Return the rows (k, 6 + 3n) [m] that stretch the law over what the likelihood leaves.
 
-    See `likelihood_region.stretches`; the points follow by their linear structure.
+    See `sure_stretches`; the points follow by their linear structure.
     """
     rotation, translation, points = solution
-    far = stretches(members, (rotation, translation), rivals, response.unscaled, *noise)
+    far = sure_stretches(members, (rotation, translation), others, response.unscaled, *noise)
     rows = np.empty((len(far.weights), 6 + points.size))
     if not len(rows):
         return rows
