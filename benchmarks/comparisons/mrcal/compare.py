@@ -7,7 +7,7 @@ Projection: pixels all over the image, unprojected by ours, projected by both, a
 every lens that both have.
 
 Calibration: each set's views are halved, every second one. Each half makes a camera, by `calibrate_camera`
-as it is and by ``mrcal-calibrate-cameras`` as it is (it estimates the board's warp as well), which is told
+as it is and by ``mrcal-calibrate-cameras`` as it is (it estimates the board's warp as well), which is given
 our focal length to start from. mrcal has no unified model: it gets OPENCV8, and the splined stereographic
 model of order 3 with 16 × 11 knots over our field. Held out: the other half's corners, all of them, each
 view's pose adjusted. Both say how uncertain a pixel's place is: mrcal at infinity, ours after the best

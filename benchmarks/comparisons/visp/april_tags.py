@@ -249,9 +249,10 @@ def lines() -> Iterator[str]:
             yield _row(name, reader, counted(family, found))
     yield ""
     for reader, all_found in corners.items():
+        whose = f"{reader}'" if reader.endswith("s") else f"{reader}'s"
         (fx, fy, _, _), left = refitted(all_found)
         yield (
-            f"The camera that explains {reader}'s corners at the true poses best has focal lengths of"
+            f"The camera that explains {whose} corners at the true poses best has focal lengths of"
             f" {fx:.1f} and {fy:.1f} px in place of 700, and leaves {left:.2f} px rms."
         )
     tags, seen, within, corner, coordinate = photograph()
