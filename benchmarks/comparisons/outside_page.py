@@ -45,22 +45,22 @@ Times were taken while the machine's two cores were busy with other work.
   These files are what AprilRobotics' library found: of the five AprilTag 3 families ours is nearer to the
   true poses (0.23 to 0.27 px rms against 0.32 to 0.35 px), of `tag36h11` AprilRobotics is (0.20 px against
   0.24 px). Most of it is the suite's camera: corners of both ask for a vertical focal length of 705 px.
-  **In the photograph four of twelve tags miss the limits**, by at most 0.06 px and 0.0006; the truth
-  is unknown there: the files hold what ViSP's reader once gave.
+  **In the photograph four of twelve tags miss the limits**, by at most 0.06 px and 0.0006; the truth is
+  unknown there: the files hold what ViSP's reader once gave.
 - **Past 90°.** No median and no 90% quantile of ours is surely larger than one of OpenGV's, at any noise;
   with wrong matches and 0.5 px of noise and more they are at most half as large. From known points ours
   takes half of OpenGV's time or less. **From two images it does not**: the search takes 0.1 to 6 ms, but
-  from 0.5 px of noise on
-  `estimate_two_view` takes 25 to 100 ms, looking for a second motion that would explain the matches as well,
-  where OpenGV's RANSAC takes 0.5 to 2 ms of matches that are all right. Of those answers that it calls ok 0
-  to 7% are off by more than 10°, without a name.
-- **mrcal.** Both project alike, to 1e-12 px. **Of many views of a lens that no formula fits, mrcal's splined
-  model leaves 17% less** on corners that it has not seen (camodocal, vinsfusion), dropping 81 and 34 corners of
-  its own. Of few views it learns too much (fisheye1: 0.99 px, ours 0.41 px), and past 90° it finds no camera
-  for the mirror. Ours states more uncertainty than the halves show in three sets of four; **of fisheye1's
-  seven and eight views it states a third of it**, as mrcal states a fifth with OPENCV8. On drawn corners, where
-  both models hold the truth, both are honest, and mrcal is 17% nearer to it: it has fewer parameters to find.
-  mrcal's answers change from run to run where corners are dropped (camodocal with OPENCV8 once left 1.08 px).
+  from 0.5 px of noise on `estimate_two_view` takes 25 to 100 ms, looking for a second motion that would
+  explain the matches as well, where OpenGV's RANSAC takes 0.5 to 2 ms of matches that are all right. Of
+  those answers that it calls ok 0 to 7% are off by more than 10°, without a name.
+- **mrcal.** Both project alike, to 1e-12 px. **Of many views of a lens that no formula fits, mrcal's
+  splined model leaves 17% less** on corners that it has not seen (camodocal, vinsfusion), dropping 81 and
+  34 corners of its own. Of few views it learns too much (fisheye1: 0.99 px, ours 0.41 px), and past 90° it
+  finds no camera for the mirror. Ours states more uncertainty than the halves show in three sets of four;
+  **of fisheye1's seven and eight views it states a third of it**, as mrcal states a fifth with OPENCV8. On
+  drawn corners, where both models hold the truth, both are honest, and mrcal is 17% nearer to it: it has
+  fewer parameters to find. mrcal's answers change from run to run where corners are dropped (camodocal with
+  OPENCV8 once left 1.08 px).
 """
 """read from the tables below; to be read again when they are written again"""
 
