@@ -39,6 +39,8 @@ STUDY = """{
 """Balls of 2 cm by the way of a camera with a radius of 3 cm, whose plan keeps 2 cm more."""
 
 CLEARANCE_MARGIN = 0.02
+MOST_OFF = 0.01
+"""[m] that a scene's estimate may have the goal off: what is left of the room is for the fault"""
 _NOWHERE = RigidTransform.identity()
 _STEP = 1e-4
 
@@ -122,6 +124,11 @@ class FreeJob(Job):
     scene: StudyScene
 
     @property
+    def goal(self) -> RigidTransform:
+        """Where the goal truly is."""
+        return self.scene.initial_T_goal
+
+    @property
     def room(self) -> float:
         """What the plan keeps for errors, beyond the body's radius [m]."""
         return CLEARANCE_MARGIN
@@ -141,7 +148,7 @@ def free_job(index: int) -> FreeJob:
 
 
 def planned(study: Study, number: int) -> FreeJob | None:
-    """Return a scene with its plan; None: there is none."""
+    """Return a scene with its plan; None: there is none, or it ends beside the goal."""
     camera = study.cameras[list(study.cameras)[number % len(study.cameras)]]
     try:
         scene = draw_scene(study, number, camera)
@@ -155,6 +162,9 @@ def planned(study: Study, number: int) -> FreeJob | None:
         return None
     tracker, plan = led.controller, led.plan
     if plan is None or plan.path is None:
+        return None
+    off = plan.problem.initial_T_goal.translation - scene.initial_T_goal.translation
+    if np.linalg.norm(off) > MOST_OFF:
         return None
     law = tracker.time_law  # type: ignore[attr-defined]
     assert isinstance(law, RestToRestLaw)

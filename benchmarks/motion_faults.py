@@ -125,6 +125,11 @@ class Job:
     law: RestToRestLaw
 
     @property
+    def goal(self) -> RigidTransform:
+        """Where the goal image is taken, in the initial camera frame."""
+        return self.plan.problem.initial_T_goal
+
+    @property
     def room(self) -> float:
         """What the plan keeps for errors, beyond what is asked [m]."""
         return ROOM
@@ -276,8 +281,7 @@ def outcome(
     if fault is not None and fault.nudge:
         way = random.normal(size=3)
         points.nudged_to = way / np.linalg.norm(way)
-    end = job.plan.problem.initial_T_goal
-    goal, _ = truth.camera.project(end.inv().apply(truth.points))
+    goal, _ = truth.camera.project(job.goal.inv().apply(truth.points))
     options = TrackerOptions(delay=sound.drives.image_late + 0.5 / 30.0, tolerance_px=TOLERANCE_PX)
     tracker = PathTracker(job.plan, truth.camera, goal_pixels=goal, options=options, time_law=job.law)
     supervisor = Timed(lambda: robot.time, faulty, truth.arm, mount, safety)

@@ -40,7 +40,12 @@ def job():
 
 
 def run(job, name):
-    return outcome(job, SOUND[0], FAULTS[name], (0, 0), SafetyOptions(path_room=job.room))
+    safety = SafetyOptions(path_room=job.room, patience=0.5)
+    return outcome(job, SOUND[0], FAULTS.get(name), (0, 0), safety)
+
+
+def test_a_run_without_a_fault_reaches_the_goal(job):
+    assert ended(run(job, "none")) == ("success", "")
 
 
 @pytest.mark.parametrize("name", ISSUE)
