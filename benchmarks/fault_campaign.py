@@ -131,24 +131,25 @@ def run_rows(numbers: Iterable[int], file: Path) -> None:
 
 def table(rows: list[Row]) -> Iterator[str]:
     """Yield the table by fault, and the sums."""
-    yield "| fault | where | runs | success | named stops | contact | NaN | untold | error | nearest [mm] |"
-    yield "|---" * 10 + "|"
-    by_kind: dict[tuple[str, str], list[Row]] = defaultdict(list)
+    yield "| fault | runs | at the goal | named stops | contact | NaN | untold | error | nearest [mm] |"
+    yield "|---" * 9 + "|"
+    by_kind: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
-        by_kind[row.kind, row.world].append(row)
-    names = ["none" if fault is None else fault.name for fault in KINDS]
-    for kind, world in sorted(by_kind, key=lambda key: (names.index(key[0]), key[1])):
-        yield _line(kind, world, by_kind[kind, world])
-    yield _line("**all**", "both", rows)
+        by_kind[row.kind].append(row)
+    for kind in ("none" if fault is None else fault.name for fault in KINDS):
+        if kind in by_kind:
+            yield _line(kind, by_kind[kind])
+    yield _line("all", rows)
 
 
-def _line(kind: str, world: str, rows: list[Row]) -> str:
+def _line(kind: str, rows: list[Row]) -> str:
     ends = Counter(row.end for row in rows)
     stops = Counter(row.reason for row in rows if row.end == "named stop")
-    named = ", ".join(f"{reason} {n}" for reason, n in stops.most_common()) or "–"
-    nearest = min((row.distance for row in rows if row.distance is not None), default=float("nan"))
-    cells = [kind, world, len(rows), ends["success"], named, *(ends[end] for end in ENDS[2:])]
-    return "| " + " | ".join(map(str, cells)) + f" | {1e3 * nearest:.1f} |"
+    named = ", ".join(f"`{reason}` {n}" for reason, n in stops.most_common()) or "–"
+    distances = [1e3 * row.distance for row in rows if row.distance is not None]
+    nearest = f"{min(distances):.1f}" if distances else "–"
+    cells = [kind, len(rows), ends["success"], named, *(ends[end] for end in ENDS[2:]), nearest]
+    return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def main() -> None:

@@ -76,3 +76,19 @@ def test_two_cameras_differ_by_nothing_but_a_rotation_if_that_is_all():
     assert mrcal.apart(made, turn.apply(shifted[0]))[0] < 1e-9
     moved = camera.unproject(pixels + 0.3 * np.sign(pixels - 200.0))[0]
     assert 0.05 < mrcal.apart(made, turn.apply(moved))[0] < 0.4
+
+
+def test_mrcal_projects_as_ours_does(monkeypatch):
+    if mrcal.shutil.which(mrcal.COMMAND) is None:
+        pytest.skip(f"Debian's {mrcal.PACKAGE} is not installed")
+    chosen = {name: mrcal.LENSES[name] for name in ("OPENCV8", "STEREOGRAPHIC")}
+    monkeypatch.setattr(mrcal, "LENSES", chosen)
+    rows = [row.strip("| ").split(" | ") for row in mrcal.projection_rows()]
+    assert [row[0] for row in rows] == list(chosen)
+    for _, points, pixels, bearings in rows:
+        assert int(points) > 800
+        assert float(pixels) < 1e-9
+        assert float(bearings) < 1e-9
+    camera, numbers = chosen["OPENCV8"]
+    monkeypatch.setattr(mrcal, "LENSES", {"OPENCV8": (camera, (numbers[0] * 1.001, *numbers[1:]))})
+    assert float(next(mrcal.projection_rows()).split("|")[3]) > 0.01
