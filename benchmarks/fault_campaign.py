@@ -7,7 +7,7 @@ table of them all.
 
 Row k is the same in any order: even rows fly a free camera (`benchmarks.free_camera`: scenes drawn as a
 study draws them, estimated to 1 cm, planned with 2 cm of room), odd rows move an RX60, a UR5e and a Panda
-(`benchmarks.motion_faults`: planned with 1 cm of room for all bodies). All run in the loop that real arms
+(`benchmarks.motion_faults`: planned with 2 cm of room for all bodies). All run in the loop that real arms
 run in, `Supervisor` and `servo`, in simulated time, on projected points with 0.5 px of noise, the room
 stated as ``path_room``. The faults are those of `benchmarks.planted_faults`, planted at 25 to 60% of the
 time, in turn; one row in so many has none.

@@ -130,7 +130,7 @@ class FreeJob(Job):
 
     @property
     def room(self) -> float:
-        """What the plan keeps for errors, beyond the body's radius [m]."""
+        """What the plan keeps to everything around, beyond the body's radius [m]."""
         return CLEARANCE_MARGIN
 
     def gaps(self, asked: float, self_asked: float) -> PostureGaps:

@@ -131,8 +131,8 @@ class Job:
 
     @property
     def room(self) -> float:
-        """What the plan keeps for errors, beyond what is asked [m]."""
-        return ROOM
+        """What the plan keeps to everything around [m]."""
+        return ASKED + ROOM
 
     def gaps(self, asked: float, self_asked: float) -> PostureGaps:
         """Return what measures how much postures leave beyond what is asked [m]."""
