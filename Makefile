@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # Bytecode is kept whatever the shell says: tests start hundreds of processes, and each would compile all modules.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo test check docs bench bench-planning bench-estimation readme lock clean wheel
+.PHONY: demo test check docs bench bench-planning bench-estimation bench-outside readme lock clean wheel
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -44,6 +44,11 @@ bench-planning: $(STAMP)
 bench-estimation: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
 	$(BIN)/python -m benchmarks.comparisons.estimation_page $(ARGS)
+
+# Suites and libraries that Debian packages, run beside ours, into docs/outside-suites.md.
+bench-outside: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c requirements.lock -r requirements-bench.lock
+	$(BIN)/python -m benchmarks.comparisons.outside_page $(ARGS)
 
 # The README's table and animation, from runs made now.
 readme: $(STAMP)

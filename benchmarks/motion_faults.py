@@ -27,18 +27,19 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from benchmarks.arm_runs import JOINT_SHARE, LEAST_DURATION, TOLERANCE_PX, Gaps, Truth
 from benchmarks.driven_arm import FRAME, DrivenArm, Drives
-from benchmarks.planted_faults import FAULTS, Fault, FaultyArm, marked_valid
+from benchmarks.planted_faults import FAULTS, NUDGED_IN, Fault, FaultyArm, marked_valid
 from scipy.spatial.transform import RigidTransform
 from tests.whole_arm.arm_scenes import random_task
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.planning import Plan
-from omniservo.robots import Arm, JointPath, load_arm
+from omniservo.robots import Arm, load_arm
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
 from omniservo.servoing import PathLimits, RestToRestLaw
 from omniservo.tracking import PathTracker, TrackerOptions
@@ -98,14 +99,44 @@ SOUND = (
 )
 
 
+class JointCurve(Protocol):
+    """Joints along a plan."""
+
+    def __call__(self, w: float, order: int = 0) -> FloatArray:
+        """Return the joints (n,) at w, or a derivative of them."""
+        ...
+
+
+class PostureGaps(Protocol):
+    """Distances of postures to what is around."""
+
+    def least(self, joints: FloatArray) -> float:
+        """Return the least of postures (m, n) [m]."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """A planned task."""
 
     truth: Truth
     plan: Plan
-    branch: JointPath
+    branch: JointCurve
     law: RestToRestLaw
+
+    @property
+    def goal(self) -> RigidTransform:
+        """Where the goal image is taken, in the initial camera frame."""
+        return self.plan.problem.initial_T_goal
+
+    @property
+    def room(self) -> float:
+        """What the plan keeps to everything around [m]."""
+        return ASKED + ROOM
+
+    def gaps(self, asked: float, self_asked: float) -> PostureGaps:
+        """Return what measures how much postures leave beyond what is asked [m]."""
+        return Gaps(self.truth, asked, self_asked)
 
 
 @dataclass(eq=False)
@@ -116,6 +147,8 @@ class Points:
     truth: Truth
     noise_px: float
     random: np.random.Generator
+    nudged_to: FloatArray = field(default_factory=lambda: np.zeros(3))
+    """where a nudge leads the points, by a distance of 1"""
     off: list[tuple[float, bool]] = field(default_factory=list)
     """time and whether more than a quarter of the points are off, of each image since the fault"""
     _before: FloatArray | None = None
@@ -142,7 +175,13 @@ class Points:
     def _true(self, frame: float) -> tuple[FloatArray, BoolArray]:
         """Return where the points are in a frame, (n, 2) [px], and which of them have a projection."""
         pose = self.truth.initial_T_camera(self.robot.robot.joints_at(frame)[None])
-        return self.truth.camera.project(pose[0].inv().apply(self.truth.points))
+        return self.truth.camera.project(pose[0].inv().apply(self.truth.points + self.nudged(frame * FRAME)))
+
+    def nudged(self, time: float) -> FloatArray:
+        """Return by how much the target moved until then (3,) [m]."""
+        fault, since = self.robot.fault, time - self.robot.fault_time
+        distance = 0.0 if fault is None else fault.nudge * float(np.clip(since / NUDGED_IN, 0.0, 1.0))
+        return distance * self.nudged_to
 
     def _is_off(self, moved: FloatArray, frame: int) -> bool:
         """Whether the points did not move, since the fault, as the camera did, however late the image is."""
@@ -158,9 +197,16 @@ class Points:
 class Timed(Supervisor):
     """A supervisor that notes when, by the true ``clock`` [s], it first begins to brake for a reason."""
 
-    def __init__(self, clock: Callable[[], float], robot: FaultyArm, arm: Arm, mount: RigidTransform) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        robot: FaultyArm,
+        arm: Arm,
+        mount: RigidTransform,
+        options: SafetyOptions,
+    ) -> None:
         self._clock, self.began = clock, np.inf
-        super().__init__(robot, arm, mount, camera=robot, wait=robot.advance)  # type: ignore[arg-type]
+        super().__init__(robot, arm, mount, camera=robot, wait=robot.advance, options=options)  # type: ignore[arg-type]
 
     def stop(self, reason: ServoStop | None = None) -> None:
         """As `Supervisor.stop`."""
@@ -182,6 +228,11 @@ class Outcome:
     """beyond the clearance, least of all pairs [m]"""
     distance: float
     """least of all pairs [m]"""
+    finite: bool = True
+    """every command that was sent is finite"""
+    goal_px: float = np.nan
+    """rms distance of the true points, where they are at the end, to the goal image [px]; NaN: not all are
+    seen"""
 
 
 def jobs(arm: Arm, count: int) -> Iterator[Job]:
@@ -215,7 +266,9 @@ def jobs(arm: Arm, count: int) -> Iterator[Job]:
             yield job
 
 
-def outcome(job: Job, sound: Sound, fault: Fault | None, seed: tuple[int, ...]) -> Outcome:
+def outcome(
+    job: Job, sound: Sound, fault: Fault | None, seed: tuple[int, ...], safety: SafetyOptions = OPTIONS
+) -> Outcome:
     """Return what becomes of a run."""
     random = np.random.default_rng([SEED, *seed])
     fault_time = float(random.uniform(0.25, 0.6)) * job.law.duration
@@ -225,11 +278,13 @@ def outcome(job: Job, sound: Sound, fault: Fault | None, seed: tuple[int, ...]) 
     robot = DrivenArm(truth.arm, truth.start, sound.drives, random)
     faulty = FaultyArm(robot, fault, fault_time, joint)
     points = Points(faulty, truth, sound.noise_px, random)
-    end = job.plan.problem.initial_T_goal
-    goal, _ = truth.camera.project(end.inv().apply(truth.points))
+    if fault is not None and fault.nudge:
+        way = random.normal(size=3)
+        points.nudged_to = way / np.linalg.norm(way)
+    goal, _ = truth.camera.project(job.goal.inv().apply(truth.points))
     options = TrackerOptions(delay=sound.drives.image_late + 0.5 / 30.0, tolerance_px=TOLERANCE_PX)
     tracker = PathTracker(job.plan, truth.camera, goal_pixels=goal, options=options, time_law=job.law)
-    supervisor = Timed(lambda: robot.time, faulty, truth.arm, mount)
+    supervisor = Timed(lambda: robot.time, faulty, truth.arm, mount, safety)
 
     def posture(time: float) -> tuple[FloatArray, FloatArray]:
         w, speed = job.law(time)
@@ -242,12 +297,17 @@ def outcome(job: Job, sound: Sound, fault: Fault | None, seed: tuple[int, ...]) 
     robot.advance(0.3)
     moment = _moment(faulty, points) if fault is not None else np.nan
     trace = np.array(robot.trace)[::5]
-    left = Gaps(truth, ASKED, SELF_ASKED).least(trace)
-    distance = left + ASKED if left > 0.0 else Gaps(truth, 0.0, 0.0).least(trace)
+    left = job.gaps(ASKED, SELF_ASKED).least(trace)
+    distance = left + ASKED if left > 0.0 else job.gaps(0.0, 0.0).least(trace)
     reason = "" if stop is None else stop.reason
     began = supervisor.began if reason not in UNNAMED else np.inf
     delay = max(began - moment, 0.0) if min(began, moment) < np.inf else np.nan
-    return Outcome(reason, delay, left, distance)
+    finite = all(np.isfinite(sent).all() for _, sent in robot.commands)
+    seen = truth.camera.project(
+        truth.initial_T_camera(trace[-1:])[0].inv().apply(truth.points + points.nudged(robot.time))
+    )[0]
+    goal_px = float(np.sqrt(np.square(seen - goal).sum(axis=1).mean()))
+    return Outcome(reason, delay, left, distance, finite, goal_px)
 
 
 def _truth(job: Job, sound: Sound, random: np.random.Generator) -> tuple[Truth, RigidTransform]:
@@ -270,6 +330,8 @@ def _moment(faulty: FaultyArm, points: Points) -> float:
     """Return from when the fault can be told [s]; infinity where it never can."""
     fault, since = faulty.fault, faulty.fault_time
     assert fault is not None
+    if fault.told is None:
+        return np.inf
     if fault.told == "at once":
         return since
     if fault.told == "image age":

@@ -20,12 +20,17 @@ that of a sound robot may be; once the joints read are not where drives within t
 them; once more than a quarter of the points are off by more than a sound image's may be."""
 
 
+NUDGED_IN = 0.3
+"""[s]"""
+
+
 @dataclass(frozen=True)
 class Fault:
     """One thing that breaks, at a time."""
 
     name: str
-    told: Told
+    told: Told | None
+    """None: sound safety may let the run go on, too"""
     drives: Callable[[DrivenArm, int], None] | None = None
     """of the arm and a joint's number, once, when it breaks"""
     reading: Callable[[RobotState, RobotState, int], object] | None = None
@@ -36,6 +41,8 @@ class Fault:
     """of the points (n, 2) in a frame and those in the last before the fault; NaN: lost"""
     lost: tuple[str, ...] = ()
     """the robot's methods that raise from then on"""
+    nudge: float = 0.0
+    """by so much the target moves away then, within `NUDGED_IN` [m]"""
 
 
 class FaultyArm:
@@ -148,6 +155,43 @@ def _frozen(noise: float) -> Callable[..., FloatArray]:
     return lambda p, last, random: last + noise * random.standard_normal(p.shape)
 
 
+def _camera(**changed: float) -> Callable[[DrivenArm, int], None]:
+    def change(robot: DrivenArm, joint: int) -> None:
+        del joint
+        robot.drives = replace(robot.drives, **changed)
+
+    return change
+
+
+def _now_and_then(share: float, change: Callable[..., FloatArray]) -> Callable[..., FloatArray]:
+    """Return the change in so many of the images."""
+    return lambda p, last, random: change(p, last, random) if random.random() < share else p
+
+
+def _anywhere(pixels: FloatArray, last: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Return points anywhere between those that were seen before the fault, and half as far beyond."""
+    low, high = np.nanmin(last, axis=0), np.nanmax(last, axis=0)
+    return random.uniform(1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low, pixels.shape)
+
+
+def _false(share: float) -> Callable[..., FloatArray]:
+    """Return points of which so many, others in each image, are anywhere."""
+
+    def put(pixels: FloatArray, last: FloatArray, random: np.random.Generator) -> FloatArray:
+        wrong = random.random(len(pixels)) < share
+        return np.where(wrong[:, None], _anywhere(pixels, last, random), pixels)
+
+    return put
+
+
+def _occluded(share: float) -> Callable[..., FloatArray]:
+    def hide(pixels: FloatArray, last: FloatArray, random: np.random.Generator) -> FloatArray:
+        del last, random
+        return np.where(np.arange(len(pixels))[:, None] < share * len(pixels), np.nan, pixels)
+
+    return hide
+
+
 FAULTS = (
     Fault("dead joint", "joints", drives=_gain(0.0)),
     Fault("joint at half speed", "joints", drives=_gain(0.5)),
@@ -222,6 +266,27 @@ FAULTS = (
     ),
 )
 """A joint is the one that the plan turns fastest at the time of the fault."""
+
+BORNE = (
+    Fault("40% of the images dropped", None, drives=_camera(drop=0.4)),
+    Fault("images 0.1 s later", None, drives=_camera(image_late=0.12)),
+    Fault("images 0.2 s later", None, drives=_camera(image_late=0.22)),
+    Fault("an old image again, 30%", None, points=_now_and_then(0.3, lambda p, last, random: last)),
+    Fault("corrupted images, 10%", None, points=_now_and_then(0.1, _anywhere)),
+    Fault("corrupted images, 50%", None, points=_now_and_then(0.5, _anywhere)),
+    Fault("corrupted images", None, points=_anywhere),
+    Fault("half of the points occluded", None, points=_occluded(0.5)),
+    Fault("all points occluded", None, points=_occluded(1.0)),
+    Fault("20% false features", None, points=_false(0.2)),
+    Fault("50% false features", None, points=_false(0.5)),
+    Fault("a false feature that stays, 40 px off", None, points=_part(0.1, (32.0, 24.0))),
+    Fault("target nudged by 5 mm", None, nudge=0.005),
+    Fault("target nudged by 30 mm", None, nudge=0.03),
+    Fault("target nudged by 100 mm", None, nudge=0.1),
+    Fault("all NaN", "at once", points=lambda p, last, random: np.full_like(p, np.nan)),
+    Fault("NaN in a valid row, 20% of the images", "at once", points=_now_and_then(0.2, _row(math.nan))),
+)
+"""What a run may get through, or not."""
 
 
 def marked_valid(fault: Fault | None, pixels: FloatArray, seen: BoolArray) -> BoolArray:

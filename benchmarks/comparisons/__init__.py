@@ -1,6 +1,7 @@
-"""Ours beside other people's: planners (`planning`), motion and pose estimation (`motion`, `pose`).
+"""Ours beside other people's: planners, motion and pose, and the suites that Debian packages.
 
-They need what requirements-bench.lock lists, and write docs/benchmark-planning.md and
-docs/benchmark-estimation.md (`make bench-planning`, `make bench-estimation`). Every other benchmark measures
-this package alone.
+`planning`; `motion`, `pose`; `visp`, `opengv`, `mrcal`. They need what requirements-bench.lock lists, and
+write docs/benchmark-planning.md, docs/benchmark-estimation.md and docs/outside-suites.md (`make
+bench-planning`, `make bench-estimation`, `make bench-outside`). Every other benchmark measures this package
+alone.
 """

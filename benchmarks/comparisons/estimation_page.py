@@ -45,16 +45,16 @@ def page(scenes: int) -> str:
         "## Targets\n",
         *target_lines(found),
         "\n## Motion from two images\n",
-        _explained(motion.__doc__),
+        explained(motion.__doc__),
         *(motion.table(*case, scores, scenes) for case, scores in found.items()),
         "\n## The camera's pose from known points\n",
-        _explained(pose.__doc__),
+        explained(pose.__doc__),
         *(pose.table(name, *case, scenes) for name in pose.CAMERAS for case in pose.CASES),
     ]
     return "\n".join(parts) + "\n"
 
 
-def _explained(words: str | None) -> str:
+def explained(words: str | None) -> str:
     """Return a module's docstring but for its title."""
     return "" if words is None else words.split("\n\n", 1)[1].strip().replace("``", "`")
 

@@ -26,6 +26,7 @@ from omniservo.safety.image_watch import ImageWatch
 from omniservo.safety.measured_delays import MeasuredDelays
 from omniservo.safety.moving_image import MovingImage
 from omniservo.safety.path_controller import CarriedController, PathController
+from omniservo.safety.path_watch import PathWatch
 from omniservo.safety.seen_points import SeenPoints
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.safety.supervisor import Passed, Wish, as_stop
@@ -238,6 +239,7 @@ class _Loop:
         self.blind = BlindMotion(supervisor, path, self._delays, on_wait)
         """what is done without images"""
         self._motion = CameraMotion(supervisor, 0.0)
+        self._path_watch: PathWatch | None = None
         self._wrong: ServoStop | None = None
         """why the newest image cannot be acted on"""
         self.start = np.nan
@@ -294,6 +296,8 @@ class _Loop:
         self._watch.check(time, points, valid, report.error_px, report.reference_pixels)
         seen = SeenPoints(image.time, pixels, valid, controller.points, pose, image.time_sigma)
         self._image_watch.check(seen, supervisor.history, alone=self.blind.waiting)
+        if self._path_watch is not None:
+            self._path_watch.check(time)
         self._delay_watch.check(seen, supervisor.history)
         delay = self._delays.first
         return self._visibility.step(
@@ -330,6 +334,9 @@ class _Loop:
         if np.isnan(self.start):
             self.start = self.blind.start = time
             self._motion = CameraMotion(self._supervisor, time)
+            room = self._supervisor.options.path_room
+            if isinstance(self._controller, PathController) and room is not None:
+                self._path_watch = PathWatch(self._controller, self._motion, room)
             if isinstance(self._controller, CarriedController):
                 self._controller.carried_by(self._motion)
 

@@ -32,7 +32,7 @@ _PLACES = 65
 
 
 class OffPath(ServoStop):
-    """The joints are farther from the path than was proven to be clear."""
+    """The joints, or the camera by them, are farther from the path than was proven to be clear."""
 
     reason = "off_path"
 

@@ -46,6 +46,14 @@ class PathController(Protocol):
         """
         ...
 
+    def distance(self, place: FloatArray) -> float:
+        """Return how far a place of the camera is from the path's nearest [m].
+
+        Args:
+            place: (3,) [m] in the frame of the camera as it stood at the loop's first image.
+        """
+        ...
+
     def slow_down(self, time: float, slowing: float) -> float:
         """Let the reference come to rest on its path; return when it stands.
 

@@ -45,6 +45,9 @@ class SafetyOptions:
     blind_room: float = 0.0
     """How far off its path the camera may be when it stands there without images [m]: what a plan keeps for
     tracking; 0: it is slowed down as fast as the joints may"""
+    path_room: float | None = None
+    """How far off its path the joints may have the camera [m]: no more than what the plan keeps to all
+    obstacles; more stops the robot. None: not watched"""
     command_lag: float = 0.0
     """From a command until the arm acts on it [s]; what drives and their controller are known to take"""
     joint_age: float = 0.05
@@ -113,6 +116,8 @@ class SafetyOptions:
             "readout",
         ):
             finite_number(name, getattr(self, name), minimum=0.0)
+        if self.path_room is not None:
+            finite_number("path_room", self.path_room, minimum=0.0)
         if self.offset_sigma is not None:
             finite_number("offset_sigma", self.offset_sigma, minimum=0.0)
         finite_number("most_gain", self.most_gain, minimum=self.least_gain)

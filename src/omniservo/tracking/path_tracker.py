@@ -168,6 +168,14 @@ class PathTracker:
         off = float(np.linalg.norm(self._estimated_pose[4:] - seen))
         return off + float(np.linalg.norm(self._way.places(time, slowing) - seen, axis=1).max())
 
+    def distance(self, place: FloatArray) -> float:
+        """Return how far a place of the camera is from the nearest of the ways that were followed [m].
+
+        Args:
+            place: (3,) [m] in the frame of the camera as it stood at time 0.
+        """
+        return self._way.distance(place)
+
     def slow_down(self, time: float, slowing: float) -> float:
         """Let the reference come to rest on its path, and wait there for `go_on`; return when it stands [s].
 

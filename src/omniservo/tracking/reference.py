@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
@@ -18,6 +20,9 @@ JOINS = 1e-6
 
 _PLACES = 9
 """at which a way of slowing down is evaluated"""
+
+_LINE = 129
+"""at which a leg is taken for straight between two"""
 
 _AT_ONCE = 1e-3
 """Slowing down takes at least this [s]."""
@@ -82,6 +87,12 @@ class Reference:
             pause = replace(self._pause, resumed=max(time, self._pause.begin), rising=rising)
             self.legs, self._pause = [leg.paused(pause) for leg in self._before], None
 
+    def distance(self, place: FloatArray) -> float:
+        """Return how far a place (3,) [m], in the frame of the pose at time 0, is from the nearest leg."""
+        begin = self.pose(0.0)
+        there = Rotation.from_quat(begin[:4]).apply(place) + begin[4:]
+        return min(_beside(_line(leg.path), there) for leg in self.legs)
+
     def places(self, time: float, slowing: float) -> FloatArray:
         """Return places (k, 3) [m] up to where it stands if it slows down from ``time`` on so long [s]."""
         times = time + 0.5 * slowing * np.linspace(0.0, 1.0, _PLACES)
@@ -96,3 +107,17 @@ def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]
     twist *= speed
     left = 1.0 - leg.begin
     return leg.begin + left * s, left * speed, pose, twist
+
+
+@lru_cache(maxsize=16)
+def _line(path: CameraPath) -> FloatArray:
+    """Return places (k, 3) along a path [m]."""
+    return np.ascontiguousarray(path(np.linspace(0.0, 1.0, _LINE)).translation)
+
+
+def _beside(line: FloatArray, place: FloatArray) -> float:
+    """Return how far a place (3,) is from the nearest of places (k, 3), straight between them [m]."""
+    steps = np.diff(line, axis=0)
+    length = np.maximum((steps**2).sum(axis=1), 1e-300)
+    share = np.clip(((place - line[:-1]) * steps).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.linalg.norm(place - line[:-1] - share[:, None] * steps, axis=1).min())
