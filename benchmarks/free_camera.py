@@ -17,13 +17,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.planning import CameraPath
 from omniservo.robots import Arm
-from omniservo.run_methods import run_method
-from omniservo.servoing import RestToRestLaw
-from omniservo.studies import Study
+from omniservo.servoing import EvenPaceLaw
+from omniservo.studies import PACKAGE, Study
 from omniservo.studies.load_study import study_of_json
-from omniservo.studies.study_camera import StudyCamera
+from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study_controller import NotLed, controller_of_scene
-from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene, generators
+from omniservo.studies.study_scene import NoScene, StudyScene
 
 STUDY = """{
   "format": "omniservo.study/1", "name": "faults", "seed": 29, "units": {"angle": "deg"},
@@ -149,17 +148,15 @@ def free_job(index: int) -> FreeJob:
 
 def planned(study: Study, number: int) -> FreeJob | None:
     """Return a scene with its plan; None: there is none, or it ends beside the goal."""
-    camera = study.cameras[list(study.cameras)[number % len(study.cameras)]]
+    name = list(study.cameras)[number % len(study.cameras)]
     try:
-        scene = draw_scene(study, number, camera)
-        images = StudyCamera(scene, generators(study, number)[1])
-        pair = [
-            images.take(pose.rotation.as_matrix(), np.array(pose.translation))
-            for pose in (_NOWHERE, scene.initial_T_goal)
-        ]
-        led = controller_of_scene(study, scene, run_method("certified"), *pair)
-    except (NoScene, NotLed):
+        start = scene_start(study, number, name)
+        led = None if isinstance(start, NoScene) else controller_of_scene(study, start, PACKAGE, "certified")
+    except NotLed:
         return None
+    if led is None or isinstance(start, NoScene):
+        return None
+    scene = start.scene
     tracker, plan = led.controller, led.plan
     if plan is None or plan.path is None:
         return None
@@ -167,8 +164,8 @@ def planned(study: Study, number: int) -> FreeJob | None:
     if np.linalg.norm(off) > MOST_OFF:
         return None
     law = tracker.time_law  # type: ignore[attr-defined]
-    assert isinstance(law, RestToRestLaw)
+    assert isinstance(law, EvenPaceLaw)
     balls = [(np.array(ball.center), ball.radius) for ball in scene.obstacles]
     points = scene.points[led.followed]
-    truth = Truth(FreeBody(), np.zeros(6), _NOWHERE, camera, points, balls)  # type: ignore[arg-type]
+    truth = Truth(FreeBody(), np.zeros(6), _NOWHERE, scene.camera, points, balls)  # type: ignore[arg-type]
     return FreeJob(truth, plan, _BodyPath(plan.path), law, scene)

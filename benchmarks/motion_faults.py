@@ -41,7 +41,7 @@ from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.planning import Plan
 from omniservo.robots import Arm, load_arm
 from omniservo.safety import SafetyOptions, Supervisor, VisibilityFilter, servo
-from omniservo.servoing import PathLimits, RestToRestLaw
+from omniservo.servoing import EvenPaceLaw, PathLimits, RestToRestLaw
 from omniservo.tracking import PathTracker, TrackerOptions
 from omniservo.whole_arm import plan_with_arm
 
@@ -122,7 +122,7 @@ class Job:
     truth: Truth
     plan: Plan
     branch: JointCurve
-    law: RestToRestLaw
+    law: RestToRestLaw | EvenPaceLaw
 
     @property
     def goal(self) -> RigidTransform:

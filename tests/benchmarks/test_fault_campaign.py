@@ -36,7 +36,7 @@ ISSUE = {  # what may break, and what it is to be called
 @pytest.fixture(scope="module")
 def job():
     """A scene whose path is short and passes a ball nearby."""
-    return free_job(3)
+    return free_job(5)
 
 
 def run(job, name):

@@ -22,6 +22,7 @@ Verdict = Literal["ok", "note", "wrong"]
 
 GIVES = {
     "study": "rows of studies as Parquet, in place of CSV",
+    "cluster": "studies on a Dask cluster: omniservo study --scheduler",
     "view": "the live page: omniservo view",
     "ros2": "real arms and cameras by ROS 2, without a ROS installation",
     "xacro": "robots' descriptions in xacro files",
