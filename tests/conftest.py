@@ -1,8 +1,15 @@
 """Fixtures that more than one room's tests use."""
 
+import gc
 from pathlib import Path
 
 import pytest
+
+
+def pytest_collection_finish() -> None:
+    """Let the collector pass over what is loaded: every collection would go through all tests again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
