@@ -44,6 +44,14 @@ def test_an_rms_by_another_name_does_too(tmp_path, name):
     assert load_camera(tmp_path / "cv.json").model_error.sigma_px == pytest.approx(0.52)
 
 
+@pytest.mark.parametrize("order", [(0.4, 0.2), (0.2, 0.4)])
+def test_of_several_the_largest_counts_in_any_order(tmp_path, order):
+    fields = {"camera_matrix": [[500, 0, 320], [0, 500, 240], [0, 0, 1]], "dist_coeffs": [0.1, 0, 0, 0, 0]}
+    stated = dict(zip(("rms", "reprojection_error"), order, strict=True))
+    (tmp_path / "cv.json").write_text(json.dumps({**fields, "width": 640, "height": 480, **stated}))
+    assert load_camera(tmp_path / "cv.json").model_error.sigma_px == pytest.approx(0.52)
+
+
 def test_an_rms_in_the_file_sets_the_usual_error(tmp_path):
     text = (
         "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"

@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from omniservo import estimate_two_view
 from omniservo.cameras import ModelError
+from omniservo.estimation.refinement.planar_motion import PlanarMotion
+from omniservo.estimation.uncertainty.planar_region import planar_stretches
 
 
 def flat_pair(seed, tile=20.0):
@@ -49,3 +51,19 @@ def test_a_plane_that_is_seen_large_and_sharp_keeps_its_law_of_first_order():
         assert len(found.uncertainty.noise) == 8
     else:
         assert found.status == "ambiguous"
+
+
+def test_the_law_is_stretched_to_another_motion_and_no_farther():
+    """pᵀC⁻¹p of the other motion is then the quantile of 95%, χ² of 5."""
+    rays = np.array([[x, y, 1.0] for x in (-0.3, 0.0, 0.3) for y in (-0.3, 0.0, 0.3)])
+    here = PlanarMotion(np.eye(3), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 2.0]))
+    turn = Rotation.from_rotvec([0.0, 0.02, -0.01])
+    aside = np.array([np.cos(0.1), np.sin(0.1), 0.0])
+    across = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    other = PlanarMotion(turn.as_matrix(), aside, here.normal)
+    rows = planar_stretches(here, [other], rays, across, 1e-8 * np.eye(8), np.inf)
+    offset = np.array([0.0, 0.02, -0.01, np.sin(0.1), 0.0])
+    law = np.hstack([rows[:, 3:6], rows[:, :3] @ across])
+    stretched = 1e-8 * np.eye(5) + law.T @ law
+    assert offset @ np.linalg.solve(stretched, offset) == pytest.approx(11.0705, rel=1e-3)
+    assert offset @ offset / 1e-8 > 1e5

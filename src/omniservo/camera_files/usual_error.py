@@ -10,9 +10,11 @@ files without coefficients a third more than the larger is taken: whether their 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from omniservo.camera_files.calibration_file import CalibrationFile
+from omniservo.camera_files.formats.opencv import STORAGE
 from omniservo.cameras.model_error import ModelError, usual_model_error
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError
@@ -65,12 +67,12 @@ def usual_error(camera: CentralModel, fields: Mapping[str, Any]) -> ModelError:
     described, side = camera.to_dict(), max(camera.width, camera.height)
     plain = described["model"] in _PLAIN and not any(described.get("distortion", ()))
     sigma = (PLAIN_PART if plain else BENT_PART) * side
-    held = fields.get("opencv_storage", fields)
+    held = fields.get(STORAGE, fields)
+    stated = []
     for name in held if isinstance(held, Mapping) else ():
-        if str(name).lower() not in _RMS:
-            continue
-        try:
-            sigma = max(OF_RMS * finite_number(name, held[name], above=0.0), LEAST_PART * side)
-        except InputError:
-            continue
+        if str(name).lower() in _RMS:
+            with suppress(InputError):
+                stated.append(finite_number(name, held[name], above=0.0))
+    if stated:
+        sigma = max(OF_RMS * max(stated), LEAST_PART * side)
     return usual_model_error(sigma, camera.width, camera.height)

@@ -154,9 +154,8 @@ def _listed(entries: list[Any], places: list[str], units: dict[str, float], sour
 
 def _is_row(text: str) -> bool:
     """Return whether a text begins as a table: with six numbers and more, or with the names of columns."""
-    cells = next(
-        (re.split(r"[,\s]+", line.strip().lower()) for line in text.splitlines() if line.strip()), []
-    )
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    cells = re.split(r"[,\s]+", first.strip().lower())
     return set(_PLACE) <= set(cells) or (len(cells) >= 6 and all(_is_number(cell) for cell in cells if cell))
 
 
@@ -174,7 +173,7 @@ def _table(text: str, source: str) -> RobotPoses:
     Commas stand between, or blanks where the header has none.
     """
     lines = text.splitlines()
-    if not any("," in line for line in lines[:1]):
+    if lines and "," not in lines[0]:
         lines = [",".join(line.split()) for line in lines]
     reader = csv.reader(lines)
     header = [name.strip().lower() for name in next(reader, [])]

@@ -29,7 +29,8 @@ from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (UnifiedCamera, KannalaBrandt, Pinhole)
 
-_ROOT = "opencv_storage"
+STORAGE = "opencv_storage"
+"""root of OpenCV's XML"""
 _MATRIX = ("cameramatrix", "k", "m", "intrinsicmatrix", "intrinsics", "mtx", "intrinsic")
 _DISTORTION = (
     "distortioncoefficients",
@@ -50,8 +51,8 @@ _SUFFIX = re.compile(r"(.*?)(\d|left|right|l|r)?")
 
 def recognises(fields: Any) -> bool:
     """Say whether the fields are an OpenCV storage, or hold a matrix K under one of its names."""
-    held = fields.get(_ROOT, fields)
-    return _ROOT in fields or (bool(_matrices(held)) and not ros.recognises(fields))
+    held = fields.get(STORAGE, fields)
+    return STORAGE in fields or (bool(_matrices(held)) and not ros.recognises(fields))
 
 
 def names(file: CalibrationFile) -> list[str]:
@@ -106,7 +107,7 @@ def text_of(model: CentralModel, suffix: str) -> str:
 
 
 def _root(file: CalibrationFile) -> FieldPath:
-    return (_ROOT,) if _ROOT in file.fields else ()
+    return (STORAGE,) if STORAGE in file.fields else ()
 
 
 def _plain(name: Any) -> str:

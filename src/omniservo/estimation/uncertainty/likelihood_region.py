@@ -101,7 +101,7 @@ def stretches(
     weights = np.zeros(0)
     if len(rotations):
         offsets = motion_offsets(*optimum, rotations, translations)
-        weights = _stretch(ellipsoid, offsets @ basis, quantile)
+        weights = stretch_weights(ellipsoid, offsets @ basis, quantile)
     kept = weights > 0.0
     return Stretches(weights[kept], rotations[kept], translations[kept])
 
@@ -114,7 +114,7 @@ def motion_offsets(
     return np.concatenate((translations - translation, turns), axis=1)
 
 
-def _stretch(ellipsoid: FloatArray, offsets: FloatArray, quantile: float) -> FloatArray:
+def stretch_weights(ellipsoid: FloatArray, offsets: FloatArray, quantile: float) -> FloatArray:
     """Return β (k,) so that every offset p (k, 5) has pᵀ(C + Σ β p pᵀ)⁻¹p ≤ quantile, nearly."""
     inverse, found = np.linalg.inv(ellipsoid), np.zeros(len(offsets))
     for _ in range(PASSES):

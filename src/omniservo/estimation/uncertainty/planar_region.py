@@ -16,17 +16,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.refinement.planar_motion import PlanarMotion, decompose_homography
+from omniservo.estimation.uncertainty.likelihood_region import LEVEL, stretch_weights
 from omniservo.geometry.arrays import FloatArray
 
-LEVEL = 0.95
 SURE = 5.0
 """[σ]: tips are at the border of the 95% region, and so far away"""
 
 MOTION = 5
 """unknowns (δ, τ) of the 8; the others are the plane's"""
-
-PASSES = 3
-"""over the tips; stretching to one may leave less to do for another."""
 
 
 def planar_stretches(
@@ -48,27 +45,19 @@ def planar_stretches(
         freedom: degrees of freedom of σ; infinite where it is known.
     """
     here, inner = motion.points(rays).ravel(), spread[:MOTION, :MOTION]
-    inverse, rows = np.linalg.inv(inner), []
+    rows = []
     usual = chdtri(MOTION, 1.0 - LEVEL) if math.isinf(freedom) else MOTION * fdtri(MOTION, freedom, LEVEL)
     tips = []
     for most in (float(usual), SURE**2):
         for found in (*others, *_tips(motion, rays, across, spread, math.sqrt(most))):
             turn = Rotation.from_matrix(motion.rotation.T @ found.rotation).as_rotvec()
             shift = across.T @ (found.translation - motion.translation)
-            tips.append((np.concatenate((turn, shift)), found, most))
-    weights = np.zeros(len(tips))
-    for _ in range(PASSES):
-        for k, (offset, _, most) in enumerate(tips):
-            column = inverse @ offset
-            square = float(offset @ column)
-            if square > most:
-                by = (square / most - 1.0) / square
-                weights[k] += by
-                inverse = inverse - np.outer(column, column) * (by / (1.0 + by * square))
-    for weight, (offset, found, _) in zip(weights, tips, strict=True):
+            tips.append((np.concatenate((turn, shift)), found, math.sqrt(most)))
+    weights = stretch_weights(inner, np.array([offset / size for offset, _, size in tips]), 1.0)
+    for weight, (offset, found, size) in zip(weights, tips, strict=True):
         if weight > 0.0:
             moved = np.concatenate((across @ offset[3:], offset[:3], found.points(rays).ravel() - here))
-            rows.append(math.sqrt(weight) * moved)
+            rows.append(math.sqrt(weight) / size * moved)
     return np.array(rows).reshape(-1, 6 + len(here))
 
 
