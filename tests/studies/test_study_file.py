@@ -65,7 +65,7 @@ def test_rows_are_scenes_times_cameras_times_methods(study):
     [
         ({"format": "omniservo.study/2"}, "format: 'omniservo.study/2' given; legal: 'omniservo.study/1'"),
         ({"scens": 3}, "scens: no such field; legal: name, seed, scenes.*did you mean 'scenes'"),
-        ({"arm": "rx60"}, "arm: a study moves a free camera"),
+        ({"arm": "rx60"}, "arm: no such field; .*did you mean .arms."),
         ({"scenes": 0}, "scenes: .*greater than or equal to 1; 0 given"),
         ({"scenes": 10**7}, "rows; legal: at most"),
         ({"seed": -1}, "seed: .*-1 given"),

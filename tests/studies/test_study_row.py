@@ -9,11 +9,13 @@ from tests.studies.conftest import rows_of, written
 from omniservo.cameras import preset
 from omniservo.planning import Sphere
 from omniservo.studies import load_study, run_row
-from omniservo.studies.closed_loop import HOLD, ClosedLoop, Trajectory, exponential_map
+from omniservo.studies.closed_loop import ClosedLoop
+from omniservo.studies.free_carrier import HOLD, exponential_map
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
 from omniservo.studies.study_row import scored
 from omniservo.studies.study_scene import draw_scene, generators
+from omniservo.studies.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

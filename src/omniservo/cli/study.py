@@ -187,6 +187,13 @@ def _finished(folder: Path, program: Program, progress: Progress) -> _Finished:
     return _Finished(header, tally.rows, tally.summaries(), cpu_seconds)
 
 
+def _of_arms(each: MethodSummary) -> str:
+    """Return how often joints stopped the arm; nothing where there is none."""
+    from omniservo.studies.study_summary import percent
+
+    return f"joint limit {percent(each.joint_limit):>6}  " if each.joint_limit.of else ""
+
+
 def _say(output: Output, out: Path, done: _Finished) -> None:
     from omniservo.studies.study_rows import CSV, PARQUET
     from omniservo.studies.study_summary import percent
@@ -195,8 +202,8 @@ def _say(output: Output, out: Path, done: _Finished) -> None:
         low, high = (100 * end for end in each.success.interval)
         output.line(
             f"{each.method:<15} success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
-            f"collision {percent(each.collision):>6}  feature lost {percent(each.feature_lost):>6}  "
-            f"{done.cpu_seconds[each.method]:.2f} CPU s a row"
+            f"collision {percent(each.collision):>6}  {_of_arms(each)}"
+            f"feature lost {percent(each.feature_lost):>6}  {done.cpu_seconds[each.method]:.2f} CPU s a row"
         )
     output.written(out / "report.html")
     if (out / PARQUET).exists():

@@ -26,9 +26,10 @@ from omniservo.reporting.style import (
     styled,
 )
 from omniservo.studies import MethodSummary, RowResult, StudyTally
-from omniservo.studies.closed_loop import Trajectory
+from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_scene import StudyScene
 from omniservo.studies.study_tally import MethodTally
+from omniservo.studies.trajectory import Trajectory
 
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
@@ -65,7 +66,7 @@ def _rates(found: Sequence[MethodSummary]) -> Drawing:
     axes.set_yticks(middle, [each.method for each in found])
     axes.invert_yaxis()
     axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("share of the runs [%]; collision: of those with an obstacle")
+    axes.set_xlabel("share of the runs [%]; collision: of those with an obstacle or an arm")
     axes.grid(axis="y", visible=False)
     legend_below(figure, axes, 3)
     caption = "Lines are 95% confidence intervals (Wilson). All methods met the same scenes."
@@ -127,7 +128,8 @@ def draw_row(result: RowResult) -> Drawing:
 def _drawn_row(result: RowResult) -> Drawing:
     row, scene, trajectory = result.row, result.scene, result.trajectory
     figure = new_figure(9.0, 3.6)
-    name, title = f"row-{row.row}", f"Row {row.row}: {row.method}, {row.camera}"
+    carried = "" if row.arm == NO_ARM else f" on {row.arm}"
+    name, title = f"row-{row.row}", f"Row {row.row}: {row.method}, {row.camera}{carried}"
     if scene is None or trajectory is None:
         figure.text(0.02, 0.5, row.reason[:120])
         return Drawing(name, title, row.reason, figure)
@@ -138,6 +140,8 @@ def _drawn_row(result: RowResult) -> Drawing:
     ended = f"{row.status}{': ' if row.reason else ''}{row.reason}"
     off = 1e3 * (row.final_translation_error_m or 0.0), math.degrees(row.final_rotation_error_rad or 0.0)
     gap = "" if row.least_gap_m is None else f"; least distance to an obstacle {1e3 * row.least_gap_m:.0f} mm"
+    if row.least_link_gap_m is not None:
+        gap += f", of a link to anything {1e3 * row.least_link_gap_m:.0f} mm"
     caption = (
         f"{ended}. Turned by {math.degrees(scene.drawn.rotation):.0f}° at {scene.drawn.distance_ratio:.2f} "
         f"times the distance; ends {off[0]:.1f} mm and {off[1]:.2f}° off the goal{gap}."

@@ -11,6 +11,7 @@ from omniservo.reporting.framed_figure import framed
 from omniservo.reporting.html import Markup, banner, page, part, table, tag
 from omniservo.reporting.study_figures import draw_row, study_drawings
 from omniservo.studies import MethodSummary, Program, StudyHeader, StudyTally, run_row
+from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_row import DIVERGED
 from omniservo.studies.study_summary import errors, number, percent
 
@@ -38,6 +39,7 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
     body: list[Markup] = [
         banner(f"Study {study.name}", summary),
         part("By method", _table(found), tag("p", _limits(header, tally.without), class_="quiet")),
+        *_with_arms(found),
         part(
             "Figures",
             tag("div", *(framed(drawing, "wide") for drawing in study_drawings(tally)), class_="figures"),
@@ -78,15 +80,42 @@ def _table(found: Sequence[MethodSummary]) -> Markup:
     return table(head, lines)
 
 
+def _with_arms(found: Sequence[MethodSummary]) -> list[Markup]:
+    """Return what methods do with each arm and without; nothing where no camera was carried by one."""
+    if all(set(each.arms) <= {NO_ARM} for each in found):
+        return []
+    head = ["method", "arm", "success", "95% interval", "collision", "joint limit"]
+    lines = []
+    for each in found:
+        for arm, rates in each.arms.items():
+            low, high = rates.success.interval
+            lines.append(
+                [
+                    each.method,
+                    arm,
+                    f"{percent(rates.success)} ({rates.success.count} of {rates.success.of})",
+                    f"{100 * low:.1f}–{100 * high:.1f}%",
+                    f"{percent(rates.collision)} ({rates.collision.count} of {rates.collision.of})",
+                    percent(rates.joint_limit),
+                ]
+            )
+    words = (
+        "Collision with an arm: the camera as without, or a link or the camera's housing touched an "
+        "obstacle, the floor or another link. Joint limit: the arm was stopped because a joint would have "
+        "left its range, or because it was singular."
+    )
+    return [part("With an arm and without", table(head, lines), tag("p", words, class_="quiet"))]
+
+
 def _limits(header: StudyHeader, without: int) -> str:
     limits, study = header.study.limits, header.study
     left = f" {without} rows had no scene and are left out." if without else ""
     return (
         f"Success: within {1e3 * limits.translation:g} mm and {math.degrees(limits.rotation):.3g}° of the "
         f"goal after {limits.seconds:g} s at most, and the camera's centre never within "
-        f"{1e3 * study.obstacles.clearance:g} mm of an obstacle. Collision: of the runs with an obstacle. "
-        f"Diverged: not at the goal, and once {DIVERGED:g} times as far from it as start and target. "
-        f"Medians are those of successful runs.{left}"
+        f"{1e3 * study.obstacles.clearance:g} mm of an obstacle. Collision: of the runs with an obstacle "
+        f"or an arm. Diverged: not at the goal, and once {DIVERGED:g} times as far from it as start and "
+        f"target. Medians are those of successful runs.{left}"
     )
 
 

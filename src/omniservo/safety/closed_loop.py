@@ -273,7 +273,7 @@ class _Loop:
     def _wish(self) -> Wish | None:
         """Where the arm is to go besides; six joints leave nothing free."""
         free = self._supervisor.arm.dof > 6
-        return _towards(self._posture, self.start) if self._posture is not None and free else None
+        return towards(self._posture, self.start) if self._posture is not None and free else None
 
     def _found(self, image: CameraImage, time: float) -> tuple[FloatArray, BoolArray]:
         """Return the points found (n, 2) [px], as they were at the time stamp, and which (n,)."""
@@ -359,7 +359,7 @@ def _refuse_wrong_points(pixels: FloatArray, valid: BoolArray, count: int) -> No
         raise NotFinite(f"point {j} was found at {np.asarray(pixels)[j].tolist()} px")
 
 
-def _towards(posture: Posture, start: float) -> Wish:
+def towards(posture: Posture, start: float) -> Wish:
     """Return the velocities that lead to the configuration, and on with it."""
 
     def wish(state: RobotState) -> FloatArray:

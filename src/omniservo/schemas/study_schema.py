@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from omniservo.robots import shipped_arms
 from omniservo.run_methods import METHODS
 from omniservo.schemas.camera_schema import camera_schema
 from omniservo.schemas.result_schemas import UNITS_FIELD
@@ -21,6 +22,7 @@ from omniservo.schemas.shapes import (
 )
 from omniservo.schemas.task_schema import NAMED_CAMERA, PlainSchema, describe_sections
 from omniservo.studies.study import FORMAT, Study
+from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_folder import FORMAT as RUN
 
 _DISTRIBUTION = said(
@@ -55,6 +57,10 @@ def study_schema() -> Schema:
         "presets and calibration files, or {NAME: one of them or a camera}",
     )
     fields["methods"]["items"] = choice(*METHODS)
+    fields["arms"] = either(choice(NO_ARM, *shipped_arms()), fields["arms"])
+    arm = parts["StudyArm"]["properties"]
+    arm["foot"] = said({"const": [0, 0, 0]}, "the floor is where the arm's foot is")
+    arm["flange_T_camera"] = either(said(TEXT, "the file of a hand-eye calibration"), arm["flange_T_camera"])
     schema["properties"] = {"format": {"const": FORMAT}, "units": UNITS_FIELD, **fields}
     schema["required"] = ["format", *schema["required"]]
     return schema

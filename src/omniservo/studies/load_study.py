@@ -13,6 +13,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import read_document, stated_units
 from omniservo.shipped_studies import study_file
 from omniservo.studies.study import FORMAT, MOST_ROWS, Study
+from omniservo.studies.study_arms import found_arms
 from omniservo.tasks.load_task import first_problem, found_camera
 from omniservo.tasks.task_files import TaskFiles
 
@@ -51,15 +52,16 @@ def study_of_fields(document: Any, files: TaskFiles, own: Sequence[str] = ()) ->
     fields = dict(document)
     if fields.pop("format", None) != FORMAT:
         raise InputError(f"{source}: format: {spelled(document.get('format'))} given; legal: {FORMAT!r}")
-    for name in ("arm", "arms", "mount"):
-        if name in fields:
-            raise InputError(f"{source}: {name}: a study moves a free camera; omniservo run has the arm")
     context: dict[str, Any] = {**stated_units(fields.pop("units", {}), source), "own": own}
     fields["cameras"] = _found_cameras(fields.get("cameras"), files)
+    if "arms" in fields:
+        fields["arms"] = found_arms(fields["arms"], files)
     try:
         found = Study.model_validate(fields, context=context)
     except ValidationError as error:
         raise InputError(first_problem(error, source, Study)) from None
+    for arm in found.arms.mounts.values():
+        arm.load()
     if found.rows > MOST_ROWS:
         raise InputError(
             f"{source}: scenes × cameras × methods: {found.rows} rows; legal: at most {MOST_ROWS}"

@@ -21,6 +21,7 @@ from omniservo.studies.distribution import (
     constant,
     whole,
 )
+from omniservo.studies.study_arms import StudyArms
 from omniservo.tasks.quantities import Angle, NonNegativeLength, PositiveLength
 from omniservo.tasks.section import Section
 
@@ -110,6 +111,10 @@ class StudyErrors(Section):
     """of the calibrated principal point, along each axis [px]"""
     depth: Number = constant(0.0)
     """of the stated distance of the two camera centres, and with it of all depths, as a part of it"""
+    mount_translation: Lengths = constant(0.0)
+    """of the camera on an arm's flange, in any direction [m]"""
+    mount_rotation: Angles = constant(0.0)
+    """likewise, about any axis [rad]"""
 
 
 class StudyServo(Section):
@@ -124,7 +129,7 @@ class StudyServo(Section):
     angular_speed: Annotated[Angle, Field(gt=0)] = 1.5
     """most [rad/s]; likewise"""
     clearance_margin: NonNegativeLength = 0.005
-    """what planning keeps beyond the clearance [m]"""
+    """what planning keeps beyond the clearance, and an arm's links to everything around [m]"""
     visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 5.0
     """what planning keeps to the image's limits [px]"""
     risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
@@ -157,6 +162,8 @@ class Study(Section):
     cameras: Annotated[dict[str, Camera], Field(min_length=1, max_length=50)]
     """by the names that rows have"""
     methods: Annotated[tuple[str, ...], Field(min_length=1, max_length=50)]
+    arms: StudyArms = StudyArms()
+    """what carries the camera, drawn for each scene"""
     target: StudyTarget = StudyTarget()
     start: StudyStart = StudyStart()
     obstacles: StudyObstacles = StudyObstacles()

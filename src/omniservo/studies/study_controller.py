@@ -5,25 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.planning import CameraPath, Plan, PlanningProblem, plan_path
-from omniservo.risk import plan_with_risk
+from omniservo.planning import Plan
 from omniservo.run_methods import RunMethod
-from omniservo.servoing import EvenPaceLaw
+from omniservo.safety.closed_loop import Posture
 from omniservo.studies.program import Program
+from omniservo.studies.replanned_tracker import ReplannedTracker
 from omniservo.studies.scene_start import Estimated, SceneStart
 from omniservo.studies.study import Study
+from omniservo.studies.study_plan import StudyPlan, planned
 from omniservo.tracking import GoalServo, GoalServoOptions, PathTracker, TrackerOptions
 
-_SPEED_SHARE = 0.75
-"""of the largest speeds, what a path is paced for; the rest is left to feedback"""
-_LEAST_DURATION = 2.0
-"""[s] of a path"""
-_LEAST_DISTANCE = 0.03
-"""[m] that plans keep to the points"""
 _NOISE_SHARE = 2.5
 """The goal image and this one both have noise: √2 · √2 σ on average, and this many σ for certain."""
 
@@ -52,6 +45,8 @@ class Led:
     """(m,) the scene's points that are servoed on"""
     plan: Plan | None
     """None: the method plans nothing"""
+    posture: Posture | None = None
+    """where the arm is to be; None: anywhere, or there is none"""
 
 
 class NotLed(NoSolutionError):
@@ -68,56 +63,41 @@ def controller_of_scene(study: Study, start: SceneStart, program: Program, name:
     Raises:
         NotLed: the images give no estimate, or the planner finds no path to follow.
     """
-    known, camera, method = start.estimated, start.scene.camera, program.method(name)
+    known, method = start.estimated, program.method(name)
     if isinstance(known, str):
         raise NotLed("not_estimated", known)
     speeds = study.servo.linear_speed, study.servo.angular_speed
     tolerance = study.servo.tolerance_px + _NOISE_SHARE * known.estimate.noise_px
     if method.plans is None:
         servo = GoalServo(
-            camera, known.points, known.goal_pixels,
+            start.scene.camera, known.points, known.goal_pixels,
             method=program.law(name, study.servo.gain), initial_T_goal=known.goal,
             options=GoalServoOptions(tolerance, *speeds),
         )  # fmt: skip
         return Led(servo, known.followed, None)
-    plan = _plan(study, start, method, known)
+    found = planned(study, start.scene, method, known)
+    plan = found.plan
     if plan.path is None or (method.plans == "certified" and plan.status != "certified"):
         raise NotLed("not_planned", f"{plan.status}: {plan.reason}")
     options = TrackerOptions(tolerance_px=tolerance, max_linear_speed=speeds[0], max_angular_speed=speeds[1])
+    return _following(study, start, method, known, found, options)
+
+
+def _following(
+    study: Study,
+    start: SceneStart,
+    method: RunMethod,
+    known: Estimated,
+    found: StudyPlan,
+    options: TrackerOptions,
+) -> Led:
+    """Return what follows a plan, and plans it again where the method does."""
+    law = found.time_law(study)
     tracker = PathTracker(
-        plan, camera, goal_pixels=known.goal_pixels, initial_pixels=known.initial_pixels,
-        options=options, time_law=_time_law(study, plan.path),
+        found.plan, start.scene.camera, goal_pixels=known.goal_pixels, initial_pixels=known.initial_pixels,
+        options=options, time_law=law,
     )  # fmt: skip
-    return Led(tracker, known.followed, plan)
-
-
-def _plan(study: Study, start: SceneStart, method: RunMethod, known: Estimated) -> Plan:
-    scene, certified = start.scene, method.plans == "certified"
-    problem = PlanningProblem(
-        scene.camera,  # type: ignore[arg-type]  # of any model: its unified form is taken
-        known.points,
-        known.goal,
-        scene.obstacles,
-        clearance=scene.clearance + study.servo.clearance_margin,
-        least_distance=_LEAST_DISTANCE,
-        visibility_margin=study.servo.visibility_margin,
-        occlusion=certified and bool(scene.obstacles),  # the paper's method knows none
-    )
-    if certified and study.servo.risk is not None:
-        found = plan_with_risk(problem, known.estimate, risk=study.servo.risk, seed=scene.number)
-        if found.ok:
-            return found.plan
-    return plan_path(problem, method="certified" if certified else "paper", seed=scene.number)
-
-
-def _time_law(study: Study, path: CameraPath) -> EvenPaceLaw:
-    """Return the law by which the path's own speeds leave room for feedback."""
-
-    def pace(w: FloatArray) -> FloatArray:
-        twists = path(w, order=1)
-        linear = np.linalg.norm(twists[:, :3], axis=1) / study.servo.linear_speed
-        return np.asarray(
-            np.maximum(linear, np.linalg.norm(twists[:, 3:], axis=1) / study.servo.angular_speed)
-        )
-
-    return EvenPaceLaw(pace, _SPEED_SHARE, _LEAST_DURATION)
+    if not method.replans:
+        return Led(tracker, known.followed, found.plan, found.posture(law))
+    replanned = ReplannedTracker(study, start.scene, tracker, found)
+    return Led(replanned, known.followed, found.plan, replanned.posture)

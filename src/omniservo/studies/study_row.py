@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 
 from omniservo.planning import Plan
-from omniservo.studies.closed_loop import ClosedLoop, Trajectory
+from omniservo.studies.closed_loop import ClosedLoop
 from omniservo.studies.program import PACKAGE, Program
 from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study import Study
+from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_controller import NotLed, controller_of_scene
 from omniservo.studies.study_scene import NoScene, StudyScene
+from omniservo.studies.trajectory import Trajectory
 
 STATUSES = ("converged", "timed_out", "stopped", "not_estimated", "not_planned", "no_scene", "error")
 
@@ -36,13 +38,18 @@ class StudyRow:
     """of the study"""
     method: str
     camera: str
+    arm: str
+    """by the study's name; "none": the camera moves freely, or there was no scene"""
     status: str
     """one of `STATUSES`"""
     reason: str
     success: bool
     """the final errors are within the study's limits, and there was no collision"""
     collision: bool
-    """the camera's centre came nearer to an obstacle's surface than the clearance"""
+    """the camera's centre came nearer to an obstacle's surface than the clearance, or a link or the camera's
+    housing touched an obstacle, the floor or another link"""
+    joint_limit: bool
+    """the arm was stopped because a joint would have left its range, or because it was singular"""
     feature_lost: bool
     """a point of the target left the image on the way, or an obstacle hid it"""
     final_translation_error_m: float | None
@@ -53,6 +60,9 @@ class StudyRow:
     path_length_m: float | None
     least_gap_m: float | None
     """of the camera's centre to an obstacle's surface; None: there is no obstacle"""
+    least_link_gap_m: float | None
+    """of links and the camera's housing to obstacles and the floor, at most 0.4; negative: depth; None: there
+    is no arm, or it never moved"""
     diverged: bool
     """the camera was led away: its final errors are not within the limits, and its centre was once twice as
     far from the goal as start and target, whichever of the two is farther"""
@@ -98,9 +108,10 @@ def run_row(study: Study, number: int, program: Program = PACKAGE) -> RowResult:
     scene_number, camera, method = study.place(number)
     empty = StudyRow(
         row=number, study_hash=study.hash, version=program.version, seed=study.seed, method=method,
-        camera=camera, status="error", reason="", success=False, collision=False, feature_lost=False,
-        final_translation_error_m=None, final_rotation_error_rad=None, seconds=None, path_length_m=None,
-        least_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
+        camera=camera, arm=NO_ARM, status="error", reason="", success=False, collision=False,
+        joint_limit=False, feature_lost=False, final_translation_error_m=None,
+        final_rotation_error_rad=None, seconds=None, path_length_m=None, least_gap_m=None,
+        least_link_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
         start_rotation_rad=None, start_distance_ratio=None, start_distance_m=None, obstacles=0,
         noise_px=None, latency_s=None,
     )  # fmt: skip
@@ -119,6 +130,7 @@ def _run(study: Study, empty: StudyRow, program: Program) -> RowResult:
     scene = start.scene
     drawn = replace(
         empty,
+        arm=NO_ARM if scene.arm is None else scene.arm.name,
         start_rotation_rad=scene.drawn.rotation,
         start_distance_ratio=scene.drawn.distance_ratio,
         start_distance_m=float(np.linalg.norm(scene.initial_T_goal.translation)),
@@ -129,12 +141,18 @@ def _run(study: Study, empty: StudyRow, program: Program) -> RowResult:
     try:
         led = controller_of_scene(study, start, program, empty.method)
     except NotLed as none:
-        still = Trajectory([0.0], [np.eye(3)], [np.zeros(3)])
+        still = Trajectory.standing()
         row = scored(study, scene, replace(drawn, status=none.status, reason=none.reason), still)
         return RowResult(row, None, scene, still)
     certified = led.plan is not None and led.plan.status == "certified"
     ended = ClosedLoop(study, scene, start.camera(), led).run()
-    said = replace(drawn, status=ended.status, reason=ended.reason, certified=certified)
+    said = replace(
+        drawn,
+        status=ended.status,
+        reason=ended.reason,
+        joint_limit=ended.joint_limit,
+        certified=certified,
+    )
     return RowResult(scored(study, scene, said, ended.trajectory), led.plan, scene, ended.trajectory)
 
 
@@ -143,7 +161,10 @@ def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajector
     off = scene.initial_T_goal.inv() * trajectory.end
     translation, rotation = float(np.linalg.norm(off.translation)), float(off.rotation.magnitude())
     gap = trajectory.least_gap(scene)
-    collision = gap is not None and gap < scene.clearance
+    links, touch = None, False
+    if scene.arm is not None and trajectory.joints:
+        links, touch = scene.arm.nearness(np.array(trajectory.joints), scene.obstacles)
+    collision = touch or (gap is not None and gap < scene.clearance)
     goal = np.array(scene.initial_T_goal.translation)
     far = max(float(np.linalg.norm(goal)), scene.drawn.distance)
     near = translation <= study.limits.translation and rotation <= study.limits.rotation
@@ -157,6 +178,7 @@ def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajector
         seconds=trajectory.times[-1],
         path_length_m=trajectory.length,
         least_gap_m=gap,
+        least_link_gap_m=links,
         diverged=bool(not near and trajectory.farthest(goal) > DIVERGED * far),
         images=trajectory.images,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,9 +12,14 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras.models import CentralModel
 from omniservo.cameras.widest_angle import widest_angle
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.planning import Sphere
+from omniservo.planning import PlanningProblem, Sphere
 from omniservo.scenes import LensError
+from omniservo.studies.placed_arm import MountError, PlacedArm, placed_arm
 from omniservo.studies.study import Study
+from omniservo.studies.study_arms import NO_ARM
+
+LEAST_DISTANCE = 0.03
+"""[m] that plans keep to the points"""
 
 _TRIES = 200
 _OBSTACLE_TRIES = 50
@@ -75,6 +80,8 @@ class StudyScene:
     obstacles: tuple[Sphere, ...]
     clearance: float
     """the camera's own radius [m]"""
+    arm: PlacedArm | None = None
+    """what carries the camera; None: it moves freely"""
 
     def shown(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return where points (n, 3) in the camera frame are truly seen, (n, 2) [px], and which are (n,)."""
@@ -102,22 +109,30 @@ class NoScene(Exception):
 
 def generators(study: Study, scene: int) -> tuple[np.random.Generator, np.random.Generator]:
     """Return what draws the scene, and what draws its images: alike for all methods, on every machine."""
-    seeds = np.random.SeedSequence(study.seed, spawn_key=(scene,)).spawn(2)
-    geometry, images = (np.random.Generator(np.random.PCG64(seed)) for seed in seeds)
+    geometry, images, _ = _generators(study, scene)
     return geometry, images
+
+
+def _generators(study: Study, scene: int) -> list[np.random.Generator]:
+    """Return what draws the scene, its images and its arm: whether there is one changes neither of these."""
+    seeds = np.random.SeedSequence(study.seed, spawn_key=(scene,)).spawn(3)
+    return [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
 
 
 def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
     """Return scene ``number`` of the study.
 
     Its numbers are drawn once. Directions and points are drawn until both ends see all points, 10 px within
-    the image's limits; so the numbers keep their stated distributions where every combination has a scene.
+    the image's limits, and the arm, if there is one, can stand at both; so the numbers keep their stated
+    distributions where every combination has a scene.
 
     Raises:
         NoScene: 200 tries found none.
     """
-    random, _ = generators(study, number)
+    random, _, of_arm = _generators(study, number)
     conditions, drawn = _drawn(study, camera, random)
+    name = study.arms.draw(of_arm)
+    error = MountError(study.errors.mount_translation.draw(of_arm), study.errors.mount_rotation.draw(of_arm))
     lens = LensError(conditions.model, _FIELD_LENGTH * camera.width, number) if conditions.model else None
     for _ in range(_TRIES):
         points, goal = _ends(drawn, random)
@@ -126,11 +141,32 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
             continue
         obstacles = _placed(study, drawn, points, goal, random)
         clearance = study.obstacles.clearance
-        return StudyScene(number, camera, lens, drawn, conditions, points, goal, obstacles, clearance)
+        scene = StudyScene(number, camera, lens, drawn, conditions, points, goal, obstacles, clearance)
+        if name == NO_ARM:
+            return scene
+        arm = placed_arm(
+            name, study.arms.mounts[name], error, problem_of_truth(scene),
+            study.servo.clearance_margin, of_arm,
+        )  # fmt: skip
+        if arm is not None:
+            return replace(scene, arm=arm)
+    without = "" if name == NO_ARM else f", or {name} cannot stand at both"
     raise NoScene(
         f"no scene in {_TRIES} tries: turned by {math.degrees(drawn.rotation):.1f} deg at "
-        f"{drawn.distance_ratio:.2f} times the distance, an end does not see all points"
+        f"{drawn.distance_ratio:.2f} times the distance, an end does not see all points{without}"
     )
+
+
+def problem_of_truth(scene: StudyScene) -> PlanningProblem:
+    """Return what a camera has to keep in a scene if everything is known exactly: what is scored, and sight.
+
+    It says whether a scene has a solution at all; no method is given it.
+    """
+    return PlanningProblem(
+        scene.camera,  # type: ignore[arg-type]  # of any model
+        scene.points, scene.initial_T_goal, scene.obstacles, clearance=scene.clearance,
+        least_distance=LEAST_DISTANCE, occlusion=bool(scene.obstacles),
+    )  # fmt: skip
 
 
 def _drawn(study: Study, camera: CentralModel, random: np.random.Generator) -> tuple[Conditions, Geometry]:

@@ -36,7 +36,22 @@ class Rate:
         return {"count": self.count, "of": self.of, "share": self.share, "interval_95": list(self.interval)}
 
 
-RATES = ("success", "collision", "feature_lost", "diverged")
+RATES = ("success", "collision", "joint_limit", "feature_lost", "diverged")
+
+
+@dataclass(frozen=True)
+class ArmRates:
+    """One method over all rows that count with one arm, or without any."""
+
+    success: Rate
+    collision: Rate
+    """without an arm: of the rows with an obstacle"""
+    joint_limit: Rate
+    """of no row without an arm"""
+
+    def to_dict(self) -> dict[str, object]:
+        """Return everything as JSON has it."""
+        return {name: rate.to_dict() for name, rate in vars(self).items()}
 
 
 @dataclass(frozen=True)
@@ -46,7 +61,9 @@ class MethodSummary:
     method: str
     success: Rate
     collision: Rate
-    """of the rows with an obstacle"""
+    """of the rows with an obstacle or an arm"""
+    joint_limit: Rate
+    """of the rows with an arm"""
     feature_lost: Rate
     diverged: Rate
     statuses: dict[str, int]
@@ -59,11 +76,14 @@ class MethodSummary:
     """median of the successful runs"""
     seconds: float
     """likewise, of the run"""
+    arms: dict[str, ArmRates]
+    """by the arms that rows have, "none" among them"""
 
     def to_dict(self) -> dict[str, object]:
         """Return everything as JSON has it."""
         rates = {name: getattr(self, name).to_dict() for name in RATES}
-        return {**vars(self), **rates}
+        arms = {name: of_arm.to_dict() for name, of_arm in self.arms.items()}
+        return {**vars(self), **rates, "arms": arms}
 
 
 def percent(rate: Rate) -> str:

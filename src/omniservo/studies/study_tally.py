@@ -10,11 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_row import StudyRow
-from omniservo.studies.study_summary import MethodSummary, Rate
+from omniservo.studies.study_summary import ArmRates, MethodSummary, Rate
 
 _SHOWN = 2
 """of a method's worst rows: else a gallery shows the worst method alone"""
+
+_COLLIDES = "something to collide with"
 
 _MEDIANS = ("final_translation_error_m", "final_rotation_error_rad", "path_length_m", "seconds")
 
@@ -29,8 +32,9 @@ class MethodTally:
 
     statuses: Counter[str] = field(default_factory=Counter)
     """how those that count ended"""
-    counts: Counter[str] = field(default_factory=Counter)
-    """how many of them have "success", "feature_lost", "diverged", a "collision", an "obstacle" """
+    counts: dict[str, Counter[str]] = field(default_factory=dict)
+    """arm → how many of them with it are "rows", and have "success", "feature_lost", "diverged", a
+    "collision", a "joint_limit", "something to collide with" """
     good: dict[str, array[float]] = field(default_factory=lambda: {name: _numbers() for name in _MEDIANS})
     """column → its numbers in the successful rows"""
     turned: array[float] = field(default_factory=_numbers)
@@ -48,13 +52,15 @@ class MethodTally:
             return
         self.statuses[row.status] += 1
         has = {
+            "rows": True,
             "success": row.success,
             "feature_lost": row.feature_lost,
             "diverged": row.diverged,
             "collision": row.collision,
-            "obstacle": row.obstacles > 0,
+            "joint_limit": row.joint_limit,
+            _COLLIDES: row.obstacles > 0 or row.arm != NO_ARM,
         }
-        self.counts.update(name for name, holds in has.items() if holds)
+        self.counts.setdefault(row.arm, Counter()).update(name for name, holds in has.items() if holds)
         if row.start_rotation_rad is not None and row.start_distance_ratio is not None:
             self.turned.append(row.start_rotation_rad)
             self.ratio.append(row.start_distance_ratio)
@@ -68,12 +74,14 @@ class MethodTally:
 
     def summary(self, method: str) -> MethodSummary:
         """Return what the rows say of the method."""
-        of, counts = self.statuses.total(), self.counts
+        counts = sum(self.counts.values(), Counter())
+        of, with_arm = counts["rows"], counts["rows"] - self.counts.get(NO_ARM, Counter())["rows"]
         translation, rotation, path_length, seconds = map(_median, self.good.values())
         return MethodSummary(
             method=method,
             success=Rate(counts["success"], of),
-            collision=Rate(counts["collision"], counts["obstacle"]),
+            collision=Rate(counts["collision"], counts[_COLLIDES]),
+            joint_limit=Rate(counts["joint_limit"], with_arm),
             feature_lost=Rate(counts["feature_lost"], of),
             diverged=Rate(counts["diverged"], of),
             statuses=dict(sorted(self.statuses.items())),
@@ -81,7 +89,17 @@ class MethodTally:
             rotation_rad=rotation,
             path_length_m=path_length,
             seconds=seconds,
+            arms={name: _rates_of(name, self.counts[name]) for name in sorted(self.counts)},
         )
+
+
+def _rates_of(arm: str, counts: Counter[str]) -> ArmRates:
+    of = counts["rows"]
+    return ArmRates(
+        success=Rate(counts["success"], of),
+        collision=Rate(counts["collision"], counts[_COLLIDES]),
+        joint_limit=Rate(counts["joint_limit"], 0 if arm == NO_ARM else of),
+    )
 
 
 def badness(row: StudyRow) -> tuple[bool, float, int]:
