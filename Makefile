@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # Bytecode is kept whatever the shell says: tests start hundreds of processes, and each would compile all modules.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo test check docs bench bench-planning bench-estimation bench-outside readme lock clean wheel
+.PHONY: demo test check docs bench bench-planning bench-estimation bench-outside readme lock clean wheel rows
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -57,6 +57,16 @@ readme: $(STAMP)
 # With compiled kernels, for this Python and machine: the first plan of whoever installs it compiles nothing.
 wheel: $(STAMP)
 	OMNISERVO_KERNELS=1 $(BIN)/python -m build --wheel --no-isolation
+
+# The raw rows of the public benchmark, and what verifies them, into dist/ beside the wheel, with the hashes of all.
+STUDY ?= paper-benchmark
+ROWS = $(notdir $(basename $(STUDY)))
+rows: $(STAMP)
+	mkdir -p dist
+	$(BIN)/omniservo study $(STUDY) --out build/studies/$(ROWS)
+	cp build/studies/$(ROWS)/rows.parquet dist/$(ROWS)-rows.parquet
+	tar --sort=name --mtime=@0 --owner=0 --group=0 --numeric-owner -C build/studies -cf - $(ROWS)/study.json $(ROWS)/parts | gzip -n > dist/$(ROWS).tar.gz
+	cd dist && sha256sum $$(ls | grep -v SHA256SUMS) > SHA256SUMS
 
 $(STAMP): pyproject.toml requirements.lock
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

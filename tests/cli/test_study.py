@@ -86,7 +86,9 @@ def test_a_row_is_replayed_alone_and_drawn(small, undisturbed, tmp_path, capsys,
     assert "has rows 0 to 11" in err
 
 
-def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(tmp_path, capsys):
+def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
+    tmp_path, capsys, monkeypatch
+):
     study = written(tmp_path, scenes=2, cameras="[fe185]", methods="[pbvs]")
     own = Path(__file__).parents[2] / "examples" / "own_method.py"
     call = ("study", study, "--out", tmp_path / "rows", "--workers", 1, "--method-file", f"{own}:TurnFirst")
@@ -98,9 +100,20 @@ def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
     code, _, err = called(capsys, *call[:-2])
     assert code == 2
     assert "is another" in err
-    code, _, err = called(capsys, "run", "--replay", f"{tmp_path / 'rows'}:1")
+    monkeypatch.chdir(tmp_path)  # where the figure is put
+    row = f"{tmp_path / 'rows'}:1"
+    code, _, err = called(capsys, "run", "--replay", row)
     assert code == 2
     assert "row 1 is of own_method.TurnFirst, whose code is not kept" in err
+    assert "needed: --method FILE.py:CLASS" in err
+    code, out, _ = called(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--json")
+    found = json.loads(out)
+    (tmp_path / found.pop("figure")).unlink()
+    assert code == 0
+    assert found == vars(rows_of(tmp_path / "rows")[1])
+    code, _, err = called(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--seed", 1)
+    assert code == 2
+    assert "--seed: given with --replay" in err
 
 
 @pytest.mark.parametrize(

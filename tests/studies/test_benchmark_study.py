@@ -28,9 +28,9 @@ def starts(study, camera, count):
     return [start for start in found if not isinstance(start, NoScene)]
 
 
-def test_it_has_six_cameras_and_eight_methods_and_starts_to_180_degrees_and_twice_the_distance(benchmark):
+def test_it_has_six_cameras_and_nine_methods_and_starts_to_180_degrees_and_twice_the_distance(benchmark):
     assert len(benchmark.cameras) == 6
-    assert len(benchmark.methods) == 8
+    assert len(benchmark.methods) == 9
     assert benchmark.start.rotation.bounds[1] == pytest.approx(np.pi)
     assert benchmark.start.distance_ratio.bounds[1] == 2.0
     assert widest_angle(benchmark.cameras["fisheye-220"]) == pytest.approx(np.deg2rad(110), abs=1e-3)

@@ -13,18 +13,23 @@ from omniservo.files import require_file
 _ALLOWED = ("replay", "allow_outside", "as_json", "quiet")
 
 
-def refuse_other_options(context: typer.Context) -> None:
-    """Refuse what the recording itself says.
+def refuse_other_options(context: typer.Context, *allowed: str) -> None:
+    """Refuse what the recording, or the study, itself says; ``allowed`` are options that it does not.
 
     Raises:
         InputError: an option or a task beside --replay.
     """
     for parameter in context.command.params:
         name = str(parameter.name)
-        source = context.get_parameter_source(name)
-        if name not in _ALLOWED and source is not None and source.name == "COMMANDLINE":
+        if name not in (*_ALLOWED, *allowed) and is_given(context, name):
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
             raise InputError(f"{given}: given with --replay, which takes all of it from the recording")
+
+
+def is_given(context: typer.Context, name: str) -> bool:
+    """Return whether a parameter stands in the call."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
 
 
 def replay(file: Path, allow_outside: bool, output: Output) -> None:

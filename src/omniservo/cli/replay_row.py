@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from omniservo.cli.output import Output
@@ -19,11 +20,16 @@ def is_row(given: Path) -> bool:
     return _ROW.fullmatch(str(given)) is not None and not given.exists()
 
 
-def replay_row(given: Path, output: Output) -> None:
+def replay_row(given: Path, own: Sequence[str], output: Output) -> None:
     """Run a study's row again, print it, and draw it beside.
 
+    Args:
+        given: ``STUDY:ROW``.
+        own: ``FILE.py:CLASS`` of the study's methods from files, whose code is run.
+        output: takes what is printed.
+
     Raises:
-        InputError: no such study, or no such row.
+        InputError: no such study, or no such row, or it is of a method from a file that is not given.
     """
     found = _ROW.fullmatch(str(given))
     name, number = (found["study"], int(found["row"])) if found else (str(given), -1)
@@ -33,20 +39,24 @@ def replay_row(given: Path, output: Output) -> None:
     with output.working("loading") as progress:
         from omniservo.reporting.figure_files import image_bytes
         from omniservo.reporting.study_figures import draw_row
-        from omniservo.studies import PACKAGE, fields_of_row, load_study, read_header, run_row
+        from omniservo.studies import Program, fields_of_row, load_study, read_header, run_row
 
         header = read_header(folder) if folder.is_dir() else None
-        study = load_study(name) if header is None else header.study
+        program = Program.of(own)
+        study = load_study(name, program.names) if header is None else header.study
         if not 0 <= number < study.rows:
             raise InputError(f"--replay: row {number} given; {name} has rows 0 to {study.rows - 1}")
-        if (method := study.place(number)[2]) not in METHODS:
-            raise InputError(f"--replay: row {number} is of {method}, whose code is not kept with the study")
+        if (method := study.place(number)[2]) not in (*METHODS, *program.names):
+            raise InputError(
+                f"--replay: row {number} is of {method}, whose code is not kept with the study; needed: "
+                f"--method FILE.py:CLASS"
+            )
         progress(f"running row {number}")
-        result = run_row(study, number)
+        result = run_row(study, number, program)
         picture = Path(f"{study.name}-row-{number}.png")
         write_whole(picture, image_bytes(draw_row(result), "png"), force=True)
-    if header is not None and header.version != PACKAGE.version:
-        output.line(f"{folder}: its rows were run by {header.version}; this is {PACKAGE.version}")
+    if header is not None and header.version != program.version:
+        output.line(f"{folder}: its rows were run by {header.version}; this is {program.version}")
     row = fields_of_row(result.row)
     for field, value in row.items():
         output.line(f"{field:<28}{'–' if value is None else value}")

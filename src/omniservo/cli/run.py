@@ -26,7 +26,7 @@ from omniservo.cli.output import (
     SeedOption,
     answer_is_no,
 )
-from omniservo.cli.replay import refuse_other_options
+from omniservo.cli.replay import is_given, refuse_other_options
 from omniservo.cli.replay import replay as replay_file
 from omniservo.cli.replay_row import is_row, replay_row
 from omniservo.cli.robot_file import (
@@ -80,7 +80,8 @@ ReplayOption = Annotated[
     Path | None,
     typer.Option(
         "--replay",
-        help="In place of a task: a recording, which is computed again and compared, or STUDY:ROW.",
+        help="In place of a task: a recording, which is computed again and compared, or STUDY:ROW; for a row "
+        "of a method of your own, with --method FILE.py:CLASS.",
     ),
 ]
 
@@ -131,10 +132,11 @@ def run(
     """Do the whole job: images, estimate, plan, servo on the simulated or a real arm, report."""
     output = Output(as_json, quiet)
     if replay is not None:
-        refuse_other_options(context)
         if is_row(replay):
-            replay_row(replay, output)
+            refuse_other_options(context, "method")
+            replay_row(replay, method if is_given(context, "method") else [], output)
             return
+        refuse_other_options(context)
         replay_file(replay, allow_outside, output)
         return
     if task is None:

@@ -82,13 +82,12 @@ class PlacedArm:
         return None if stated is None else np.array(stated)
 
     def setting(self, clearance: float) -> ArmSetting:
-        """Return the arm as planners know it.
+        """Return the arm as planners know it; links and the camera's housing keep ``clearance`` [m]."""
+        return self._setting(self.stated.flange_T_camera.transform, clearance)
 
-        Args:
-            clearance: of every link and the camera's housing to what stands around [m].
-        """
-        mount = self.stated.flange_T_camera.transform
-        return self._setting(mount, clearance)
+    def true_setting(self) -> ArmSetting:
+        """Return the arm as it is; links and the camera's housing may come as near as they can."""
+        return self._setting(self.flange_T_camera, 0.0)
 
     def nearness(self, joints: FloatArray, obstacles: tuple[Sphere, ...]) -> tuple[float, bool]:
         """Return how near the arm came in configurations (m, n) [rad], and whether anything touched.
@@ -96,7 +95,7 @@ class PlacedArm:
         The first is the least distance of links and the camera's housing to obstacles and the floor [m], at
         most `_FAR`; negative: depth. Touching counts of the arm's own parts, too.
         """
-        bodies = self._setting(self.flange_T_camera, 0.0).bodies(obstacles)
+        bodies = self.true_setting().bodies(obstacles)
         gaps = PostureGaps(bodies, _TOGETHER)
         own = np.array([not bodies.is_around(pair) for pair in range(len(bodies.pairs))])
         alike, around = np.zeros(len(own)), np.where(own, -_NEVER, 0.0)

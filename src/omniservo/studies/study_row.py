@@ -38,8 +38,6 @@ class StudyRow:
     """of the study"""
     method: str
     camera: str
-    arm: str
-    """by the study's name; "none": the camera moves freely, or there was no scene"""
     status: str
     """one of `STATUSES`"""
     reason: str
@@ -48,8 +46,6 @@ class StudyRow:
     collision: bool
     """the camera's centre came nearer to an obstacle's surface than the clearance, or a link or the camera's
     housing touched an obstacle, the floor or another link"""
-    joint_limit: bool
-    """the arm was stopped because a joint would have left its range, or because it was singular"""
     feature_lost: bool
     """a point of the target left the image on the way, or an obstacle hid it"""
     final_translation_error_m: float | None
@@ -60,9 +56,6 @@ class StudyRow:
     path_length_m: float | None
     least_gap_m: float | None
     """of the camera's centre to an obstacle's surface; None: there is no obstacle"""
-    least_link_gap_m: float | None
-    """of links and the camera's housing to obstacles and the floor, at most 0.4; negative: depth; None: there
-    is no arm, or it never moved"""
     diverged: bool
     """the camera was led away: its final errors are not within the limits, and its centre was once twice as
     far from the goal as start and target, whichever of the two is farther"""
@@ -79,6 +72,13 @@ class StudyRow:
     obstacles: int
     noise_px: float | None
     latency_s: float | None
+    arm: str
+    """by the study's name; "none": the camera moves freely, or there was no scene"""
+    joint_limit: bool
+    """the arm was stopped because a joint would have left its range, or because it was singular"""
+    least_link_gap_m: float | None
+    """of links and the camera's housing to obstacles and the floor, at most 0.4; negative: depth; None: there
+    is no arm, or it never moved"""
 
     @property
     def counts(self) -> bool:
@@ -108,12 +108,11 @@ def run_row(study: Study, number: int, program: Program = PACKAGE) -> RowResult:
     scene_number, camera, method = study.place(number)
     empty = StudyRow(
         row=number, study_hash=study.hash, version=program.version, seed=study.seed, method=method,
-        camera=camera, arm=NO_ARM, status="error", reason="", success=False, collision=False,
-        joint_limit=False, feature_lost=False, final_translation_error_m=None,
-        final_rotation_error_rad=None, seconds=None, path_length_m=None, least_gap_m=None,
-        least_link_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
+        camera=camera, status="error", reason="", success=False, collision=False, feature_lost=False,
+        final_translation_error_m=None, final_rotation_error_rad=None, seconds=None, path_length_m=None,
+        least_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
         start_rotation_rad=None, start_distance_ratio=None, start_distance_m=None, obstacles=0,
-        noise_px=None, latency_s=None,
+        noise_px=None, latency_s=None, arm=NO_ARM, joint_limit=False, least_link_gap_m=None,
     )  # fmt: skip
     try:
         return _run(study, empty, program)
