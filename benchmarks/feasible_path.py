@@ -4,7 +4,7 @@ RRT-Connect (Kuffner and LaValle, 2000) of OMPL, over poses of a free camera or 
 to the joint configurations nearest to its start that reach the goal. A place is legal where everything holds
 that a run is scored by, and every point is in the true camera's image and not hidden by a ball; with an arm
 joints are within their ranges, no two bodies touch, and the arm is not singular, for there every method is
-stopped. Motions are looked at in steps of `STEP`, and a path that is found again in a fifth of that.
+stopped. Motions are checked in steps of `STEP`, and a path that is found again in a fifth of that.
 """
 
 from __future__ import annotations

@@ -10,10 +10,12 @@ from omniservo.cameras.widest_angle import widest_angle
 from omniservo.reporting.study_figures import study_drawings
 from omniservo.studies import PACKAGE, StudyTally, load_study, run_row
 from omniservo.studies.closed_loop import SETTLING, ClosedLoop
+from omniservo.studies.replanned_tracker import ReplannedTracker
 from omniservo.studies.scene_start import estimate_of_scene, scene_start
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led, controller_of_scene
 from omniservo.studies.study_scene import NoScene, generators
+from omniservo.tracking import PathTracker
 
 
 @pytest.fixture(scope="module")
@@ -133,3 +135,22 @@ def test_the_map_of_many_runs_shows_shares_on_one_scale_and_grey_where_no_start_
     assert np.ma.allclose(shares[-1][shares.shape[1] // 2 + 1 :], 0.0)
     assert np.isnan(shares[-1].filled(np.nan)[0])
     assert axes.get_facecolor() != (1.0, 1.0, 1.0, 1.0)
+
+
+def test_certified_plans_again_where_the_estimate_has_changed_and_certified_once_does_not(tmp_path):
+    fields = {"errors": "{}", "images": "{noise: 0.6, latency: 0}", "limits": "{seconds: 1.5}", "scenes": 8}
+    study = load_study(
+        written(tmp_path, **fields, cameras="[fe185]", methods="[certified, certified-once]",
+                obstacles="{count: 0}", start="{rotation: 90, distance_ratio: 1.5}")
+    )  # fmt: skip
+    changed = 0
+    for start in starts(study, "fe185", study.scenes):
+        led = controller_of_scene(study, start, PACKAGE, "certified")
+        once = controller_of_scene(study, start, PACKAGE, "certified-once")
+        assert isinstance(led.controller, ReplannedTracker)
+        assert isinstance(once.controller, PathTracker)
+        ClosedLoop(study, start.scene, start.camera(), led).run()
+        changed += len(led.controller.events)
+        if changed:
+            break
+    assert changed

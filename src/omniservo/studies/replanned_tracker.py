@@ -11,6 +11,7 @@ from omniservo.studies.study import Study
 from omniservo.studies.study_plan import StudyPlan, joint_limits
 from omniservo.studies.study_scene import StudyScene
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
+from omniservo.tracking.replanning import Replanning
 
 _LEAST_TUBE = 0.003
 """[m]"""
@@ -40,6 +41,11 @@ class ReplannedTracker:
         self._replanner = Replanner(tracker, found.plan, arm=arm, options=options)
         self.posture: Posture | None = None if arm is None else self._replanner.posture
         """where the arm is to be at a time; None: there is none"""
+
+    @property
+    def events(self) -> tuple[Replanning, ...]:
+        """What came of every look at which something had changed."""
+        return tuple(self._replanner.events)
 
     @property
     def done(self) -> bool:
