@@ -141,7 +141,7 @@ def _drawn_row(result: RowResult) -> Drawing:
     off = 1e3 * (row.final_translation_error_m or 0.0), math.degrees(row.final_rotation_error_rad or 0.0)
     gap = "" if row.least_gap_m is None else f"; least distance to an obstacle {1e3 * row.least_gap_m:.0f} mm"
     if row.least_link_gap_m is not None:
-        gap += f", of a link to anything {1e3 * row.least_link_gap_m:.0f} mm"
+        gap += f", of a link to a ball or the floor {1e3 * row.least_link_gap_m:.0f} mm"
     caption = (
         f"{ended}. Turned by {math.degrees(scene.drawn.rotation):.0f}° at {scene.drawn.distance_ratio:.2f} "
         f"times the distance; ends {off[0]:.1f} mm and {off[1]:.2f}° off the goal{gap}."
