@@ -177,6 +177,9 @@ def _draw_space(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
         middle = tuple((ball.center @ flat).tolist())
         axes.add_patch(Circle(middle, ball.radius, color=OBSTACLE, alpha=0.7))
         axes.add_patch(Circle(middle, ball.radius + scene.clearance, fill=False, ec=OBSTACLE, ls=":"))
+    for ball in scene.after_move.obstacles if scene.moved else ():
+        middle = tuple((ball.center @ flat).tolist())
+        axes.add_patch(Circle(middle, ball.radius, fill=False, ec=OBSTACLE, ls="--"))
     axes.plot(*(trajectory.centres @ flat).T, color=EXECUTED, label="camera")
     axes.plot(0.0, 0.0, "o", color=START, label="start")
     axes.plot(*(goal @ flat), "*", color=GOAL, ms=9, label="goal")

@@ -67,7 +67,7 @@ class ClosedLoop:
     """
 
     def __init__(self, study: Study, scene: StudyScene, camera: StudyCamera, led: Led) -> None:
-        self._camera, self._led = camera, led
+        self._scene, self._camera, self._led = scene, camera, led
         self._period = 1.0 / study.images.rate
         self._most = study.limits.seconds
         self._newest, self._arrived = -1.0, math.inf
@@ -90,6 +90,7 @@ class ClosedLoop:
                     if self._act(*heapq.heappop(waiting), images):
                         return Ended("converged", "", self.trajectory)
                 carrier.move(exposed)
+                self._put_elsewhere(exposed)
                 image = self._camera.take(carrier.rotation, carrier.centre)
                 self.trajectory.images += 1
                 self.trajectory.feature_lost |= not bool(image.in_view.all())
@@ -102,6 +103,15 @@ class ClosedLoop:
             limit = isinstance(stop, JointLimit)
             return Ended("stopped", f"{stop.reason}: {stop}", self.trajectory, limit)
         return Ended("timed_out", f"not done after {self._most:g} s", self.trajectory)
+
+    def _put_elsewhere(self, exposed: float) -> None:
+        """Carry out the scene's move once it is due; a method that plans again is given where balls are."""
+        moved = self._scene.moved
+        if moved is not None and exposed >= moved.time:
+            self._scene = self._scene.after_move
+            self._camera.see(self._scene)
+            if self._led.given_obstacles is not None:
+                self._led.given_obstacles(moved.obstacles)
 
     def _act(self, arrival: float, exposed: float, number: int, images: dict[int, StudyImage]) -> bool:
         """Let an image that arrives change the twist; return whether the run is over."""

@@ -1,9 +1,11 @@
-"""A plan that is made again on the way, where the estimate of points and goal has changed."""
+"""A plan that is made again on the way, where the estimate of points and goal, or an obstacle, has moved."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.planning import CameraPath
+from omniservo.planning import CameraPath, Sphere
 from omniservo.robots import Arm, JointPath
 from omniservo.safety.closed_loop import Posture
 from omniservo.servoing import PathLimits
@@ -41,6 +43,8 @@ class ReplannedTracker:
         self._replanner = Replanner(tracker, found.plan, arm=arm, options=options)
         self.posture: Posture | None = None if arm is None else self._replanner.posture
         """where the arm is to be at a time; None: there is none"""
+        self.set_obstacles: Callable[[tuple[Sphere, ...]], None] = self._replanner.set_obstacles
+        """takes in where obstacles are"""
 
     @property
     def events(self) -> tuple[Replanning, ...]:

@@ -75,6 +75,10 @@ class StudyObstacles(Section):
     """standard deviation along each axis of a ball's middle from the line, over the line's length"""
     clearance: NonNegativeLength = 0.03
     """the camera's own radius [m]: nearer to a surface than this, its centre collides"""
+    moved: Share = constant(0.0)
+    """chance that one ball is put elsewhere near the line's second half, while the camera is on its way"""
+    moved_at: NonNegative = Distribution("uniform", (0.5, 1.5))
+    """when that is [s]; a method that plans again is given where the ball is, from then on"""
 
 
 class StudyImages(Section):

@@ -35,6 +35,10 @@ class StudyCamera:
     def __init__(self, scene: StudyScene, random: np.random.Generator) -> None:
         self._scene, self._random = scene, random
 
+    def see(self, scene: StudyScene) -> None:
+        """Let this be true from now on."""
+        self._scene = scene
+
     def take(self, rotation: FloatArray, centre: FloatArray) -> StudyImage:
         """Return the image from a pose: axes (3, 3) and centre (3,) in the initial camera frame."""
         scene, conditions, n = self._scene, self._scene.conditions, len(self._scene.points)

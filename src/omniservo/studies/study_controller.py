@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from omniservo.errors import NoSolutionError
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
-from omniservo.planning import Plan
+from omniservo.planning import Plan, Sphere
 from omniservo.run_methods import RunMethod
 from omniservo.safety.closed_loop import Posture
 from omniservo.studies.program import Program
@@ -47,6 +48,8 @@ class Led:
     """None: the method plans nothing"""
     posture: Posture | None = None
     """where the arm is to be; None: anywhere, or there is none"""
+    given_obstacles: Callable[[tuple[Sphere, ...]], None] | None = None
+    """takes in where obstacles are, from then on; None: the method does not plan again"""
 
 
 class NotLed(NoSolutionError):
@@ -100,4 +103,4 @@ def _following(
     if not method.replans:
         return Led(tracker, known.followed, found.plan, found.posture(law))
     replanned = ReplannedTracker(study, start.scene, tracker, found)
-    return Led(replanned, known.followed, found.plan, replanned.posture)
+    return Led(replanned, known.followed, found.plan, replanned.posture, replanned.set_obstacles)

@@ -79,6 +79,8 @@ class StudyRow:
     least_link_gap_m: float | None
     """of links and the camera's housing to obstacles and the floor, at most 0.4; negative: depth; None: there
     is no arm, or it never moved"""
+    obstacle_moved_s: float | None
+    """when a ball was put elsewhere; None: none was"""
 
     @property
     def counts(self) -> bool:
@@ -113,6 +115,7 @@ def run_row(study: Study, number: int, program: Program = PACKAGE) -> RowResult:
         least_gap_m=None, diverged=False, images=0, certified=False, scene=scene_number,
         start_rotation_rad=None, start_distance_ratio=None, start_distance_m=None, obstacles=0,
         noise_px=None, latency_s=None, arm=NO_ARM, joint_limit=False, least_link_gap_m=None,
+        obstacle_moved_s=None,
     )  # fmt: skip
     try:
         return _run(study, empty, program)
@@ -136,6 +139,7 @@ def _run(study: Study, empty: StudyRow, program: Program) -> RowResult:
         obstacles=len(scene.obstacles),
         noise_px=scene.conditions.noise,
         latency_s=scene.conditions.latency,
+        obstacle_moved_s=None if scene.moved is None else scene.moved.time,
     )
     try:
         led = controller_of_scene(study, start, program, empty.method)
@@ -162,7 +166,7 @@ def scored(study: Study, scene: StudyScene, row: StudyRow, trajectory: Trajector
     gap = trajectory.least_gap(scene)
     links, touch = None, False
     if scene.arm is not None and trajectory.joints:
-        links, touch = scene.arm.nearness(np.array(trajectory.joints), scene.obstacles)
+        links, touch = trajectory.nearness(scene.arm, scene)
     collision = touch or (gap is not None and gap < scene.clearance)
     goal = np.array(scene.initial_T_goal.translation)
     far = max(float(np.linalg.norm(goal)), scene.drawn.distance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -64,6 +65,16 @@ class Geometry:
 
 
 @dataclass(frozen=True, eq=False)
+class MovedObstacles:
+    """Balls of which one was put elsewhere."""
+
+    time: float
+    """when that is: an image is taken then [s]"""
+    obstacles: tuple[Sphere, ...]
+    """all of them, from then on"""
+
+
+@dataclass(frozen=True, eq=False)
 class StudyScene:
     """A camera that is to be led to the goal; everything in the initial camera frame."""
 
@@ -82,6 +93,20 @@ class StudyScene:
     """the camera's own radius [m]"""
     arm: PlacedArm | None = None
     """what carries the camera; None: it moves freely"""
+    moved: MovedObstacles | None = None
+    """None: the balls stay where they are"""
+
+    @property
+    def after_move(self) -> StudyScene:
+        """The scene once the ball was put elsewhere, if one is."""
+        return self if self.moved is None else replace(self, obstacles=self.moved.obstacles, moved=None)
+
+    def phases(self, times: list[float]) -> list[tuple[slice, tuple[Sphere, ...]]]:
+        """Return which of the times (k,) [s] belong to which obstacles; that of a move belongs to both."""
+        if self.moved is None or times[-1] < self.moved.time:
+            return [(slice(None), self.obstacles)]
+        k = bisect_left(times, self.moved.time)
+        return [(slice(0, k + 1), self.obstacles), (slice(k, None), self.moved.obstacles)]
 
     def shown(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return where points (n, 3) in the camera frame are truly seen, (n, 2) [px], and which are (n,)."""
@@ -109,13 +134,13 @@ class NoScene(Exception):
 
 def generators(study: Study, scene: int) -> tuple[np.random.Generator, np.random.Generator]:
     """Return what draws the scene, and what draws its images: alike for all methods, on every machine."""
-    geometry, images, _ = _generators(study, scene)
+    geometry, images, *_ = _generators(study, scene)
     return geometry, images
 
 
 def _generators(study: Study, scene: int) -> list[np.random.Generator]:
-    """Return what draws the scene, its images and its arm: whether there is one changes neither of these."""
-    seeds = np.random.SeedSequence(study.seed, spawn_key=(scene,)).spawn(3)
+    """Return what draws the scene, its images, its arm and a move: none of these changes the others."""
+    seeds = np.random.SeedSequence(study.seed, spawn_key=(scene,)).spawn(4)
     return [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
 
 
@@ -129,7 +154,7 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
     Raises:
         NoScene: 200 tries found none.
     """
-    random, _, of_arm = _generators(study, number)
+    random, _, of_arm, of_move = _generators(study, number)
     conditions, drawn = _drawn(study, camera, random)
     name = study.arms.draw(of_arm)
     error = MountError(study.errors.mount_translation.draw(of_arm), study.errors.mount_rotation.draw(of_arm))
@@ -141,7 +166,10 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
             continue
         obstacles = _placed(study, drawn, points, goal, random)
         clearance = study.obstacles.clearance
-        scene = StudyScene(number, camera, lens, drawn, conditions, points, goal, obstacles, clearance)
+        scene = StudyScene(
+            number, camera, lens, drawn, conditions, points, goal, obstacles, clearance,
+            moved=_moved(study, points, goal, obstacles, of_move),
+        )  # fmt: skip
         if name == NO_ARM:
             return scene
         arm = placed_arm(
@@ -253,17 +281,50 @@ def _placed(
 ) -> tuple[Sphere, ...]:
     """Return balls across the straight line, clear of both ends and of what these see of the points."""
     end, found = np.array(goal.translation), []
-    aside = study.obstacles.aside * float(np.linalg.norm(end))
     for _ in range(drawn.obstacles):
-        radius = study.obstacles.radius.draw(random)
-        free = radius + study.obstacles.clearance + study.servo.clearance_margin + _END_ROOM
-        for _ in range(_OBSTACLE_TRIES):
-            middle = random.uniform(0.3, 0.7) * end + aside * random.standard_normal(3)
-            clear = min(np.linalg.norm(middle), np.linalg.norm(middle - end)) > free
-            if clear and not _hides(middle, radius + _END_ROOM, points, end):
-                found.append(Sphere(middle, radius))
-                break
+        ball = _near_line(study, study.obstacles.radius.draw(random), points, end, random, (0.3, 0.7))
+        if ball is not None:
+            found.append(ball)
     return tuple(found)
+
+
+def _near_line(
+    study: Study,
+    radius: float,
+    points: FloatArray,
+    end: FloatArray,
+    random: np.random.Generator,
+    part: tuple[float, float],
+) -> Sphere | None:
+    """Return a ball near a part of the line to the end, clear as `_placed` says; None: none is found."""
+    free = radius + study.obstacles.clearance + study.servo.clearance_margin + _END_ROOM
+    aside = study.obstacles.aside * float(np.linalg.norm(end))
+    for _ in range(_OBSTACLE_TRIES):
+        middle = random.uniform(*part) * end + aside * random.standard_normal(3)
+        clear = min(np.linalg.norm(middle), np.linalg.norm(middle - end)) > free
+        if clear and not _hides(middle, radius + _END_ROOM, points, end):
+            return Sphere(middle, radius)
+    return None
+
+
+def _moved(
+    study: Study,
+    points: FloatArray,
+    goal: RigidTransform,
+    obstacles: tuple[Sphere, ...],
+    random: np.random.Generator,
+) -> MovedObstacles | None:
+    """Return the balls with one of them elsewhere; None: all stay."""
+    chance, time = study.obstacles.moved.draw(random), study.obstacles.moved_at.draw(random)
+    if not obstacles or float(random.random()) >= chance:
+        return None
+    which, end = int(random.integers(len(obstacles))), np.array(goal.translation)
+    ball = _near_line(study, obstacles[which].radius, points, end, random, (0.5, 0.8))
+    if ball is None:
+        return None
+    period = 1.0 / study.images.rate
+    there = (*obstacles[:which], ball, *obstacles[which + 1 :])
+    return MovedObstacles(math.ceil(time / period) * period, there)
 
 
 def _hides(middle: FloatArray, radius: float, points: FloatArray, end: FloatArray) -> bool:

@@ -8,6 +8,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning import Sphere
+from omniservo.studies.placed_arm import PlacedArm
 from omniservo.studies.study_scene import StudyScene
 
 
@@ -62,11 +64,20 @@ class Trajectory:
         """Return the smallest distance of the camera's centre to an obstacle [m]; None: there is none."""
         if not scene.obstacles:
             return None
-        begin, gaps = self.centres, []
-        way = np.diff(begin, axis=0, append=begin[-1:])
-        squared = np.maximum((way**2).sum(axis=1), 1e-30)
-        for ball in scene.obstacles:
-            along = np.clip(((ball.center - begin) * way).sum(axis=1) / squared, 0.0, 1.0)
-            near = begin + along[:, None] * way
-            gaps.append(float(np.linalg.norm(near - ball.center, axis=1).min()) - ball.radius)
-        return min(gaps)
+        centres = self.centres
+        return min(_gap(centres[part], ball) for part, balls in scene.phases(self.times) for ball in balls)
+
+    def nearness(self, placed: PlacedArm, scene: StudyScene) -> tuple[float, bool]:
+        """Return how near the arm came to what stands around, and whether anything touched, see there."""
+        joints = np.array(self.joints)
+        found = [placed.nearness(joints[part], balls) for part, balls in scene.phases(self.times)]
+        return min(least for least, _ in found), any(touch for _, touch in found)
+
+
+def _gap(begin: FloatArray, ball: Sphere) -> float:
+    """Return the smallest distance of a way through places (k, 3) to a ball [m]."""
+    way = np.diff(begin, axis=0, append=begin[-1:])
+    squared = np.maximum((way**2).sum(axis=1), 1e-30)
+    along = np.clip(((ball.center - begin) * way).sum(axis=1) / squared, 0.0, 1.0)
+    near = begin + along[:, None] * way
+    return float(np.linalg.norm(near - ball.center, axis=1).min()) - ball.radius
