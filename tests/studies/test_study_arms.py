@@ -28,9 +28,11 @@ from omniservo.studies.closed_loop import ClosedLoop
 from omniservo.studies.free_carrier import HOLD, FreeCarrier
 from omniservo.studies.load_study import study_of_json
 from omniservo.studies.placed_arm import MountError
+from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
 from omniservo.studies.study_parts import PartWork, part_of_content
+from omniservo.studies.study_plan import planned
 from omniservo.studies.study_scene import NoScene, draw_scene, generators
 from omniservo.studies.trajectory import Trajectory
 
@@ -176,6 +178,26 @@ def test_wherever_an_arm_is_led_no_joint_leaves_its_range_and_the_limit_is_named
     if axis < 3:  # no arm reaches 3 m
         assert (found.status, found.joint_limit) == ("stopped", True)
         assert found.reason.startswith("joint_limit: ")
+
+
+def test_a_plan_is_paced_within_the_speeds_of_the_camera_and_half_of_those_of_the_joints(study, scene):
+    start = scene_start(study, scene.number, "fe185")
+    found = planned(study, scene, PACKAGE.method("certified"), start.estimated)
+    law = found.time_law(study)
+    w, speed, change = law.motion(np.linspace(0.0, law.duration, 2001))
+    twists = found.plan.path(w, order=1) * speed[:, None]
+    joints = found.joints(w, 1) * speed[:, None]
+    bend = found.joints(w, 2) * speed[:, None] ** 2 + found.joints(w, 1) * change[:, None]
+    arm, servo = scene.arm.arm, study.servo
+    shares = {
+        "linear": np.linalg.norm(twists[:, :3], axis=1).max() / (0.75 * servo.linear_speed),
+        "angular": np.linalg.norm(twists[:, 3:], axis=1).max() / (0.75 * servo.angular_speed),
+        "joint speed": (np.abs(joints) / (0.5 * arm.joint_speed)).max(),
+        "joint acceleration": (np.abs(bend) / (0.5 * arm.joint_acceleration)).max(),
+    }
+    assert max(shares.values()) <= 1.01
+    assert max(shares.values()) > 0.5 or law.duration == 2.0
+    assert found.joints(0.0) == pytest.approx(scene.arm.start, abs=1e-6)
 
 
 def test_a_link_in_the_floor_is_a_collision_though_no_ball_is_near(study, scene):

@@ -51,15 +51,20 @@ class StudyPlan:
 
         def pace(w: FloatArray) -> FloatArray:
             twists = path(w, order=1)
-            linear = np.linalg.norm(twists[:, :3], axis=1) / study.servo.linear_speed
-            return np.asarray(
-                np.maximum(linear, np.linalg.norm(twists[:, 3:], axis=1) / study.servo.angular_speed)
-            )
+            parts = [
+                np.linalg.norm(twists[:, :3], axis=1) / study.servo.linear_speed,
+                np.linalg.norm(twists[:, 3:], axis=1) / study.servo.angular_speed,
+            ]
+            if limits is not None:  # a place that asks much of the joints is slowed down, not all of the path
+                parts.append(_SPEED_SHARE * (np.abs(limits.joints(w, 1)) / limits.speeds).max(axis=1))
+            return np.asarray(np.max(parts, axis=0))
 
+        limits = None
+        if self.setting is not None and self.joints is not None:
+            limits = joint_limits(self.setting.arm, self.joints)
         law = EvenPaceLaw(pace, _SPEED_SHARE, _LEAST_DURATION)
-        if self.setting is None or self.joints is None:
+        if limits is None:
             return law
-        limits = joint_limits(self.setting.arm, self.joints)
         excess = limits.excess(*law.motion(np.linspace(0.0, law.duration, _PLACES)))
         return law if excess <= 1.0 else EvenPaceLaw(pace, _SPEED_SHARE, excess * law.duration)
 
