@@ -26,7 +26,7 @@ from omniservo.studies.study_scene import NoScene, StudyScene
 
 STUDY = """{
   "format": "omniservo.study/1", "name": "faults", "seed": 29, "units": {"angle": "deg"},
-  "scenes": 100000, "cameras": ["fe185", "perspective"], "methods": ["certified"],
+  "scenes": 100000, "cameras": ["fe185", "perspective"], "methods": ["certified-once"],
   "target": {"points": 20, "size": 0.25, "distance": {"uniform": [0.4, 0.7]},
              "off_axis": {"uniform": [0, 15]}},
   "start": {"rotation": {"uniform": [5, 120]}, "distance_ratio": {"uniform": [0.8, 1.6]},
@@ -151,7 +151,7 @@ def planned(study: Study, number: int) -> FreeJob | None:
     name = list(study.cameras)[number % len(study.cameras)]
     try:
         start = scene_start(study, number, name)
-        led = None if isinstance(start, NoScene) else controller_of_scene(study, start, PACKAGE, "certified")
+        led = None if isinstance(start, NoScene) else controller_of_scene(study, start, PACKAGE, study.methods[0])
     except NotLed:
         return None
     if led is None or isinstance(start, NoScene):
