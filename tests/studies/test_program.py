@@ -61,8 +61,8 @@ def test_the_version_changes_with_any_source_that_a_row_rests_on_and_with_no_oth
     try:
         same = version("cli/study.py"), version("reporting/study_report.py"), version("runs/run_task.py")
         assert set(same) == {PACKAGE.version}
-        changed = [version(p) for p in ("servoing/feedback.py", "errors.py", "studies/study_row.py")]
-        assert len({PACKAGE.version, *changed}) == 4
+        rests_on = "servoing/feedback.py", "errors.py", "studies/study_row.py", "robots/shipped/ur5e.xml"
+        assert len({PACKAGE.version, *map(version, rests_on)}) == 5
     finally:
         programs._package_digest.cache_clear()
     assert re.fullmatch(rf"{re.escape(omniservo.__version__)}\+[0-9a-f]{{8}}", PACKAGE.version)

@@ -106,9 +106,9 @@ PACKAGE = Program()
 
 @cache
 def _package_digest() -> bytes:
-    """Return a digest of the package's sources, but for what stands above studies."""
+    """Return a digest of the package's sources, but for what stands above studies, and of its arms."""
     digest = hashlib.sha256()
-    for path in sorted(_PACKAGE.rglob("*.py")):
+    for path in sorted((*_PACKAGE.rglob("*.py"), *(_PACKAGE / "robots" / "shipped").glob("*.xml"))):
         place = path.relative_to(_PACKAGE)
         if place.parts[0] not in ROOMS_ABOVE:
             content = path.read_bytes()
