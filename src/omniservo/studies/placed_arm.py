@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,10 @@ _FAR = 0.4
 """[m] The largest gap that is measured."""
 _NEVER = 10.0
 """[m] No gap is so deep."""
+_RESERVE = math.radians(3.0)
+"""[rad] that plans keep to the ends of the joints' ranges"""
+_TRACKED = 1.25
+"""times the singular value at which an arm is stopped: what plans keep"""
 _REGULAR = 2.0
 """times the singular value at which an arm is stopped: what it has at both ends, where no job should begin"""
 
@@ -82,8 +87,12 @@ class PlacedArm:
         return None if stated is None else np.array(stated)
 
     def setting(self, clearance: float) -> ArmSetting:
-        """Return the arm as planners know it; links and the camera's housing keep ``clearance`` [m]."""
-        return self._setting(self.stated.flange_T_camera.transform, clearance)
+        """Return the arm as planners know it; links and the camera's housing keep ``clearance`` [m].
+
+        Joints and singular value keep more than what the supervisor stops the arm at: it moves.
+        """
+        kept = self._setting(self.stated.flange_T_camera.transform, clearance)
+        return replace(kept, limit_reserve=_RESERVE, singular_value=_TRACKED * SINGULAR_VALUE)
 
     def true_setting(self) -> ArmSetting:
         """Return the arm as it is; links and the camera's housing may come as near as they can."""
