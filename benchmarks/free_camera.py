@@ -149,12 +149,12 @@ def free_job(index: int) -> FreeJob:
 def planned(study: Study, number: int) -> FreeJob | None:
     """Return a scene with its plan; None: there is none, or it ends beside the goal."""
     name = list(study.cameras)[number % len(study.cameras)]
-    try:
-        start = scene_start(study, number, name)
-        led = None if isinstance(start, NoScene) else controller_of_scene(study, start, PACKAGE, study.methods[0])
-    except NotLed:
+    start = scene_start(study, number, name)
+    if isinstance(start, NoScene):
         return None
-    if led is None or isinstance(start, NoScene):
+    try:
+        led = controller_of_scene(study, start, PACKAGE, study.methods[0])
+    except NotLed:
         return None
     scene = start.scene
     tracker, plan = led.controller, led.plan

@@ -4,9 +4,10 @@ Run: ``omniservo study paper-benchmark --out DIR``, then ``python -m benchmarks.
 [PICTURE.png] [--seconds 20]`` (needs `ompl`, of requirements-bench.lock). Every scene is drawn again, and
 planned for with the true points and goal: where that gives a certified path that keeps the clearance, the
 image's limits and the sight of every point, and that the arm can follow, if there is one, the scene is
-proven feasible. For all others a search that knows nothing of that planner (`benchmarks.feasible_path`) is
-given so many seconds: what it finds counts as feasible, too. Neither estimate nor margins have a part in
-either. What is past 90° is so from the axis, at an end.
+proven feasible. Of all others those count as feasible, too, in which a method reached the goal and lost
+no point, and those of which a search that knows nothing of that planner (`benchmarks.feasible_path`) finds a
+path in so many seconds. Neither estimate nor margins have a part in it. What is past 90° is so from the
+axis, at an end.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ from omniservo.studies.study_scene import draw_scene, problem_of_truth
 from omniservo.studies.study_summary import percent
 from omniservo.whole_arm import plan_with_arm
 
-PROVEN, FOUND, UNKNOWN = "proven by the planner", "found by RRT-Connect alone", "of which no path is known"
+PROVEN, GONE = "proven by the planner", "not proven, and gone by a method"
+FOUND, UNKNOWN = "else found by RRT-Connect", "of which no path is known"
+PATHS = PROVEN, GONE, FOUND, UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ class Truth:
     """What is true of a scene, whatever a method does in it."""
 
     path: str
-    """how it is known that there is one: `PROVEN`, `FOUND`, `UNKNOWN`"""
+    """how it is known that there is one: one of `PATHS`"""
     past: bool
     """a point is more than 90° from the axis at an end"""
 
@@ -58,8 +61,8 @@ GROUPS: dict[str, Choice] = {
 }
 
 
-def truth_of(study: Study, number: int, camera: str, seconds: float) -> Truth:
-    """Return what is true of a scene that exists."""
+def truth_of(study: Study, number: int, camera: str, seconds: float, gone: bool) -> Truth:
+    """Return what is true of a scene that exists; ``gone``: a method reached the goal and lost no point."""
     scene = draw_scene(study, number, study.cameras[camera])
     problem, path = problem_of_truth(scene), UNKNOWN
     if scene.arm is None:
@@ -68,6 +71,8 @@ def truth_of(study: Study, number: int, camera: str, seconds: float) -> Truth:
         proven = plan_with_arm(problem, scene.arm.true_setting(), seed=number).certified
     if proven:
         path = PROVEN
+    elif gone:
+        path = GONE
     elif has_path(scene, seconds):
         path = FOUND
     ends = scene.points, scene.initial_T_goal.inv().apply(scene.points)
@@ -97,7 +102,10 @@ def main() -> None:
         *_, drawing = study_drawings(tally)
         drawing.figure.savefig(given.picture, dpi=90)
     first = [row for row in rows if row.method == study.methods[0]]
-    truths = {row.scene: truth_of(study, row.scene, row.camera, given.seconds) for row in first}
+    gone = {row.scene for row in rows if row.success and not row.feature_lost}
+    truths = {
+        row.scene: truth_of(study, row.scene, row.camera, given.seconds, row.scene in gone) for row in first
+    }
     print(
         f"{study.name} {study.hash}, version {header.version}, seed {study.seed}, "
         f"{study.scenes} scenes for each camera"
@@ -120,7 +128,7 @@ def _print_scenes(rows: list[StudyRow], truths: dict[int, Truth]) -> None:
     for name, own in (("free camera", [row for row in rows if row.arm == NO_ARM]),
                       ("with an arm", [row for row in rows if row.arm != NO_ARM])):  # fmt: skip
         paths = Counter(truths[row.scene].path for row in own)
-        print(f"- {name}: {len(own)}: " + ", ".join(f"{paths[p]} {p}" for p in (PROVEN, FOUND, UNKNOWN)))
+        print(f"- {name}: {len(own)}: " + ", ".join(f"{paths[path]} {path}" for path in PATHS))
     print()
 
 
