@@ -44,6 +44,18 @@ def test_keys_go_along_the_path_and_play_it(page, opened):
     mouse.window.close()
 
 
+def test_while_one_handle_is_dragged_the_others_show_no_arrows(page, opened):
+    mouse, nodes, blank = PageMouse(opened, page, (760, 430), PATIENCE), page.nodes, opened.new_page()
+    others = (nodes._start, nodes._goal)
+    for end_it in (mouse.window.mouse.up, mouse.window.close):  # a window that is gone lets go of its handle
+        mouse.begin_drag(nodes.handles[0], 2)
+        assert becomes(mouse.window, lambda: all(h.disable_axes and h.disable_rotations for h in others))
+        assert not nodes.handles[0].disable_axes
+        end_it()
+        assert becomes(blank, lambda: not any(h.disable_axes or h.disable_rotations for h in others))
+    blank.close()
+
+
 def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_whatever_happens(page, opened):
     small = (760, 430)
     first = PageMouse(opened, page, small, PATIENCE)

@@ -66,6 +66,7 @@ class SceneNodes:
         self._obstacles: list[Obstacle] = []
         self.handles: list[Any] = []
         """what each obstacle is dragged by"""
+        self._handles_shown = True
         self._poses: BodyPoses | None = None
         self._posing = Lock()
         self._frames: dict[int, Any] = {}
@@ -119,6 +120,7 @@ class SceneNodes:
                 )
         for handle, pose in ((self._start, situation.world_T_initial), (self._goal, situation.world_T_goal)):
             _place(handle, pose)
+        self.show_arrows_of(None)
         if self._camera != situation.camera:
             self._camera = situation.camera
             surface = trimesh.Trimesh(*field_surface(situation.camera, 0.3 * self._size))
@@ -162,11 +164,17 @@ class SceneNodes:
 
     def show_handles(self, *, visible: bool) -> None:
         """Show what things are dragged by, or hide it."""
+        self._handles_shown = visible
+        self.show_arrows_of(None)
+
+    def show_arrows_of(self, dragged: Any) -> None:
+        """Show the arrows of one handle alone, as each takes time in every frame; None: of all."""
         turn_nothing = [_turns_nothing(obstacle) for obstacle in self._obstacles]
         all_handles = (self._start, self._goal, *self.handles)
         for handle, fixed in zip(all_handles, (False, False, *turn_nothing), strict=True):
-            handle.disable_axes = not visible
-            handle.disable_rotations = fixed or not visible
+            shown = self._handles_shown and (dragged is None or dragged is handle)
+            handle.disable_axes = not shown
+            handle.disable_rotations = fixed or not shown
 
     def show_executed(self, places: FloatArray) -> None:
         """Draw the way (k, 3) that a run took [m], and a frustum for where its plan has the camera."""
@@ -261,6 +269,8 @@ class SceneNodes:
 
     async def _on_drag(self, event: Any) -> None:
         """Async: gestures keep their order; nothing is planned on the server's loop."""
+        if event.phase in ("start", "end"):
+            self.show_arrows_of(event.target if event.phase == "start" else None)
         self._dragged()
 
     def _lowest(self, situation: Situation) -> float:
