@@ -18,7 +18,7 @@ _LEFT, _RIGHT = 318, 330
 
 
 _STEP = 0.02
-"""of w that an arrow key goes"""
+"""of w that a key goes"""
 
 _MESSAGE = 20.0
 """[s] for which a message stays"""
@@ -81,14 +81,17 @@ def _add_choices(gui: Any, page: Page) -> None:
 
 
 def _add_keys(gui: Any, page: Page, play: Any) -> None:
-    """Let keys do what button and slider do; in a field for numbers or text they type."""
+    """Let keys do what button and slider do; in a field for numbers or text they type.
+
+    Arrows, Home and End belong to a slider that has the focus, and arrows turn the scene.
+    """
     playback = page.playback
     keys = {
         "Play or pause": ("space", lambda event: _toggle(page, play)),
-        "Forwards": ("arrowright", lambda event: playback.go_to(playback.w + _STEP)),
-        "Backwards": ("arrowleft", lambda event: playback.go_to(playback.w - _STEP)),
-        "To the start": ("home", lambda event: playback.go_to(0.0)),
-        "To the goal": ("end", lambda event: playback.go_to(1.0)),
+        "Forwards": ("L", lambda event: playback.go_to(playback.w + _STEP)),
+        "Backwards": ("J", lambda event: playback.go_to(playback.w - _STEP)),
+        "To the start": ("0", lambda event: playback.go_to(0.0)),
+        "To the goal": ("1", lambda event: playback.go_to(1.0)),
     }
     for label, (key, work) in keys.items():
         gui.add_command(label, hotkey=key).on_trigger(page.guarded(work))

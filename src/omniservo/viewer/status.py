@@ -81,7 +81,7 @@ def _at_risk(answer: Answer) -> str:
     links = "" if found.links is None else f", links {_percent(found.links.violated)}"
     return (
         f"{stated}: {_percent(violated)} of {found.samples} samples violate a constraint "
-        f"(surely ≤ {_percent(bound)}){links}; {found.seconds:.1f} s"
+        f"(95% bound: {_percent(bound)}){links}; {found.seconds:.1f} s"
     )
 
 
