@@ -25,7 +25,7 @@ def becomes(window, holds):
     return False
 
 
-def test_keys_go_along_the_path_and_play_it(page, opened):
+def test_keys_go_along_the_path_play_it_and_move_the_goal(page, opened):
     mouse = PageMouse(opened, page, (760, 430), PATIENCE)
     playback, press = page.playback, mouse.window.keyboard.press
     for key, w in (("1", 1.0), ("j", 0.98), ("0", 0.0), ("l", 0.02)):
@@ -45,6 +45,16 @@ def test_keys_go_along_the_path_and_play_it(page, opened):
     assert playback.playing
     playback.play(False)
     playback.go_to(0.0)
+    before, place = page.situation, np.array(page.nodes._goal.position)
+    mouse.window.get_by_label("goal [m]").focus()
+    for key in ("ControlOrMeta+a", *f"{place[0] + 0.01:.3f}", "Enter"):
+        press(key)
+    assert becomes(
+        mouse.window, lambda: abs(page.situation.world_T_goal.translation[0] - place[0] - 0.01) < 1e-3
+    )
+    same = page.situation.world_T_goal.translation[1:] - before.world_T_goal.translation[1:]
+    assert np.abs(same).max() < 1e-12  # what was not typed stays, however it is rounded
+    assert becomes(mouse.window, lambda: page.nodes._goal.position[0] > place[0] + 0.005)
     mouse.window.close()
 
 

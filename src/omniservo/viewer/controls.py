@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from omniservo.viewer.end_places import EndPlaces
 from omniservo.viewer.file_tab import FileTab
 from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.limit_tab import LimitTab
@@ -78,6 +79,7 @@ def _add_choices(gui: Any, page: Page) -> None:
     dark.on_update(page.guarded(lambda event: _set_theme(gui, dark=bool(dark.value))))
     servo = gui.add_button("Servo", hint="the whole job in the simulator, as it is here, watched")
     servo.on_click(page.in_background(lambda event: page.servo()))
+    EndPlaces(gui, page)
 
 
 def _add_keys(gui: Any, page: Page, play: Any) -> None:

@@ -20,7 +20,7 @@ _SHOWN = 6
 
 def _sign(verdict: Verdict) -> str:
     return (
-        f"background:{_COLOURS[verdict]};color:white;border-radius:4px;padding:6px 10px;margin:0 8px;"
+        f"background:{_COLOURS[verdict]};color:white;border-radius:4px;padding:6px 10px;margin:0 8px 4px;"
         "font-size:15px;line-height:1.3;overflow-wrap:anywhere"
     )
 
