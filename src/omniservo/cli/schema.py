@@ -28,5 +28,5 @@ def schema(
         return
     listed = [{"name": short_name(full), "format": full, "summary": f.summary} for full, f in FORMATS.items()]
     for known in listed:
-        output.line(f"{known['name']:<14} {known['format']:<26} {known['summary']}")
+        output.line(f"{known['name']:<25} {known['format']:<37} {known['summary']}")
     output.result({"formats": listed}, "schema")
