@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from benchmarks.rooms_picture import draw_rooms
 from benchmarks.whole_job import whole_run
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -386,6 +387,11 @@ def _from_above(axes: Axes) -> None:
     axes.set(xlabel="x, right [m]", ylabel="z, ahead [m]", aspect="equal")
 
 
+def rooms() -> bytes:
+    """Draw the rooms of the package by their layers."""
+    return _png(draw_rooms())
+
+
 def _png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
@@ -407,6 +413,7 @@ PICTURES: dict[str, Callable[[], bytes]] = {
     "tag": tag,
     "mount": mount,
     "calibrated": calibrated,
+    "rooms": rooms,
 }
 
 

@@ -1,6 +1,5 @@
 """From pictures of a board to a camera, a file and a report: the whole chain on rendered pictures."""
 
-import json
 import math
 from dataclasses import replace
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from tests.calibration.rendered_boards import facing, render
+from tests.cli.valid_output import check_output
 
 from omniservo.calibration import board_from_text, calibrate_images
 from omniservo.camera_files import load_camera
@@ -106,7 +106,7 @@ def test_command_writes_camera_and_report(pictures, tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
         main(["camera", "calibrate", *map(str, pictures), *options])
     assert not end.value.code
-    said = json.loads(capsys.readouterr().out)
+    said = check_output(capsys.readouterr().out)
     assert said["status"] == "ok"
     assert list(said["not_used"]) == [str(pictures[7])]
     assert load_camera(out).to_dict() == said["camera"]

@@ -15,6 +15,7 @@ from tests.calibration.hand_eye_scenes import (
     error_of,
     render_views,
 )
+from tests.cli.valid_output import check_output
 from tests.tasks.test_load_task import changed, written
 
 from omniservo.calibration import board_from_text, find_board
@@ -77,7 +78,7 @@ def test_command_writes_what_a_task_reads_and_a_report(views, tmp_path, capsys):
     out, report = tmp_path / "hand-eye.json", tmp_path / "report.html"
     code, said, _ = ended(call(views, "--out", str(out), "--report", str(report), "--json"), capsys)
     assert code == 0
-    fields = json.loads(said)
+    fields = check_output(said)
     assert fields["status"] == "ok"
     assert [image["used"] for image in fields["images"]] == [True] * 6 + [False]
     assert "no chequered pattern" in fields["images"][6]["reason"]

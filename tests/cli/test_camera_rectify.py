@@ -1,11 +1,11 @@
 """``omniservo camera rectify`` and the figures of ``show``."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 from PIL import Image
+from tests.cli.valid_output import check_output
 
 from omniservo.cameras import preset
 from omniservo.cli.main import main
@@ -42,7 +42,7 @@ def picture(tmp_path):
 def test_view_is_written(picture, tmp_path, capsys, options, size, middle):
     out = tmp_path / "view.png"
     done(["camera", "rectify", "fe185", str(picture), str(out), "--json", *options])
-    said = json.loads(capsys.readouterr().out)
+    said = check_output(capsys.readouterr().out)
     image = np.asarray(Image.open(out))
     assert image.shape == (size[1], size[0], 3)
     assert abs(int(image[size[1] // 2, size[0] // 2, 0]) - middle) <= 1

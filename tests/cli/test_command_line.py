@@ -185,7 +185,7 @@ def test_what_a_file_leaves_open_is_asked_for_and_a_conversion_says_its_residual
     code, printed, _ = call(capsys, *convert, *said, "--json", "--force")
     result = json.loads(printed)
     assert 0.0 < result["largest_px"] < 0.2
-    assert (code, result["model"], result["format"]) == (0, "unified", "mei")
+    assert (code, result["model"], result["to"]) == (0, "unified", "mei")
     code, printed, _ = call(capsys, "camera", "show", source, *said)
     assert code == 0
     assert "model          kannala_brandt" in printed

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from tests.cli.calling import call
 from tests.cli.test_command_line import written
+from tests.cli.valid_output import check_output
 from tests.project.agents_page import CONSOLE, FILES, TEXT, differences, shown
 
 from omniservo.cli.main import main
@@ -98,7 +99,9 @@ def test_run_and_what_follows_from_it_give_the_json_on_the_agents_page(ran, caps
     pages = {command.split()[0] + ("" if "--estimate" not in command else " --estimate"): (command, answer)
              for command, answer in CONSOLE.findall(TEXT)}  # fmt: skip
     metrics = json.loads((result / "metrics.json").read_text())
-    assert list(differences(shown(pages["run"][1]), {**metrics, "out": "result"})) == []
+    printed = {"format": "omniservo.run-output/1", **metrics, "out": "result"}
+    check_output(json.dumps(printed))
+    assert list(differences(shown(pages["run"][1]), printed)) == []
     (tmp_path / "result").symlink_to(result)
     for name, content in FILES.findall(TEXT):
         (tmp_path / name).write_text(content)

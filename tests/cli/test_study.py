@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pyarrow.parquet as parquet
 import pytest
+from tests.cli.calling import call
 from tests.studies.conftest import rows_of, undisturbed, written  # noqa: F401
 from tests.studies.conftest import study as study_fixture
 
-from omniservo.cli.main import main
 from omniservo.studies.study_row import COLUMNS
 
 study = study_fixture
@@ -17,13 +17,6 @@ FIXED = [
 ]
 
 
-def called(capsys, *arguments):
-    """Return exit code, standard output and standard error of a command."""
-    with pytest.raises(SystemExit) as end:
-        main(list(map(str, arguments)))
-    return end.value.code or 0, *capsys.readouterr()
-
-
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """The path of a study of 12 rows."""
@@ -31,7 +24,7 @@ def small(tmp_path_factory):
 
 
 def test_a_study_is_run_and_leaves_rows_and_a_report(small, tmp_path, capsys):
-    code, out, _ = called(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1, "--json")
+    code, out, _ = call(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1, "--json")
     found = json.loads(out)
     assert (code, found["rows"], found["status"]) == (0, 12, "done")
     table = parquet.read_table(tmp_path / "rows" / "rows.parquet")
@@ -46,17 +39,18 @@ def test_a_study_is_run_and_leaves_rows_and_a_report(small, tmp_path, capsys):
 
 def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     for k in (1, 2):
-        shard = ("--shard", f"{k}/2", "--workers", 1)
-        assert called(capsys, "study", small, "--out", tmp_path / f"{k}", *shard)[0] == 0
+        shard = ("--shard", f"{k}/2", "--workers", 1, "--json")
+        assert call(capsys, "study", small, "--out", tmp_path / f"{k}", *shard)[0] == 0
         assert not (tmp_path / f"{k}" / "rows.parquet").exists()
-    code, out, _ = called(capsys, "study", "merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "all")
+    code, out, _ = call(capsys, "study", "merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "all")
     assert code == 0
     assert "certificates verified again" in out
     assert len(rows_of(tmp_path / "all")) == 12
-    code, out, _ = called(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
+    code, out, _ = call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
     assert code == 0
     assert out.count("which may be none") == 3
-    code, _, err = called(capsys, "study", "merge", tmp_path / "1", "--out", tmp_path / "half")
+    assert call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all", "--json")[0] == 0
+    code, _, err = call(capsys, "study", "merge", tmp_path / "1", "--out", tmp_path / "half")
     assert code == 2
     assert "in none of the folders" in err
 
@@ -65,7 +59,7 @@ def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
     small, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    code, out, _ = called(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1)
+    code, out, _ = call(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1)
     assert code == 0
     assert "rows.parquet needs: pip install omniservo[study]" in out
     lines = (tmp_path / "rows" / "rows.csv").read_text().splitlines()
@@ -75,13 +69,14 @@ def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
 
 def test_a_row_is_replayed_alone_and_drawn(small, undisturbed, tmp_path, capsys, monkeypatch):  # noqa: F811
     monkeypatch.chdir(tmp_path)
-    code, out, _ = called(capsys, "run", "--replay", f"{undisturbed}:4", "--json")
+    code, out, _ = call(capsys, "run", "--replay", f"{undisturbed}:4", "--json")
     found = json.loads(out)
     figure = found.pop("figure")
+    del found["format"]
     assert code == 0
     assert found == vars(rows_of(undisturbed)[4])
     assert (tmp_path / figure).read_bytes()[:4] == b"\x89PNG"
-    code, _, err = called(capsys, "run", "--replay", f"{small}:12")
+    code, _, err = call(capsys, "run", "--replay", f"{small}:12")
     assert code == 2
     assert "has rows 0 to 11" in err
 
@@ -91,27 +86,27 @@ def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
 ):
     study = written(tmp_path, scenes=2, cameras="[fe185]", methods="[pbvs]")
     own = Path(__file__).parents[2] / "examples" / "own_method.py"
-    call = ("study", study, "--out", tmp_path / "rows", "--workers", 1, "--method-file", f"{own}:TurnFirst")
-    code, out, _ = called(capsys, *call, "--json")
+    given = ("study", study, "--out", tmp_path / "rows", "--workers", 1, "--method-file", f"{own}:TurnFirst")
+    code, out, _ = call(capsys, *given, "--json")
     assert code == 0
     assert [method["method"] for method in json.loads(out)["methods"]] == ["pbvs", "own_method.TurnFirst"]
     assert "TurnFirst" in (tmp_path / "rows" / "report.html").read_text()
     assert str(own) not in (tmp_path / "rows" / "study.json").read_text()
-    code, _, err = called(capsys, *call[:-2])
+    code, _, err = call(capsys, *given[:-2])
     assert code == 2
     assert "is another" in err
     monkeypatch.chdir(tmp_path)  # where the figure is put
     row = f"{tmp_path / 'rows'}:1"
-    code, _, err = called(capsys, "run", "--replay", row)
+    code, _, err = call(capsys, "run", "--replay", row)
     assert code == 2
     assert "row 1 is of own_method.TurnFirst, whose code is not kept" in err
     assert "needed: --method FILE.py:CLASS" in err
-    code, out, _ = called(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--json")
+    code, out, _ = call(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--json")
     found = json.loads(out)
     (tmp_path / found.pop("figure")).unlink()
     assert code == 0
     assert found == vars(rows_of(tmp_path / "rows")[1])
-    code, _, err = called(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--seed", 1)
+    code, _, err = call(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--seed", 1)
     assert code == 2
     assert "--seed: given with --replay" in err
 
@@ -126,7 +121,7 @@ def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
     ],
 )
 def test_a_wrong_call_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, message):
-    code, _, err = called(capsys, "study", *arguments, "--out", tmp_path / "rows")
+    code, _, err = call(capsys, "study", *arguments, "--out", tmp_path / "rows")
     assert code == 2
     assert message in err.splitlines()[-1]
     assert not (tmp_path / "rows").exists()

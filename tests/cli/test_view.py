@@ -1,4 +1,3 @@
-import json
 import os
 import subprocess
 import sys
@@ -6,6 +5,7 @@ import urllib.request
 from importlib import import_module
 
 from tests.cli.calling import call
+from tests.cli.valid_output import check_output
 
 
 def test_without_viser_one_line_says_how_it_is_installed(capsys, monkeypatch):
@@ -27,7 +27,7 @@ def test_the_page_is_served_to_this_machine_alone_until_the_end():
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
-            said = json.loads(process.stdout.readline())
+            said = check_output(process.stdout.readline())
             assert said["name"] == "whole-arm-1"
             assert said["url"].startswith("http://127.0.0.1:")
             with urllib.request.urlopen(said["url"]) as answered:  # noqa: S310

@@ -10,17 +10,19 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"```python\n(.*?)```(?:\s*(?:[^\n`]*\n)?\s*```text\n(.*?)```)?", re.DOTALL)
-BLOCKS = [(page, *block) for page in PAGES for block in BLOCK.findall(page.read_text())]
+BLOCKS = {page: found for page in PAGES if (found := BLOCK.findall(page.read_text()))}
 
 
-@pytest.mark.parametrize(("page", "code", "printed"), BLOCKS, ids=lambda x: getattr(x, "name", ""))
-def test_code_in_the_papers_runs_and_prints_what_they_say(page, code, printed, tmp_path):
-    output = io.StringIO()
-    with contextlib.chdir(tmp_path), contextlib.redirect_stdout(output):
-        exec(compile(code, f"{page.name}: code", "exec"), {"__name__": "__main__"})  # noqa: S102
-    if printed:
-        assert output.getvalue().split() == printed.split()
+@pytest.mark.parametrize("page", BLOCKS, ids=lambda page: page.name)
+def test_code_in_the_papers_runs_in_its_order_and_prints_what_they_say(page, tmp_path):
+    names = {"__name__": "__main__"}
+    for code, printed in BLOCKS[page]:
+        output = io.StringIO()
+        with contextlib.chdir(tmp_path), contextlib.redirect_stdout(output):
+            exec(compile(code, f"{page.name}: code", "exec"), names)  # noqa: S102
+        if printed:
+            assert output.getvalue().split() == printed.split()
 
 
 def test_there_is_code_to_run():
-    assert any(page.name == "README.md" for page, *_ in BLOCKS)
+    assert any(page.name == "README.md" for page in BLOCKS)

@@ -1,6 +1,5 @@
 """Plans for uncertain estimates: what the servo makes of a wrong structure, and margins that allow for it."""
 
-import json
 import math
 import sys
 from dataclasses import replace
@@ -8,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
+from tests.cli.valid_output import check_output
 
 from omniservo.errors import InputError
 from omniservo.estimation import EstimateSamples, estimate_two_view
@@ -257,7 +257,7 @@ def test_the_command_takes_an_estimate_and_reports_the_risk(paper, tmp_path, cap
     with pytest.raises(SystemExit) as end:
         main(["plan", *files, "--risk", "0.02", "--json"])
     assert end.value.code == 0
-    report = json.loads(capsys.readouterr().out)
+    report = check_output(capsys.readouterr().out)
     assert report["status"] == "certified"
     assert report["risk"]["predicted_bound"] <= 0.02
     assert set(report["risk"]["margins"]["clearance obstacle 0"]["parts"]) == {"noise", "scale"}

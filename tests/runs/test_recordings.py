@@ -9,6 +9,7 @@ import sys
 import jsonschema
 import numpy as np
 import pytest
+from tests.cli.valid_output import check_output
 from tests.runs.changed_task import DrawnCell, short, written
 from tests.runs.test_looks import task_with
 
@@ -351,7 +352,10 @@ def test_numbers_within_the_tolerance_are_equal_but_not_bit_by_bit():
 def told(arguments, capsys):
     with pytest.raises(SystemExit) as end:
         main([str(each) for each in arguments])
-    return end.value.code, capsys.readouterr()
+    said = capsys.readouterr()
+    if "--json" in arguments:
+        check_output(said.out)
+    return end.value.code, said
 
 
 def test_the_command_says_equal_or_what_differs(recording, tmp_path, capsys):

@@ -1,13 +1,16 @@
 """What is found of a robot before it is moved: streams, where it stands, and whether silence stops it."""
 
+import json
 import re
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.cli.valid_output import check_output
 from tests.hardware.wall_clock_arm import WallClockArm
 
+from omniservo.cli.robot_live import check_fields
 from omniservo.errors import NotInControl, ProtectiveStop, ServoStop
 from omniservo.hardware import ClockMap
 from omniservo.hardware.rtde import RtdeArm
@@ -132,6 +135,7 @@ def test_what_is_wrong_is_found_and_nothing_moves(monkeypatch, arm, frames, find
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     found = check_robot(ROBOT, ARM, arm, frames, refused)
     assert any(finding in each for each in found.findings), found.findings
+    check_output(json.dumps({"format": "omniservo.robot-check-output/1", **check_fields(found, None)}))
     assert found.stop_seconds is None
     assert found.answers == ()
     assert not arm.speeds.any()

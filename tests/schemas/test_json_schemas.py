@@ -1,5 +1,6 @@
 """JSON schemas accept what is shipped and written, and refuse what the readers refuse for its structure."""
 
+import ast
 import json
 import re
 from pathlib import Path
@@ -55,7 +56,25 @@ def test_every_format_in_the_source_has_a_schema():
     read_only = {"omniservo.goal/1"}  # older
     binary = {"omniservo.recording/1"}  # MCAP, no JSON
     lines = {"omniservo.study-part/2"}  # of JSON, compressed
-    assert named - read_only - binary - lines == set(FORMATS)
+    outputs = {full for full in FORMATS if full.endswith("-output/1")}
+    assert named - read_only - binary - lines == set(FORMATS) - outputs
+
+
+OF_FILES = {"plan.py", "estimate.py", "estimate_views.py", "hand_eye.py"}
+"""Commands that print what a file's format describes."""
+
+
+def test_every_output_of_a_command_has_a_schema_and_every_such_schema_an_output():
+    named, unnamed = set(), set()
+    for path in (SOURCE / "cli").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "output.result":
+                if len(node.args) == 2:
+                    named.add(f"omniservo.{ast.literal_eval(node.args[1])}-output/1")
+                else:
+                    unnamed.add(path.name)
+    assert named == {full for full in FORMATS if full.endswith("-output/1")}
+    assert unnamed == OF_FILES
 
 
 def test_every_shipped_file_is_valid(validators):

@@ -25,12 +25,16 @@ def becomes(window, holds):
     return False
 
 
-def test_keys_go_along_the_path_and_play_it(page, opened):
+def test_keys_go_along_the_path_play_it_and_move_the_goal(page, opened):
     mouse = PageMouse(opened, page, (760, 430), PATIENCE)
     playback, press = page.playback, mouse.window.keyboard.press
-    for key, w in (("End", 1.0), ("ArrowLeft", 0.98), ("Home", 0.0), ("ArrowRight", 0.02)):
+    for key, w in (("1", 1.0), ("j", 0.98), ("0", 0.0), ("l", 0.02)):
         press(key)
         assert becomes(mouse.window, lambda wanted=w: playback.w == pytest.approx(wanted)), key
+    mouse.window.get_by_role("slider").first.focus()
+    press("ArrowRight")
+    assert becomes(mouse.window, lambda: playback.w == pytest.approx(0.021))  # a slider's own step
+    mouse.window.locator("body").click(position={"x": 5, "y": 425})
     press("Space")
     assert becomes(mouse.window, lambda: playback.playing)
     mouse.window.get_by_role("button", name="Pause").click()
@@ -41,7 +45,29 @@ def test_keys_go_along_the_path_and_play_it(page, opened):
     assert playback.playing
     playback.play(False)
     playback.go_to(0.0)
+    before, place = page.situation, np.array(page.nodes._goal.position)
+    mouse.window.get_by_label("goal [m]").focus()
+    for key in ("ControlOrMeta+a", *f"{place[0] + 0.01:.3f}", "Enter"):
+        press(key)
+    assert becomes(
+        mouse.window, lambda: abs(page.situation.world_T_goal.translation[0] - place[0] - 0.01) < 1e-3
+    )
+    same = page.situation.world_T_goal.translation[1:] - before.world_T_goal.translation[1:]
+    assert np.abs(same).max() < 1e-12  # what was not typed stays, however it is rounded
+    assert becomes(mouse.window, lambda: page.nodes._goal.position[0] > place[0] + 0.005)
     mouse.window.close()
+
+
+def test_while_one_handle_is_dragged_the_others_show_no_arrows(page, opened):
+    mouse, nodes, blank = PageMouse(opened, page, (760, 430), PATIENCE), page.nodes, opened.new_page()
+    others = (nodes._start, nodes._goal)
+    for end_it in (mouse.window.mouse.up, mouse.window.close):  # a window that is gone lets go of its handle
+        mouse.begin_drag(nodes.handles[0], 2)
+        assert becomes(mouse.window, lambda: all(h.disable_axes and h.disable_rotations for h in others))
+        assert not nodes.handles[0].disable_axes
+        end_it()
+        assert becomes(blank, lambda: not any(h.disable_axes or h.disable_rotations for h in others))
+    blank.close()
 
 
 def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_whatever_happens(page, opened):
@@ -71,3 +97,20 @@ def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_what
     assert first.window.locator("canvas").count() > 0
     assert first.errors == second.errors == []
     first.window.close()
+
+
+def test_another_plan_is_in_sight_when_it_is_opened_and_its_start_is_where_it_is_dragged(
+    page, opened, tmp_path
+):
+    page.situation.problem.save(tmp_path / "problem.json")
+    mouse, number = PageMouse(opened, page, patience=PATIENCE), page.answer.number
+    page.open(open_viewed(str(tmp_path / "problem.json")))
+    settled(page, number)
+    assert mouse.shows_newest()
+    start, box = page.nodes._start, mouse.window.locator("canvas").first.bounding_box()
+    assert np.allclose(start.position, 0.0)
+    seen = np.subtract(mouse.place(np.zeros(3)), (box["x"], box["y"])) / (box["width"], box["height"])
+    assert 0.2 < seen.min() < seen.max() < 0.8
+    mouse.drag(start, 30.0, axis=2, steps=4)
+    assert becomes(mouse.window, lambda: np.linalg.norm(start.position) > 0.005)
+    mouse.window.close()

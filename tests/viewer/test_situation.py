@@ -141,9 +141,9 @@ def test_the_drawn_field_is_what_the_image_shows(name):
     seen = vertices[np.linalg.norm(vertices, axis=1) > 0.1]
     pixels, valid = camera.project(0.999 * seen + 0.001 * np.array([0.0, 0.0, 0.2]))
     assert valid.all()
-    inside = camera.in_image(pixels)
-    assert inside.mean() > 0.98  # the innermost ring lies on a dead zone's border
     rim = field_outline(camera, 0.2)[:, 0]
+    inside = camera.in_image(pixels)[len(rim) :]  # the innermost ring lies on a dead zone's border
+    assert inside.mean() > 0.98
     polar = np.arccos(rim[:, 2] / 0.2)
     beyond = rim * [1.02, 1.02, 1.0] if camera.usable_angle < 1.5 else np.add(rim, [0.0, 0.0, -0.02])
     pixels, valid = camera.project(beyond)

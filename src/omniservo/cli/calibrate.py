@@ -76,7 +76,7 @@ def calibrate(
         output.written(out)
     for line in _lines(result):
         output.line(line)
-    output.result(_fields(result, result.camera))
+    output.result(_fields(result, result.camera), "camera-calibrate")
 
 
 def _lines(result: ImageCalibration) -> list[str]:

@@ -92,7 +92,7 @@ def show(
             drawn = _draw(shown, unified, out)
         for path in drawn:
             output.written(path)
-    output.result(result)
+    output.result(result, "camera-show")
 
 
 def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def convert(
     if found.deviation_px:
         output.line(f"deviation_px: {found.deviation_px:.3g}, written with it; plans keep it as a margin")
     numbers = {**_numbers(residual), "deviation_px": found.deviation_px}
-    output.result({"out": str(out), "format": to, "model": written, **numbers, **added})
+    output.result({"out": str(out), "to": to, "model": written, **numbers, **added}, "camera-convert")
 
 
 def _masked(camera: CentralModel, path: Path) -> tuple[CentralModel, MaskCover]:

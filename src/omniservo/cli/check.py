@@ -45,7 +45,7 @@ def check(
         images = [read_grey_image(path) for path in (reference, now)]
         progress("finding the reference again")
         found = check_camera(opened, *images)
-    output.result(found.to_dict())
+    output.result(found.to_dict(), "camera-check")
     if found.moved is None:
         raise answer_is_no(f"whether the camera moved cannot be decided: {found.reason}")
     for line in _lines(found):

@@ -19,7 +19,7 @@ def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
         if check.next_step:
             output.line(f"{'':<6}{'':<13}→ {check.next_step}")
     wrong = [check for check in checks if check.verdict == "wrong"]
-    output.result({"well": not wrong, "checks": [asdict(check) for check in checks]})
+    output.result({"well": not wrong, "checks": [asdict(check) for check in checks]}, "doctor")
     if wrong:
         raise answer_is_no("; ".join(f"{check.name}: {check.found}: {check.next_step}" for check in wrong))
     output.line("all is well")

@@ -14,4 +14,4 @@ def examples(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     summaries = {name: read_document(task_file(name))["summary"] for name in shipped_tasks()}
     for name, summary in summaries.items():
         output.line(f"{name:<20} {summary}")
-    output.result({"tasks": [{"name": n, "summary": s} for n, s in summaries.items()]})
+    output.result({"tasks": [{"name": n, "summary": s} for n, s in summaries.items()]}, "examples")

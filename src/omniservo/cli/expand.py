@@ -31,4 +31,4 @@ def expand(
     write_whole(out, text, force=force)
     output = Output(as_json, quiet)
     output.line(f"written: {out}")
-    output.result({"written": str(out)})
+    output.result({"written": str(out)}, "robot-expand")

@@ -44,4 +44,4 @@ def export(
     if made.repeated:
         output.line("done again as it was: the log is the same")
     output.written(file, f" ({made.bytes / 1e6:.1f} MB)")
-    output.result({"out": str(file), "repeated": made.repeated, "bytes": made.bytes})
+    output.result({"out": str(file), "repeated": made.repeated, "bytes": made.bytes}, "export")

@@ -49,4 +49,6 @@ def measure_tube(
     for name, most in tube.links.items():
         output.line(f"{'link':<14} {name:<24} {1e3 * most:6.2f} mm")
     output.written(out)
-    output.result({"arm": found.arm, "runs": len(logs), "least_share": share, "written": str(out)})
+    output.result(
+        {"arm": found.arm, "runs": len(logs), "least_share": share, "written": str(out)}, "robot-measure-tube"
+    )

@@ -44,8 +44,17 @@ class Output:
         if not (self.as_json or self.quiet):
             Console(highlight=False, soft_wrap=True).print(text, markup=False)
 
-    def result(self, values: dict[str, Any]) -> None:
-        """Print the command's JSON object under --json."""
+    def result(self, values: dict[str, Any], name: str = "") -> None:
+        """Print the command's JSON object under --json, with the format that `omniservo schema` describes.
+
+        Args:
+            values: its fields; those of a file bring their format.
+            name: of the output, where they are no file's.
+        """
+        self.document({"format": f"omniservo.{name}-output/1", **values} if name else values)
+
+    def document(self, values: dict[str, Any]) -> None:
+        """Print a JSON object under --json that is what it is: a schema."""
         if self.as_json:
             print(json.dumps(_plain(values), allow_nan=False), flush=True)
 

@@ -70,7 +70,7 @@ def rectify(
     write_png(seen.image, out, force=force)
     share = float(seen.valid.mean())
     output.written(out, f"; the camera sees {100.0 * share:.0f}% of it")
-    output.result({"out": str(out), "view": view, "size": list(shape), "seen": share})
+    output.result({"out": str(out), "view": view, "size": list(shape), "seen": share}, "camera-rectify")
 
 
 def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> ViewCamera:

@@ -130,7 +130,7 @@ def render(
         _write(files, images(), last)
     for file in filter(None, (out, depth, segmentation)):
         output.written(file)
-    output.result({"out": str(out), "frames": len(places), **_fields(world, last[0])})
+    output.result({"out": str(out), "frames": len(places), **_fields(world, last[0])}, "render")
 
 
 def _write(files: _Files, images: Iterator[ByteArray], last: list[Rendering]) -> None:

@@ -65,7 +65,8 @@ def replay(file: Path, allow_outside: bool, output: Output) -> None:
             "steps_left": found.left,
             "cut": found.cut,
             "ended": found.ended,
-        }
+        },
+        "run-replay",
     )
     if not equal:
         raise answer_is_no(f"differs from what was logged: {found.differences[0]}")

@@ -61,4 +61,4 @@ def replay_row(given: Path, own: Sequence[str], output: Output) -> None:
     for field, value in row.items():
         output.line(f"{field:<28}{'–' if value is None else value}")
     output.written(picture)
-    output.result({**row, "figure": str(picture)})
+    output.result({**row, "figure": str(picture)}, "run-replay-row")

@@ -80,7 +80,7 @@ def show(
             drawn = _draw(arm, posture, out)
         for path in drawn:
             output.written(path)
-    output.result(_fields(arm, posture, mount, table))
+    output.result(_fields(arm, posture, mount, table), "robot-show")
 
 
 def _fields(arm: Arm, posture: FloatArray, mount: RigidTransform, table: Solid | None) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import math
 from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,7 +22,7 @@ from omniservo.cli.robot_file import (
 from omniservo.cli.robot_options import AllowOutsideOption
 
 if TYPE_CHECKING:
-    from omniservo.runs.robot_check import LineClock, StreamTimes
+    from omniservo.runs.robot_check import LineClock, RobotCheck, StreamTimes
 
 RobotArgument = Annotated[Path, typer.Argument(help="A robot file (YAML).")]
 
@@ -70,10 +70,15 @@ def check(
         output.line(f"{'notice':<16} {notice}")
     for finding in found.findings:
         output.line(f"{'to be mended':<16} {finding}")
-    output.result({**asdict(found), "fit": not found.findings, "notice": notice})
+    output.result(check_fields(found, notice), "robot-check")
     if found.findings:
         raise answer_is_no("; ".join(found.findings))
     output.written(save_check(robot))
+
+
+def check_fields(found: RobotCheck, notice: str | None) -> dict[str, Any]:
+    """Return what is printed of a check."""
+    return {**asdict(found), "fit": not found.findings, "notice": notice}
 
 
 def delay(
@@ -119,7 +124,8 @@ def delay(
             "actuation_lag_sigma_s": found.actuation_sigma,
             "residual_px": camera.rms_px,
             "images": found.images,
-        }
+        },
+        "robot-delay",
     )
 
 

@@ -237,6 +237,6 @@ def _say(output: Output, folder: Path, found: dict[str, dict[str, object]]) -> N
         output.line(f"{metrics['method']:<22}{how_it_ended(metrics)}")
     output.written(folder / "report.html")
     compared = {"methods": found} if others else {}
-    output.result({**first, "out": str(folder), **compared})
+    output.result({**first, "out": str(folder), **compared}, "run")
     if first["status"] != "converged":
         raise answer_is_no(how_it_ended(first))

@@ -24,9 +24,9 @@ def schema(
     if file_format is not None:
         found = json_schema(file_format)
         output.line(json.dumps(found, indent=2, ensure_ascii=False))
-        output.result(found)
+        output.document(found)
         return
     listed = [{"name": short_name(full), "format": full, "summary": f.summary} for full, f in FORMATS.items()]
     for known in listed:
-        output.line(f"{known['name']:<14} {known['format']:<26} {known['summary']}")
-    output.result({"formats": listed})
+        output.line(f"{known['name']:<25} {known['format']:<37} {known['summary']}")
+    output.result({"formats": listed}, "schema")

@@ -103,7 +103,9 @@ def serve(
             output.written(robot_file)
         output.line(f"serving {loaded.name}, the arm at its {at}: {there.where}; Ctrl-C ends it")
         reached = None if robot_file is None else str(robot_file)
-        output.result({"task": loaded.name, "at": at, "where": there.where, "robot_file": reached})
+        output.result(
+            {"task": loaded.name, "at": at, "where": there.where, "robot_file": reached}, "sim-serve"
+        )
         _watch(there.robot, seconds, output)
 
 

@@ -97,7 +97,7 @@ def run(
             done = _finished(out, program, progress)
     if not whole:
         output.line(f"{out}: this share is done; omniservo study merge joins the folders of all")
-        output.result({"status": "share done", "out": str(out), "study_hash": loaded.hash})
+        output.result({"status": "share done", "out": str(out), "study_hash": loaded.hash}, "study-share")
         return
     _say(output, out, done)
 
@@ -144,7 +144,7 @@ def compare(
             f"difference {100 * low:+.1f} to {100 * high:+.1f} points (95%)"
             f"{'' if each.differs else ', which may be none'}{rows}"
         )
-    output.result({"methods": [each.to_dict() for each in found]})
+    output.result({"methods": [each.to_dict() for each in found]}, "study-compare")
 
 
 def _few(rows: tuple[int, ...]) -> str:
@@ -220,5 +220,6 @@ def _say(output: Output, out: Path, done: _Finished) -> None:
             "methods": [each.to_dict() for each in done.found],
             "cpu_seconds_per_row": done.cpu_seconds,
             "out": str(out),
-        }
+        },
+        "study",
     )

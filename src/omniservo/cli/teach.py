@@ -77,7 +77,7 @@ def teach(
     goal.save(out, force=force)
     output.line(f"{len(goal.features)} features found in the goal image")
     output.written(out)
-    output.result({"out": str(out), "features": goal.features, "joints": goal.joints})
+    output.result({"out": str(out), "features": goal.features, "joints": goal.joints}, "teach")
 
 
 def _nothing_moves(motion: str) -> None:

@@ -39,7 +39,7 @@ def verify(
         output.line(f"  the plan's problem is that of {problem}")
     for c in certificate.constraints:
         output.line(f"  {c.name:<36} {with_unit(c.margin, c.unit)}: {c.verdict}")
-    output.result(certificate.to_dict())
+    output.result(certificate.to_dict(), "verify")
     if certificate.status != "certified":
         reason = f"{certificate.status}: {'; '.join(certificate.reasons)}"
         raise answer_is_no(reason, "omniservo plan makes another; do not move along this one")

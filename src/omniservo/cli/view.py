@@ -54,7 +54,7 @@ def view(
             page.settled.wait(_FIRST_PLAN)
         url = f"http://127.0.0.1:{page.server.get_port()}/"
         output.line(f"{viewed.name}: {url}  (Ctrl-C ends it)")
-        output.result({"name": viewed.name, "url": url})
+        output.result({"name": viewed.name, "url": url}, "view")
         sys.stdout.flush()
         if not no_browser:
             webbrowser.open(url)

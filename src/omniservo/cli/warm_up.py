@@ -11,7 +11,7 @@ def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     output, record = Output(as_json, quiet), CompiledRecord()
     if record.is_complete():
         output.line("everything is compiled already")
-        output.result({"compiled": 0, "seconds": 0.0, "already": True})
+        output.result({"compiled": 0, "seconds": 0.0, "already": True}, "warm-up")
         return
     with output.working("starting", compiles=True) as progress:
         progress("loading", 0.0)
@@ -25,4 +25,4 @@ def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
     output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; kept for every later call")
     if not record.save():
         output.line(f"{record.path}: could not be written: the next warm-up goes through the same jobs again")
-    output.result({"compiled": watch.compiled, "seconds": watch.seconds, "already": False})
+    output.result({"compiled": watch.compiled, "seconds": watch.seconds, "already": False}, "warm-up")

@@ -28,7 +28,8 @@ Status = Literal["certified", "refuted", "undecided", "infeasible", "not_found"]
 infeasible: no path exists, because an end pose violates a constraint. not_found: no path was found."""
 
 _REQUIRED = ("format", "problem", "status")
-_OPTIONAL = ("path", "certificate", "seconds", "method", "reason")
+_OPTIONAL = ("path", "certificate", "seconds", "method", "reason", "notices", "risk")
+"""The last two stand in what the command prints, and say nothing of the plan itself."""
 
 
 @with_field_docs

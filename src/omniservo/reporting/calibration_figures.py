@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 
 from omniservo.calibration.calibrate_images import ImageCalibration
 from omniservo.geometry.arrays import FloatArray
+from omniservo.reporting.spelling import first_digit
 from omniservo.reporting.style import (
     CERTIFIED,
     EXECUTED,
@@ -71,7 +72,7 @@ def _residuals(result: ImageCalibration) -> Drawing:
     figure, axes = _image_axes(result)
     corners, left = (np.vstack(rows) for rows in zip(*view_residuals(result).values(), strict=True))
     lengths = np.hypot(*left.T)
-    scale = _ARROW * result.size[0] / max(float(np.quantile(lengths, 0.99)), 1e-9)
+    scale = first_digit(_ARROW * result.size[0] / max(float(np.quantile(lengths, 0.99)), 1e-9))
     shown = lengths <= np.quantile(lengths, 0.99) * 1.5
     arrows = scale * left[shown]
     axes.quiver(*corners[shown].T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, width=0.0016,
@@ -80,7 +81,7 @@ def _residuals(result: ImageCalibration) -> Drawing:
     if not shown.all():
         legend_below(figure, axes, 1)
     caption = (
-        f"Projection minus corner, {scale:.0f} times as long. "
+        f"Projection minus corner, {scale:g} times as long. "
         "Arrows that agree in a place show what the model lacks."
     )
     return Drawing("residuals", "What is left over the image", caption, figure)

@@ -46,7 +46,7 @@ def calibration_html(result: ImageCalibration) -> str:
         drawn = [*calibration_drawings(result), *draw_field(result.camera, result.camera)]
         body += [
             tiles(_numbers(found, result.camera)),
-            part("The camera", _parameters(result), *_words(result)),
+            part("The camera", _parameters(result), _words(result)),
             part("Figures", tag("div", *(framed(d, "half") for d in drawn), class_="figures")),
         ]
     body.append(part("Images", _images(result)))
@@ -96,12 +96,12 @@ def _what_is_left(result: ImageCalibration) -> str:
     return agreement_in_words(view_residuals(result).values(), cause)
 
 
-def _words(result: ImageCalibration) -> list[Markup]:
+def _words(result: ImageCalibration) -> Markup:
     found = result.calibration
     lines = [line for line in found.report().splitlines()[2:] if not line.startswith("view ")]
     if result.mirrored:
         lines.append("The camera looks into a mirror: fy (and p1) of the file have the opposite sign.")
-    return [tag("p", line) for line in lines]
+    return tag("ul", *(tag("li", line) for line in lines))
 
 
 def _images(result: ImageCalibration) -> Markup:

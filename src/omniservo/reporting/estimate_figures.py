@@ -14,6 +14,7 @@ from scipy.special import chdtri
 from omniservo.estimation import TwoViewEstimate
 from omniservo.geometry.arrays import ByteArray, FloatArray, IntArray
 from omniservo.reporting.around_points import show_around
+from omniservo.reporting.spelling import first_digit
 from omniservo.reporting.style import (
     CERTIFIED,
     EXECUTED,
@@ -85,7 +86,7 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
     chosen = _some(np.flatnonzero(estimate.inliers), _MOST_ARROWS)
     left = estimate.residuals_px[chosen]
     lengths = np.hypot(left[:, [0, 2]], left[:, [1, 3]])
-    scale = _ARROW * width / max(float(np.quantile(lengths, 0.95)), 1e-9)
+    scale = first_digit(_ARROW * width / max(float(np.quantile(lengths, 0.95)), 1e-9))
     pictures = (
         ("Initial image", seen.matched.initial, left[:, :2]),
         ("Goal image", seen.matched.goal, left[:, 2:]),
@@ -103,7 +104,7 @@ def _residuals(seen: Seen, estimate: TwoViewEstimate) -> Drawing:
         axes.quiver(*at.T, *(scale * residual).T, angles="xy", scale_units="xy", scale=1.0, width=0.003,
                     color=EXECUTED)  # fmt: skip
     caption = (
-        f"Projection minus pixel, {scale:.0f} times as long; rms {estimate.rms_px:.3f} px, σ of a coordinate "
+        f"Projection minus pixel, {scale:g} times as long; rms {estimate.rms_px:.3f} px, σ of a coordinate "
         f"{estimate.noise_px:.3f} px. Arrows that agree in a place show an error of the camera's calibration."
     )
     return Drawing("estimate-residuals", "What is left in the images", caption, figure)

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from omniservo.calibration.hand_eye import ImageHandEye
+from omniservo.reporting.spelling import first_digit
 from omniservo.reporting.style import (
     EXECUTED,
     PLANNED,
@@ -74,7 +75,7 @@ def _corners(found: ImageHandEye) -> Drawing:
     axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=REQUIRED, lw=1.2))
     used = found.result.used
     longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)
-    scale = 0.06 * camera.width / max(longest, 1e-9)
+    scale = first_digit(0.06 * camera.width / max(longest, 1e-9))
     for place, i in enumerate(used):
         view, colour = found.result.views[i], SEVEN[place % len(SEVEN)]
         arrows = scale * view.loop_px
@@ -87,7 +88,7 @@ def _corners(found: ImageHandEye) -> Drawing:
     axes.set_xlabel("u [px]")
     axes.set_ylabel("v [px]")
     caption = (
-        f"Where the robot's pose puts corners, minus the corners, {scale:.3g} times as long; a colour for "
+        f"Where the robot's pose puts corners, minus the corners, {scale:g} times as long; a colour for "
         "each view. Arrows of a view that agree are the robot's error at that pose."
     )
     return Drawing("loop-residuals", "What is left over the image", caption, figure)

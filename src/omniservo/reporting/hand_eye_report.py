@@ -87,13 +87,13 @@ def _pose(result: HandEye) -> Markup:
     sigma = np.sqrt(np.diag(result.covariance))
     turn = result.flange_T_camera.rotation.as_rotvec(degrees=True)
     rows = [
-        [f"translation {axis}", f"{1e3 * value:.3f} mm", f"± {significant(1e3 * s)} mm"]
+        [f"translation {axis}", _signed(1e3 * value, " mm"), f"± {significant(1e3 * s)} mm"]
         for axis, value, s in zip("xyz", result.flange_T_camera.translation, sigma[:3], strict=True)
     ]
     rows += [
         [
             f"rotation vector {axis}",
-            f"{value:.3f}°",
+            _signed(value, "°"),
             f"± {significant(math.degrees(s))}° about the camera's {axis}",
         ]
         for axis, value, s in zip("xyz", turn, sigma[3:], strict=True)
@@ -130,3 +130,7 @@ def _images(found: ImageHandEye) -> Markup:
         "reason",
     ]
     return table(head, rows)
+
+
+def _signed(value: float, unit: str) -> str:
+    return f"{value:.3f}{unit}".replace("-", "−")

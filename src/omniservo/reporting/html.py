@@ -43,10 +43,15 @@ def joined(parts: Iterable[Cell]) -> Markup:
 
 
 def table(head: Sequence[Cell], rows: Iterable[Sequence[Cell]]) -> Markup:
-    """Return a table that scrolls sideways where the page is too narrow."""
-    top = tag("tr", *(tag("th", cell, scope="col") for cell in head))
+    """Return a table that scrolls sideways where the page is too narrow; of empty words there is no head."""
+    top = tag("tr", *(tag("th", cell, scope="col") for cell in head)) if any(head) else Markup("")
     body = [tag("tr", tag("th", row[0], scope="row"), *(tag("td", cell) for cell in row[1:])) for row in rows]
     return tag("div", tag("table", tag("thead", top), tag("tbody", *body)), class_="scroll", tabindex="0")
+
+
+def whole(words: str) -> Markup:
+    """Return words that stand in one line."""
+    return tag("span", words, class_="whole")
 
 
 def tiles(values: Iterable[tuple[str, str, str]]) -> Markup:

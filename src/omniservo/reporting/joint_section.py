@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omniservo.reporting.html import Cell, Markup, joined, table, tag
+from omniservo.reporting.html import Cell, Markup, joined, table, tag, whole
 from omniservo.reporting.spelling import NOTHING, spell
 from omniservo.results.run_result import RunResult
 from omniservo.robots import JointPath
@@ -76,7 +76,8 @@ def _branches(motion: PlannedMotion) -> Markup:
     for branch in (motion.joints, *others):
         start = ", ".join(f"{angle:z.0f}" for angle in np.rad2deg(branch.positions[0])).replace("-", "−")
         own = branch is motion.joints
-        rows.append([joined([start, tag("span", "its own", class_="badge")]) if own else start])
+        own_mark = [tag("span", "its own", class_="badge")] if own else []
+        rows.append([joined([whole(start), *own_mark])])
         rows[-1] += _verdict(branch)
     return table(
         ["starts at [deg]", "", "joint-limit margin", "singular value", "longest joint travel"], rows

@@ -114,6 +114,11 @@ def meaning_of(name: str) -> Meaning:
     return Meaning(name.replace("_", " ").capitalize(), unit)
 
 
+def metrics_in_words() -> dict[str, str]:
+    """Return what each known metric means, with its unit."""
+    return {name: f"{m.label} [{m.unit}]" if m.unit else m.label for name, m in _MEANINGS.items()}
+
+
 def spell_metric(name: str, value: object) -> str:
     """Return a metric's value for people."""
     if value is None or value == "":

@@ -56,6 +56,11 @@ def significant(value: float) -> str:
     return f"{value:.{_decimals(value)}f}".replace("-", "−")
 
 
+def first_digit(value: float) -> float:
+    """Return a number with its first digit alone, rounded: of 5071 times as long a reader needs 5000."""
+    return float(f"{value:.0e}")
+
+
 def _decimals(value: float) -> int:
     """Return how many decimals matter to a person."""
     size = math.floor(math.log10(max(abs(value), 1e-6)))

@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patches import Circle, Rectangle
 
+from omniservo.reporting.spelling import spell
 from omniservo.reporting.style import (
     CERTIFIED,
     EXECUTED,
@@ -127,7 +128,7 @@ def draw_row(result: RowResult) -> Drawing:
 
 def _drawn_row(result: RowResult) -> Drawing:
     row, scene, trajectory = result.row, result.scene, result.trajectory
-    figure = new_figure(9.0, 3.6)
+    figure = new_figure(6.6, 3.1)
     carried = "" if row.arm == NO_ARM else f" on {row.arm}"
     name, title = f"row-{row.row}", f"Row {row.row}: {row.method}, {row.camera}{carried}"
     if scene is None or trajectory is None:
@@ -137,11 +138,11 @@ def _drawn_row(result: RowResult) -> Drawing:
     _draw_image(image, scene, trajectory)
     _draw_space(space, scene, trajectory)
     legend_below(figure, space, 4)
-    ended = f"{row.status}{': ' if row.reason else ''}{row.reason}"
+    ended = f"{row.status}{': ' if row.reason else ''}{row.reason}".replace("_", " ")
     off = 1e3 * (row.final_translation_error_m or 0.0), math.degrees(row.final_rotation_error_rad or 0.0)
-    gap = "" if row.least_gap_m is None else f"; least distance to an obstacle {1e3 * row.least_gap_m:.0f} mm"
+    gap = "" if row.least_gap_m is None else f"; least distance to an obstacle {spell(row.least_gap_m, 'm')}"
     if row.least_link_gap_m is not None:
-        gap += f", of a link to a ball or the floor {1e3 * row.least_link_gap_m:.0f} mm"
+        gap += f", of a link to a ball or the floor {spell(row.least_link_gap_m, 'm')}"
     caption = (
         f"{ended}. Turned by {math.degrees(scene.drawn.rotation):.0f}° at {scene.drawn.distance_ratio:.2f} "
         f"times the distance; ends {off[0]:.1f} mm and {off[1]:.2f}° off the goal{gap}."

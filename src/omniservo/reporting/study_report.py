@@ -8,7 +8,7 @@ from pathlib import Path
 
 from omniservo.files import write_whole
 from omniservo.reporting.framed_figure import framed
-from omniservo.reporting.html import Markup, banner, page, part, table, tag
+from omniservo.reporting.html import Markup, banner, page, part, table, tag, whole
 from omniservo.reporting.study_figures import draw_row, study_drawings
 from omniservo.studies import MethodSummary, Program, StudyHeader, StudyTally, run_row
 from omniservo.studies.study_arms import NO_ARM
@@ -77,7 +77,7 @@ def _table(found: Sequence[MethodSummary]) -> Markup:
                 number(each.seconds, ".1f", " s"),
             ]
         )
-    return table(head, lines)
+    return table(head, ([whole(cell) for cell in line] for line in lines))
 
 
 def _with_arms(found: Sequence[MethodSummary]) -> list[Markup]:

@@ -1,4 +1,4 @@
-"""The JSON schema of every file format that omniservo reads or writes."""
+"""The JSON schema of every file format that omniservo reads or writes, and of every output."""
 
 from __future__ import annotations
 
@@ -19,13 +19,42 @@ class FileFormat:
     summary: str
     room: str
     function: str
+    of: tuple[str, ...] = ()
+    """what the function is called with"""
 
     def schema(self) -> dict[str, Any]:
         """Return the schema without its head; what it is made from is imported now."""
-        make: Callable[[], dict[str, Any]] = getattr(
+        make: Callable[..., dict[str, Any]] = getattr(
             import_module(f"omniservo.schemas.{self.room}"), self.function
         )
-        return make()
+        return make(*self.of)
+
+
+_OUTPUTS = {
+    "run": "run",
+    "run-replay": "run --replay RECORDING",
+    "run-replay-row": "run --replay STUDY:ROW",
+    "study": "study run, study merge",
+    "study-share": "study run --shard",
+    **{
+        command.replace(" ", "-"): command
+        for command in (
+            "export", "verify", "teach", "view", "examples", "render", "schema", "warm-up", "doctor",
+            "camera show", "camera convert", "camera calibrate", "camera rectify", "camera check",
+            "robot show", "robot expand", "robot measure-tube", "robot check", "robot delay", "sim serve",
+            "study compare",
+        )
+    },
+}  # fmt: skip
+"""What prints an output, by the output's name; other commands print what a file's format describes."""
+
+
+def _output_formats() -> dict[str, FileFormat]:
+    found = {}
+    for name, command in _OUTPUTS.items():
+        full = f"omniservo.{name}-output/1"
+        found[full] = FileFormat(f"what {command} --json prints", "output_schemas", "output_schema", (full,))
+    return found
 
 
 FORMATS = {
@@ -59,8 +88,9 @@ FORMATS = {
     "omniservo.robot-delay/1": FileFormat(
         "how late a robot's images are", "result_schemas", "robot_delay_schema"
     ),
+    **_output_formats(),
 }
-"""By the name that stands in a file's field ``format``."""
+"""By the name that stands in the field ``format`` of a file or of a command's output."""
 
 
 def json_schema(name: str) -> dict[str, Any]:

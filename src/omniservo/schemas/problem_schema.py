@@ -97,6 +97,8 @@ def plan_schema() -> Schema:
             "seconds": said(NOT_NEGATIVE, "that planning took [s]"),
             "method": TEXT,
             "reason": said(TEXT, "why the answer is no, else empty"),
+            "notices": said(several(TEXT), "on the problem, in what the command prints"),
+            "risk": said({"type": "object"}, "what samples of the estimate say, in what the command prints"),
         },
     )
 

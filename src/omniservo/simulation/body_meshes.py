@@ -14,7 +14,7 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.simulation.world import ARM_GROUP, CAMERA_GROUP, SURROUNDINGS_GROUP, World
 
 _ROUND = 24
-"""sides of what is round"""
+"""Sides of what is round: each triangle costs time in every frame of a browser without a GPU."""
 
 _PLANE = 1.5
 """Half of the side of the square that stands for a plane without end [m]."""
@@ -72,13 +72,13 @@ def solid_triangles(kind: str, size: FloatArray, vertices: FloatArray | None) ->
     """Return a body of a `Solid`'s kind and size as triangles, in its own frame; a half-space as a square."""
     match kind:
         case "sphere":
-            return trimesh.creation.icosphere(3, float(size[0]))
+            return trimesh.creation.icosphere(2, float(size[0]))
         case "ellipsoid":
-            return trimesh.creation.icosphere(3, 1.0).apply_scale(size)
+            return trimesh.creation.icosphere(2, 1.0).apply_scale(size)
         case "capsule":
             return _capsule(float(size[0]), float(size[1]))
         case "cylinder":
-            return trimesh.creation.cylinder(float(size[0]), 2.0 * float(size[1]), sections=2 * _ROUND)
+            return trimesh.creation.cylinder(float(size[0]), 2.0 * float(size[1]), sections=_ROUND)
         case "box":
             return trimesh.creation.box(2.0 * size)
         case "hull":
@@ -102,7 +102,7 @@ def _triangles(model: Any, geom: int) -> Any:
 
 
 def _capsule(radius: float, half: float) -> Any:
-    shape = trimesh.creation.capsule(2.0 * half, radius, count=[_ROUND, _ROUND])
+    shape = trimesh.creation.capsule(2.0 * half, radius, count=[_ROUND // 2, _ROUND])
     return shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
 
 

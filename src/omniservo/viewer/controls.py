@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from omniservo.viewer.end_places import EndPlaces
 from omniservo.viewer.file_tab import FileTab
 from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.limit_tab import LimitTab
@@ -18,7 +19,7 @@ _LEFT, _RIGHT = 318, 330
 
 
 _STEP = 0.02
-"""of w that an arrow key goes"""
+"""of w that a key goes"""
 
 _MESSAGE = 20.0
 """[s] for which a message stays"""
@@ -78,17 +79,21 @@ def _add_choices(gui: Any, page: Page) -> None:
     dark.on_update(page.guarded(lambda event: _set_theme(gui, dark=bool(dark.value))))
     servo = gui.add_button("Servo", hint="the whole job in the simulator, as it is here, watched")
     servo.on_click(page.in_background(lambda event: page.servo()))
+    EndPlaces(gui, page)
 
 
 def _add_keys(gui: Any, page: Page, play: Any) -> None:
-    """Let keys do what button and slider do; in a field for numbers or text they type."""
+    """Let keys do what button and slider do; in a field for numbers or text they type.
+
+    Arrows, Home and End belong to a slider that has the focus, and arrows turn the scene.
+    """
     playback = page.playback
     keys = {
         "Play or pause": ("space", lambda event: _toggle(page, play)),
-        "Forwards": ("arrowright", lambda event: playback.go_to(playback.w + _STEP)),
-        "Backwards": ("arrowleft", lambda event: playback.go_to(playback.w - _STEP)),
-        "To the start": ("home", lambda event: playback.go_to(0.0)),
-        "To the goal": ("end", lambda event: playback.go_to(1.0)),
+        "Forwards": ("L", lambda event: playback.go_to(playback.w + _STEP)),
+        "Backwards": ("J", lambda event: playback.go_to(playback.w - _STEP)),
+        "To the start": ("0", lambda event: playback.go_to(0.0)),
+        "To the goal": ("1", lambda event: playback.go_to(1.0)),
     }
     for label, (key, work) in keys.items():
         gui.add_command(label, hotkey=key).on_trigger(page.guarded(work))

@@ -15,7 +15,7 @@ _TURNS = 72
 _ANGLES = 500
 """angles from the axis at which it is seen whether the image shows them"""
 
-_RINGS = 10
+_RINGS = 5
 """of the surface, from its inner border to its outer"""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import count
 from threading import Lock
 from typing import Any
 
@@ -39,6 +40,9 @@ _PLACES = 65
 _MOST_SHOWN = 5000
 """points of a cloud"""
 
+_NUMBERS = count()
+"""A handle's name has one: of one that is made where another was, viser sends no place that is the origin."""
+
 _COLOURS = {"certified": CERTIFIED, "no path": VIOLATED, "searching": SEARCHING}
 
 
@@ -66,6 +70,7 @@ class SceneNodes:
         self._obstacles: list[Obstacle] = []
         self.handles: list[Any] = []
         """what each obstacle is dragged by"""
+        self._handles_shown = True
         self._poses: BodyPoses | None = None
         self._posing = Lock()
         self._frames: dict[int, Any] = {}
@@ -109,16 +114,17 @@ class SceneNodes:
         ):
             label = f"obstacle {i}" if alone else str(i)  # of several there would be no room
             if i == len(self.handles):
-                self.handles.append(self._obstacle_handle(i, label, obstacle, pose))
+                self.handles.append(self._obstacle_handle(label, obstacle, pose))
                 self._obstacles.append(obstacle)
             elif self._obstacles[i] is not obstacle:
                 self.handles[i].remove()
                 self.handles[i], self._obstacles[i] = (
-                    self._obstacle_handle(i, label, obstacle, pose),
+                    self._obstacle_handle(label, obstacle, pose),
                     obstacle,
                 )
         for handle, pose in ((self._start, situation.world_T_initial), (self._goal, situation.world_T_goal)):
             _place(handle, pose)
+        self.show_arrows_of(None)
         if self._camera != situation.camera:
             self._camera = situation.camera
             surface = trimesh.Trimesh(*field_surface(situation.camera, 0.3 * self._size))
@@ -162,11 +168,17 @@ class SceneNodes:
 
     def show_handles(self, *, visible: bool) -> None:
         """Show what things are dragged by, or hide it."""
+        self._handles_shown = visible
+        self.show_arrows_of(None)
+
+    def show_arrows_of(self, dragged: Any) -> None:
+        """Show the arrows of one handle alone, as each takes time in every frame; None: of all."""
         turn_nothing = [_turns_nothing(obstacle) for obstacle in self._obstacles]
         all_handles = (self._start, self._goal, *self.handles)
         for handle, fixed in zip(all_handles, (False, False, *turn_nothing), strict=True):
-            handle.disable_axes = not visible
-            handle.disable_rotations = fixed or not visible
+            shown = self._handles_shown and (dragged is None or dragged is handle)
+            handle.disable_axes = not shown
+            handle.disable_rotations = fixed or not shown
 
     def show_executed(self, places: FloatArray) -> None:
         """Draw the way (k, 3) that a run took [m], and a frustum for where its plan has the camera."""
@@ -214,24 +226,25 @@ class SceneNodes:
             )  # fmt: skip
 
     def _end_handle(self, name: str, colour: Colour, pose: RigidTransform) -> Any:
+        node = f"/handles/{next(_NUMBERS)}"
         handle = self._server.scene.add_transform_controls(
-            f"/handles/{name}", scale=0.22 * self._size, line_width=2.0, depth_test=False,
+            node, scale=0.22 * self._size, line_width=2.0, depth_test=False,
             disable_sliders=True, position=pose.translation, wxyz=_wxyz(pose.rotation),
         )  # fmt: skip
         self._server.scene.add_camera_frustum(
-            f"/handles/{name}/frustum",
+            f"{node}/frustum",
             1.2,
             1.4,
             scale=0.09 * self._size,
             thickness=0.008 * self._size,
             color=colour,
         )
-        self._server.scene.add_label(f"/handles/{name}/label", name, anchor="top-center")
+        self._server.scene.add_label(f"{node}/label", name, anchor="top-center")
         handle.on_update(self._on_drag)
         return handle
 
-    def _obstacle_handle(self, i: int, label: str, obstacle: Obstacle, pose: RigidTransform) -> Any:
-        name = f"/handles/obstacle {i}"
+    def _obstacle_handle(self, label: str, obstacle: Obstacle, pose: RigidTransform) -> Any:
+        name = f"/handles/{next(_NUMBERS)}"
         handle = self._server.scene.add_transform_controls(
             name, scale=0.28 * self._size, line_width=2.0, depth_test=False, disable_sliders=True,
             disable_rotations=_turns_nothing(obstacle), position=pose.translation, wxyz=_wxyz(pose.rotation),
@@ -261,6 +274,8 @@ class SceneNodes:
 
     async def _on_drag(self, event: Any) -> None:
         """Async: gestures keep their order; nothing is planned on the server's loop."""
+        if event.phase in ("start", "end"):
+            self.show_arrows_of(event.target if event.phase == "start" else None)
         self._dragged()
 
     def _lowest(self, situation: Situation) -> float:
@@ -269,7 +284,7 @@ class SceneNodes:
         return float(situation.world_T_initial.apply(places)[:, 2].min()) - 0.3 * self._size
 
     def _look_at(self, situation: Situation) -> None:
-        """Have new windows begin with a view of path and target from the side."""
+        """Have every window show path and target from the side."""
         problem = situation.problem
         centre = situation.world_T_initial.apply(problem.points.mean(axis=0))
         between = 0.5 * (situation.world_T_initial.translation + situation.world_T_goal.translation)
@@ -280,6 +295,9 @@ class SceneNodes:
         eye = focus + self._size * (2.0 * side + np.array([0.0, 0.0, 1.1])) - 1.1 * ahead
         camera = self._server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), tuple(eye), tuple(focus)
+        for client in self._server.get_clients().values():
+            client.camera.position = tuple(eye)  # first: it takes the place along that is looked at
+            client.camera.look_at = tuple(focus)
 
 
 def _pixels(thickness: float) -> dict[str, Any]:

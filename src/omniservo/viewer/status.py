@@ -20,7 +20,7 @@ _SHOWN = 6
 
 def _sign(verdict: Verdict) -> str:
     return (
-        f"background:{_COLOURS[verdict]};color:white;border-radius:4px;padding:6px 10px;margin:0 8px;"
+        f"background:{_COLOURS[verdict]};color:white;border-radius:4px;padding:6px 10px;margin:0 8px 4px;"
         "font-size:15px;line-height:1.3;overflow-wrap:anywhere"
     )
 
@@ -81,7 +81,7 @@ def _at_risk(answer: Answer) -> str:
     links = "" if found.links is None else f", links {_percent(found.links.violated)}"
     return (
         f"{stated}: {_percent(violated)} of {found.samples} samples violate a constraint "
-        f"(surely ≤ {_percent(bound)}){links}; {found.seconds:.1f} s"
+        f"(95% bound: {_percent(bound)}){links}; {found.seconds:.1f} s"
     )
 
 
