@@ -28,6 +28,7 @@ from omniservo.schemas.shapes import (
     vector,
 )
 from omniservo.studies.study_row import StudyRow
+from omniservo.studies.study_summary import RATES
 
 _OUT = said(TEXT, "where it was written")
 _OR_NULL = nullable(NUMBER)
@@ -39,10 +40,12 @@ _FIT: dict[str, Schema] = {
     "lost": said(SHARE, "of the image that it does not hold"),
 }
 _RATE = mapping({"count": COUNT, "of": COUNT, "share": _OR_NULL, "interval_95": vector(2, _OR_NULL)})
+_OF_ARM = mapping(dict.fromkeys(("success", "collision", "joint_limit"), _RATE))
 _METHOD = mapping(
     {
         "method": TEXT,
-        **dict.fromkeys(("success", "collision", "feature_lost", "diverged"), _RATE),
+        **dict.fromkeys(RATES, _RATE),
+        "arms": {"type": "object", "additionalProperties": _OF_ARM},
         "statuses": {"type": "object", "additionalProperties": COUNT},
         **dict.fromkeys(("translation_m", "rotation_rad", "path_length_m", "seconds"), _OR_NULL),
     }
