@@ -103,6 +103,7 @@ def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
     assert "needed: --method FILE.py:CLASS" in err
     code, out, _ = call(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--json")
     found = json.loads(out)
+    assert found.pop("format") == "omniservo.run-replay-row-output/1"
     (tmp_path / found.pop("figure")).unlink()
     assert code == 0
     assert found == vars(rows_of(tmp_path / "rows")[1])
