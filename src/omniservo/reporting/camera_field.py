@@ -22,7 +22,7 @@ from omniservo.reporting.style import (
     REQUIRED,
     Drawing,
     legend_below,
-    new_figure,
+    new_axes,
     styled,
 )
 
@@ -75,8 +75,7 @@ def _seen(camera: CentralModel, pixels: FloatArray) -> tuple[FloatArray, BoolArr
 
 
 def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Drawing:
-    figure = new_figure(7.4, 1.3 + 5.4 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(7.4, 1.3 + 5.4 * camera.height / camera.width)
     axes.set_facecolor(FORBIDDEN)
     u, v, density = pixel_density(camera)
     mesh = axes.pcolormesh(u, v, density, cmap="viridis", shading="flat", rasterized=True)
@@ -186,8 +185,7 @@ def _polygon_in_image(camera: UnifiedCamera, polygon: FloatArray) -> FloatArray:
 
 
 def _against_the_angle(camera: CentralModel) -> Drawing:
-    figure = new_figure(6.4, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 3.6)
     angles = np.linspace(0.002, camera.usable_angle * 0.9999, 400)
     looks = (EXECUTED, "-", "away from the axis"), (PLANNED, "--", "round it")
     for values, (color, dashes, label) in zip(_pixels_a_degree(camera, angles), looks, strict=True):

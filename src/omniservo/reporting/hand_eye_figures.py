@@ -16,6 +16,7 @@ from omniservo.reporting.style import (
     SEVEN,
     Drawing,
     legend_below,
+    new_axes,
     new_figure,
     styled,
 )
@@ -50,8 +51,7 @@ def _scatter(found: ImageHandEye) -> Drawing:
 def _pixels(found: ImageHandEye) -> Drawing:
     """Root mean square of the corners: own pose, and through the loop."""
     used, views = found.result.used, found.result.views
-    figure = new_figure(max(6.4, 1.6 + 0.3 * len(used)), 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(max(6.4, 1.6 + 0.3 * len(used)), 3.8)
     places = np.arange(len(used))
     axes.bar(places - 0.2, [views[i].own_rms_px for i in used], 0.4, color=QUIET, label="view's own pose")
     axes.bar(places + 0.2, [views[i].loop_rms_px for i in used], 0.4, color=PLANNED, label="robot's pose")
@@ -69,8 +69,7 @@ def _pixels(found: ImageHandEye) -> Drawing:
 def _corners(found: ImageHandEye) -> Drawing:
     """Loop residuals over the image, a colour a view."""
     camera = found.camera
-    figure = new_figure(6.4, 1.0 + 5.6 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 1.0 + 5.6 * camera.height / camera.width)
     axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=REQUIRED, lw=1.2))
     used = found.result.used
     longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)

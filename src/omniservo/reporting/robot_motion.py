@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import executed_curve
-from omniservo.reporting.style import THREE, Drawing, legend_below, new_figure
+from omniservo.reporting.style import THREE, Drawing, legend_below, new_axes
 from omniservo.results.run_result import RunResult
 
 _LEAST_SPAN = 0.2
@@ -81,8 +81,7 @@ def _three(
     time: FloatArray, executed: FloatArray, planned: FloatArray | None, names: Sequence[str], what: str
 ) -> tuple[Figure, Axes]:
     """Draw three components (k, 3) over time: executed thick, planned dashed."""
-    figure = new_figure(5.8, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.6)
     dot = "." if len(time) == 1 else ""
     for name, colour, values in zip(names, THREE, executed.T, strict=True):
         axes.plot(time, values, color=colour, lw=2.2, marker=dot, label=name)

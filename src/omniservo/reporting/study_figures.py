@@ -22,6 +22,7 @@ from omniservo.reporting.style import (
     START,
     Drawing,
     legend_below,
+    new_axes,
     new_figure,
     styled,
 )
@@ -48,8 +49,7 @@ def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
-    figure = new_figure(9.0, 1.6 + 0.5 * len(found))
-    axes = figure.subplots()
+    figure, axes = new_axes(9.0, 1.6 + 0.5 * len(found))
     middle = np.arange(len(found), dtype=np.float64)
     kinds = (("success", "success", SEVEN[2]), ("collision", "collision", SEVEN[1]),
              ("feature_lost", "feature lost", SEVEN[0]))  # fmt: skip

@@ -98,6 +98,12 @@ def new_figure(width: float, height: float) -> Figure:
     return _ShownFigure(figsize=(width, height), layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06))
 
 
+def new_axes(width: float, height: float) -> tuple[Figure, Axes]:
+    """Return such a figure, and the one coordinate system in it."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots()
+
+
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of ``axes`` under the whole figure, where it covers nothing, in columns that fit it."""
     handles, labels = axes.get_legend_handles_labels()

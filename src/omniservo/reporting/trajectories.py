@@ -18,15 +18,14 @@ from omniservo.reporting.style import (
     START,
     Drawing,
     legend_below,
-    new_figure,
+    new_axes,
 )
 from omniservo.results.run_result import RunResult
 
 
 def plane_trajectories(result: RunResult) -> Drawing:
     """Draw the features' trajectories on the virtual plane Z = 1."""
-    figure = new_figure(5.8, 4.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 4.6)
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.plane, executed.plane)
     camera = result.task.camera
@@ -48,8 +47,7 @@ def plane_trajectories(result: RunResult) -> Drawing:
 def image_trajectories(result: RunResult) -> Drawing:
     """Draw the features' trajectories in the image, over its border, the lens's circle and the dead zone."""
     camera = result.task.camera
-    figure = new_figure(5.8, 0.9 + 5.2 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 0.9 + 5.2 * camera.height / camera.width)
     _image_limits(axes, camera)
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.pixels, executed.pixels)
