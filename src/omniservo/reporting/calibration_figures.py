@@ -19,6 +19,7 @@ from omniservo.reporting.style import (
     QUIET,
     REQUIRED,
     Drawing,
+    as_image,
     legend_below,
     new_axes,
     styled,
@@ -162,10 +163,5 @@ def _image_axes(result: ImageCalibration) -> tuple[Figure, Axes]:
     width, height = result.size
     figure, axes = new_axes(6.4, 1.0 + 5.6 * height / width)
     axes.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, ec=REQUIRED, lw=1.2))
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.02 * width, 1.02 * width)
-    axes.set_ylim(1.02 * height, -0.02 * height)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, width, height)
     return figure, axes

@@ -21,6 +21,7 @@ from omniservo.reporting.style import (
     QUIET,
     REQUIRED,
     Drawing,
+    as_image,
     legend_below,
     new_axes,
     styled,
@@ -84,13 +85,7 @@ def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Draw
     _limits(axes, camera)
     _polygon(axes, unified)
     _model_error(axes, camera)
-    axes.set_aspect("equal")
-    edge = 0.02 * camera.width
-    axes.set_xlim(-edge, camera.width + edge)
-    axes.set_ylim(camera.height + edge, -edge)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     legend_below(figure, axes, 4)
     caption = (
         "White: angles from the axis; thick, with a dark border: 90°. Tinted: what is no usable part of "

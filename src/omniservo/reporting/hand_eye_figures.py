@@ -15,6 +15,7 @@ from omniservo.reporting.style import (
     REQUIRED,
     SEVEN,
     Drawing,
+    as_image,
     legend_below,
     new_axes,
     new_figure,
@@ -79,12 +80,7 @@ def _corners(found: ImageHandEye) -> Drawing:
         arrows = scale * view.loop_px
         axes.quiver(*view.pixels.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, width=0.0018,
                     color=colour)  # fmt: skip
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
-    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     caption = (
         f"Where the robot's pose puts corners, minus the corners, {scale:.3g} times as long; a colour for "
         "each view. Arrows of a view that agree are the robot's error at that pose."

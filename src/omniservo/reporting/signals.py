@@ -109,8 +109,8 @@ def _components(
     names: Sequence[str],
 ) -> None:
     marker = "." if len(time) == 1 else ""
-    for i, (colour, name) in enumerate(zip(colours, names, strict=True)):
-        axes.plot(time, values[:, i], color=colour, lw=1.5, marker=marker, label=name)
+    for column, colour, name in zip(values.T, colours, names, strict=True):
+        axes.plot(time, column, color=colour, lw=1.5, marker=marker, label=name)
 
 
 def _above_zero(values: FloatArray) -> FloatArray:

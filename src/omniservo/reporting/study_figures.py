@@ -21,6 +21,7 @@ from omniservo.reporting.style import (
     SEVEN,
     START,
     Drawing,
+    as_image,
     legend_below,
     new_axes,
     new_figure,
@@ -156,11 +157,7 @@ def _draw_image(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     axes.plot(*pixels[0].T, "o", color=START, ms=3.5)
     axes.plot(*scene.shown(scene.initial_T_goal.inv().apply(scene.points))[0].T, "*", color=GOAL, ms=6)
     axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=QUIET))
-    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
-    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
-    axes.set_aspect("equal")
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
 
 
 def _draw_space(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:

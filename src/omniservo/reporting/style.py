@@ -104,6 +104,17 @@ def new_axes(width: float, height: float) -> tuple[Figure, Axes]:
     return figure, figure.subplots()
 
 
+def as_image(axes: Axes, width: int, height: int) -> None:
+    """Show what lies in an image of that size [px] and a little beyond it, v downwards and without a grid."""
+    edge = 0.02 * width
+    axes.set_xlim(-edge, width + edge)
+    axes.set_ylim(height + edge, -edge)
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.set_xlabel("u [px]")
+    axes.set_ylabel("v [px]")
+
+
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of ``axes`` under the whole figure, where it covers nothing, in columns that fit it."""
     handles, labels = axes.get_legend_handles_labels()

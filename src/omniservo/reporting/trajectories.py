@@ -17,6 +17,7 @@ from omniservo.reporting.style import (
     QUIET,
     START,
     Drawing,
+    as_image,
     legend_below,
     new_axes,
 )
@@ -52,12 +53,7 @@ def image_trajectories(result: RunResult) -> Drawing:
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.pixels, executed.pixels)
     _ends(axes, result.initial_pixels, result.goal_pixels)
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.03 * camera.width, 1.03 * camera.width)
-    axes.set_ylim(camera.height + 0.03 * camera.width, -0.03 * camera.width)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     legend_below(figure, axes, 4)
     return Drawing(
         "image",
