@@ -30,9 +30,7 @@ def test_other_light_and_other_things_in_the_scene_are_no_motion_of_the_camera(n
     assert found.probability > 0.01
 
 
-@pytest.mark.parametrize(
-    ("name", "size"), [(WIDE, 1.0), (NARROW, 10.0), (WIDE, 40.0)]
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "size"), [(WIDE, 1.0), (NARROW, 40.0)])
 def test_a_bump_is_noticed_and_its_rotation_lies_in_the_ellipsoid_that_is_stated(name, size):
     seen = pair(*LENSES[name], size, 8)
     found = seen.found

@@ -110,32 +110,6 @@ def test_it_listens_is_armed_moves_and_brakes(opened, tmp_path):
     assert np.abs(closed[2]).max() < 0.2  # the drives' own lag behind the last zero
 
 
-def forced(client):
-    """Send a command past the client's own refusal; the drive has dealt with it on return."""
-    client.image()
-    now = time.monotonic()
-    number = client.status.number + 1
-    client._send(DriveCommand(number, now, now, now + 30.0, SIDEWAYS, None).packed())
-    until(lambda: client.status.number >= number)
-    until(lambda before=client.status.time: client.status.time > before + 0.1)
-
-
-def test_the_drive_itself_moves_nothing_before_it_is_armed_and_after_it_was_released(opened, tmp_path):
-    client = opened()
-    forced(client)
-    assert client.status.phase is Phase.LISTENING
-    client.enable()
-    lead(client, 0.2)
-    client.stop(ServoStop("enough"))
-    count = len(log_of(tmp_path))
-    forced(client)
-    client.release("stopped")
-    forced(client)
-    assert client.status.phase is Phase.LISTENING
-    later = [numbers for _, what, numbers in log_of(tmp_path)[count:] if what == "command"]
-    assert not np.any(later)
-
-
 def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     (tmp_path / "fault").write_text("second_commander")
     client = opened(patience=20.0)
@@ -144,49 +118,8 @@ def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     assert client.status.phase not in (Phase.ARMED, Phase.MOVING)
 
 
-def test_a_command_that_none_follows_expires(opened, tmp_path):
-    client = opened(command_life=0.2)
-    client.enable()
-    client.image()
-    client.carry(SIDEWAYS)
-    until(lambda: client.status.phase is Phase.STOPPED)
-    assert isinstance(client.stopped, DeadlinePassed)
-    with pytest.raises(DeadlinePassed):
-        client.read()
-    client.read()  # told once
-    stays_stopped(client, tmp_path)
-
-
-def test_images_that_stand_still_stop_it(opened, tmp_path):
-    camera = Clockwork()
-    client = opened(camera=camera, options={"image_age": 0.5})
-    client.enable()
-    lead(client, 0.2)
-    camera.standing = True
-    assert led_until_stopped(client).reason == "stale_image"
-    camera.standing = False
-    stays_stopped(client, tmp_path)
-
-
-def test_a_frame_that_is_none_stops_it_from_this_process(opened, tmp_path):
-    camera = Clockwork()
-    client = opened(camera=camera)
-    client.enable()
-    lead(client, 0.2)
-    camera.image = lambda: "a picture"
-    with pytest.raises(InvalidData):
-        client.image()
-    assert client.status.phase is Phase.STOPPED
-    stays_stopped(client, tmp_path)
-
-
 @pytest.mark.parametrize(
-    ("kind", "error", "words"),
-    [
-        (Unwatched, InputError, "watchdog"),
-        (Renamed, InputError, "joint_names"),
-        (Nowhere, ConnectionLost, "nowhere:1"),
-    ],
+    ("kind", "error", "words"), [(Unwatched, InputError, "watchdog"), (Nowhere, ConnectionLost, "nowhere:1")]
 )
 def test_what_cannot_be_driven_is_refused_before_anything_moves(opened, tmp_path, kind, error, words):
     with pytest.raises(error, match=words):
@@ -195,11 +128,14 @@ def test_what_cannot_be_driven_is_refused_before_anything_moves(opened, tmp_path
         assert [what for _, what, _ in log_of(tmp_path)] == ["open", "close"]
 
 
+def test_an_arm_of_other_joints_is_closed_and_refused(tmp_path):
+    with pytest.raises(InputError, match="joint_names"):
+        ArmOpener(Renamed, {"folder": str(tmp_path)}).open(Arm.rx60())
+    assert [what for _, what, _ in log_of(tmp_path)] == ["open", "close"]
+
+
 def test_a_watchdog_may_be_stated(tmp_path):
-    opener = ArmOpener(Unwatched, {"folder": str(tmp_path)}, watchdog=0.2)
-    client = DriveClient(opener, Arm.rx60(), MOUNT, camera=Clockwork())
-    client.close()
-    client.close()
+    ArmOpener(Unwatched, {"folder": str(tmp_path)}, watchdog=0.2).open(Arm.rx60()).close()
 
 
 def test_what_another_process_cannot_be_told_is_no_opener():
@@ -296,14 +232,19 @@ def test_an_arm_is_told_of_by_its_file():
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
+def camera():
+    return Clockwork()
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory, camera):
     """A drive for all tests after which it can go on, and its arm's folder.
 
     They stand last: a process starts in seconds, and listens as long as this module has tests.
     """
     folder = tmp_path_factory.mktemp("kept")
     client = DriveClient(
-        ArmOpener(FaultyArm, {"folder": str(folder)}), Arm.rx60(), MOUNT, camera=Clockwork(),
+        ArmOpener(FaultyArm, {"folder": str(folder)}), Arm.rx60(), MOUNT, camera=camera,
         options=SafetyOptions(**(PATIENT | {"joint_age": 0.3})), command_life=1.0,
     )  # fmt: skip
     yield client, folder
@@ -388,3 +329,63 @@ def test_what_is_no_command_brakes(listening, bad):
     lead(client, 0.1)
     with pytest.raises(NotFinite if len(bad) == 6 else InputError):
         client.command(bad)
+
+
+def forced(client):
+    """Send a command past the client's own refusal; the drive has dealt with it on return."""
+    client.image()
+    now = time.monotonic()
+    number = client.status.number + 1
+    client._send(DriveCommand(number, now, now, now + 30.0, SIDEWAYS, None).packed())
+    until(lambda: client.status.number >= number)
+    until(lambda before=client.status.time: client.status.time > before + 0.1)
+
+
+def test_the_drive_itself_moves_nothing_before_it_is_armed_and_after_it_was_released(listening):
+    client, folder = listening
+    forced(client)
+    assert client.status.phase is Phase.LISTENING
+    client.enable()
+    lead(client, 0.2)
+    client.stop(ServoStop("enough"))
+    count = len(log_of(folder))
+    forced(client)
+    client.release("stopped")
+    forced(client)
+    assert client.status.phase is Phase.LISTENING
+    later = [numbers for _, what, numbers in log_of(folder)[count:] if what == "command"]
+    assert not np.any(later)
+
+
+def test_a_command_that_none_follows_expires(listening):
+    client, folder = listening
+    client.enable()
+    client.image()
+    client.carry(SIDEWAYS)
+    until(lambda: client.status.phase is Phase.STOPPED)
+    assert isinstance(client.stopped, DeadlinePassed)
+    with pytest.raises(DeadlinePassed):
+        client.read()
+    client.read()  # told once
+    stays_stopped(client, folder)
+
+
+def test_images_that_stand_still_stop_it(listening, camera):
+    client, folder = listening
+    client.enable()
+    lead(client, 0.2)
+    camera.standing = True
+    assert led_until_stopped(client).reason == "stale_image"
+    camera.standing = False
+    stays_stopped(client, folder)
+
+
+def test_a_frame_that_is_none_stops_it_from_this_process(listening, camera, monkeypatch):
+    client, folder = listening
+    client.enable()
+    lead(client, 0.2)
+    monkeypatch.setattr(camera, "image", lambda: "a picture")
+    with pytest.raises(InvalidData):
+        client.image()
+    assert client.status.phase is Phase.STOPPED
+    stays_stopped(client, folder)

@@ -133,8 +133,9 @@ def test_what_is_expected_of_a_view_is_what_it_then_gives():
     assert 0.5 < np.median(ratios) < 2.0
 
 
-@pytest.mark.parametrize("is_guess", [False, True], ids=["noise stated", "noise guessed"])
-@pytest.mark.parametrize("view", [0, 1], ids=["where the arm stands", "goal"])
+@pytest.mark.parametrize(
+    ("view", "is_guess"), [(0, True), (1, False)], ids=["where the arm stands, guessed", "goal, stated"]
+)
 def test_points_that_one_of_the_first_two_views_shows_elsewhere_are_left_out(view, is_guess):
     squares, gates = [], 0
     for goal, _, views, start in scenes(lens=0.0):

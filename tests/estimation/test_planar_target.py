@@ -168,7 +168,7 @@ def test_covariance_before_a_board_is_that_of_repeated_noise_or_a_little_larger(
     unit = float(np.linalg.norm(scene.translation))
     if scale is not None:
         scale, unit = ((0, 7), float(np.linalg.norm(scene.points[0] - scene.points[7]))), 1.0
-    inside, trials, errors, predicted = 0, 200, [], []
+    inside, trials, errors, predicted = 0, 120, [], []
     for _ in range(trials):
         estimate = estimate_two_view(
             fisheye, *scene.noisy(rng, 0.03), method="homography", scale=scale, robust=False

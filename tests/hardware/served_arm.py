@@ -1,23 +1,25 @@
-"""An arm and a camera behind ROS 2 topics: `python -m tests.hardware.served_arm JSON` as a process.
+"""An arm and a camera behind ROS 2 topics, in a process of their own that says what it knows when asked.
 
-It says what it knows for every line that it is sent.
+Such processes are forks of one that has loaded everything, which takes longer than most of what they do.
 """
 
-import json
-import subprocess
-import sys
+import multiprocessing
+import os
+import signal
 import threading
 import time
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 
 from omniservo.hardware.link_faults import LinkFaults
+from omniservo.hardware.ros2 import network
 from omniservo.hardware.ros2.network import DdsNetwork
+from omniservo.hardware.ros2.ros2_arm import Ros2Arm
 from omniservo.hardware.ros2.server import Ros2Server, ServedTopics
 from omniservo.robots import Arm, CameraImage, RobotState
 
-ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3")
 START = np.array([0.1, -0.7, 0.9, 0.4, 0.5, -0.6])
 
@@ -58,49 +60,75 @@ class PlainCamera:
         return CameraImage(self.begin + number / 30, np.full(self.shape, number % 256, np.uint8))
 
 
+FORKS = multiprocessing.get_context("forkserver")
+FORKS.set_forkserver_preload([__name__])
+
+
 class Served:
     """The process, seen from a test."""
 
     def __init__(self, domain, **given):
-        code = json.dumps({"domain": domain, **given})
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.hardware.served_arm", code],
-            cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        assert self.process.stdout.readline() == "served\n"
+        self.line, end = FORKS.Pipe()
+        self.process = FORKS.Process(target=serve, args=(end, domain), kwargs=given)
+        self.process.start()
+        end.close()
+        assert self.line.recv() == "served"
 
     def tell(self):
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-        return json.loads(self.process.stdout.readline())
+        self.line.send("tell")
+        return self.line.recv()
+
+    def end(self):
+        self.line.close()
+
+    @contextmanager
+    def halted(self):
+        """It stands, with all its threads, until the end of the `with`."""
+        os.kill(self.process.pid, signal.SIGSTOP)
+        threads = list(Path(f"/proc/{self.process.pid}/task").glob("*/stat"))
+        while any(stat.read_text().rpartition(")")[2].split()[0] != "T" for stat in threads):
+            time.sleep(1e-3)
+        try:
+            yield
+        finally:
+            os.kill(self.process.pid, signal.SIGCONT)
 
     def __enter__(self):
         return self
 
     def __exit__(self, *error):
-        self.process.stdin.close()
-        self.process.stdout.close()
-        self.process.wait(30)
+        self.end()
+        self.process.join(30)
+        assert self.process.exitcode == 0
 
 
-def main():
-    given = json.loads(sys.argv[1])
-    arm, network = PlainArm(), DdsNetwork.localhost(given.pop("domain"))
-    faults, names = LinkFaults(**given.pop("faults", {})), tuple(given.pop("names", NAMES))
-    if given.get("twist"):
-        given["arm"] = Arm.rx60()
-    if given.pop("moving", False):
+def serve(line, domain, faults=None, names=NAMES, moving=False, **topics):
+    """Serve until the other end of the line is closed."""
+    arm = PlainArm()
+    if topics.get("twist"):
+        topics["arm"] = Arm.rx60()
+    if moving:
         arm.command(np.full(6, 0.1))
     server = Ros2Server(
-        arm, names, PlainCamera(), topics=ServedTopics(**given), faults=faults, network=network
-    )
-    print("served", flush=True)  # noqa: T201
-    for _ in sys.stdin:
-        state = arm.read()
-        q, qd = state.joint_positions.tolist(), state.joint_velocities.tolist()
-        print(json.dumps({"q": q, "qd": qd, "heard": server.heard, "refused": server.refused}), flush=True)  # noqa: T201
+        arm, tuple(names), PlainCamera(), topics=ServedTopics(**topics), faults=LinkFaults(**(faults or {})),
+        network=DdsNetwork.localhost(domain),
+    )  # fmt: skip
+    line.send("served")
+    with suppress(EOFError):
+        while line.recv():
+            state = arm.read()
+            q, qd = state.joint_positions.tolist(), state.joint_velocities.tolist()
+            line.send({"q": q, "qd": qd, "heard": server.heard, "refused": server.refused})
     server.close()
+    network._held.clear()  # as at an interpreter's end, which forks do not have: the domain says goodbye
 
 
-if __name__ == "__main__":
-    main()
+def command_on(line, domain):
+    """Command the first joint for ever; say when it moves."""
+    arm, said = Ros2Arm(NAMES, np.full(6, 2.0), network=DdsNetwork.localhost(domain), patience=30), False
+    while True:
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        if not said and arm.read().joint_velocities[0] > 0.15:
+            line.send("moving")
+            said = True
+        time.sleep(0.005)

@@ -2,13 +2,12 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
 
 import numpy as np
 import pytest
-from tests.hardware.served_arm import NAMES, ROOT, START, Served
+from tests.hardware.served_arm import FORKS, NAMES, START, Served, command_on
 
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotInControl
 from omniservo.hardware import ArmConnection
@@ -155,38 +154,22 @@ def test_stop_brakes_and_the_arm_may_go_again():
             arm.read()
 
 
-CLIENT = f"""
-import sys, time
-import numpy as np
-from omniservo.hardware.ros2.network import DdsNetwork
-from omniservo.hardware.ros2.ros2_arm import Ros2Arm
-arm = Ros2Arm({NAMES!r}, np.full(6, 2.0), network=DdsNetwork.localhost(int(sys.argv[1])), patience=30)
-said = False
-while True:
-    arm.command([0.2, 0, 0, 0, 0, 0])
-    if not said and arm.read().joint_velocities[0] > 0.15:
-        said = bool(print("moving", flush=True)) or True
-    time.sleep(0.005)
-"""
-
-
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_halted_program_leaves_an_arm_at_rest(end):
     with Served(DOMAIN) as served:
-        client = subprocess.Popen(
-            [sys.executable, "-c", CLIENT, str(DOMAIN)], stdout=subprocess.PIPE, cwd=ROOT
-        )
+        line, other = FORKS.Pipe()
+        client = FORKS.Process(target=command_on, args=(other, DOMAIN))
+        client.start()
         try:
-            assert client.stdout.readline() == b"moving\n"
+            assert line.recv() == "moving"
             assert served.tell()["qd"][0] > 0.05
-            client.send_signal(end)
+            os.kill(client.pid, end)
             rest = at_rest(served)
             heard = rest["heard"]
             assert served.tell()["heard"] == heard
         finally:
             client.kill()
-            client.wait()
-            client.stdout.close()
+            client.join()
 
 
 def test_joints_are_matched_by_name_whatever_their_order():
@@ -325,7 +308,7 @@ def test_a_publisher_that_goes_is_a_lost_connection(arm_only):
     with Served(DOMAIN, joint_states="/gone") as served:
         arm = opened(joint_states="/gone")
         assert arm.read() is not None
-        served.process.stdin.close()
+        served.end()
         with pytest.raises(ConnectionLost, match="/gone: its publisher is gone"):
             wait_until(lambda: arm.read() is None, "the end")
         with pytest.raises(ConnectionLost):
@@ -544,14 +527,10 @@ def test_a_halted_subscriber_acknowledges_nothing_until_it_goes_on(node):
         wait_until(lambda: publisher.matched == 1, "the subscriber")
         publisher.write(JointTrajectoryMessage())
         assert publisher.acknowledged(PATIENCE)
-        served.process.send_signal(signal.SIGSTOP)
-        os.waitid(os.P_PID, served.process.pid, os.WSTOPPED | os.WNOWAIT)  # all its threads stand
-        try:
+        with served.halted():
             publisher.write(JointTrajectoryMessage())
             assert not publisher.acknowledged(0.3)
             assert publisher.matched == 1
-        finally:
-            served.process.send_signal(signal.SIGCONT)
         assert publisher.acknowledged(PATIENCE)
 
 
@@ -587,13 +566,9 @@ def test_a_controller_that_does_not_acknowledge_commands_is_refused_at_the_openi
     with Served(DOMAIN) as served:
 
         def halted_first(arm, sent):
-            os.kill(served.process.pid, signal.SIGSTOP)  # it was seen, and is not there any more
-            os.waitid(os.P_PID, served.process.pid, os.WSTOPPED | os.WNOWAIT)
-            prove(arm, sent)
+            with served.halted():  # it was seen, and is not there any more
+                prove(arm, sent)
 
         monkeypatch.setattr(Ros2Arm, "_prove", halted_first)
-        try:
-            with pytest.raises(ConnectionLost, match="commands are not acknowledged by their subscriber"):
-                Ros2Arm(NAMES, A, network=HERE, patience=3.0)
-        finally:
-            os.kill(served.process.pid, signal.SIGCONT)
+        with pytest.raises(ConnectionLost, match="commands are not acknowledged by their subscriber"):
+            Ros2Arm(NAMES, A, network=HERE, patience=3.0)

@@ -82,7 +82,7 @@ def test_what_is_called_free_or_hidden_is_what_rays_meet(arm, hit):
 
 def test_links_that_pass_through_a_line_of_sight_between_places_are_found(arm, hit):
     """Long ways, on which a point is hidden for a short while only."""
-    random, w, short = np.random.default_rng(5), np.linspace(0.0, 1.0, 301), 0
+    random, w, short = np.random.default_rng(5), np.linspace(0.0, 1.0, 101), 0
     for _ in range(60):
         begin = random.uniform(-1.5, 1.5, 6)
         path = straight_joint_path(begin, begin + random.uniform(-1.0, 1.0, 6), knots=2)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
+from omniservo.errors import InputError
 from omniservo.robots import load_arm, shipped_arms
 
 # Universal Robots, "DH Parameters for calculations of kinematics and dynamics", UR5e, the usual convention:
@@ -132,3 +133,9 @@ def test_links_that_carry_each_other_never_count_as_touching(name):
         for bodies in model.geom_bodyid[data.contact.geom]:
             a, b = sorted(bodies)
             assert model.body_parentid[b] != a
+
+
+def test_a_shipped_arm_is_read_once_and_anew_for_another_flange():
+    assert load_arm("rx60") is load_arm("rx60")
+    with pytest.raises(InputError, match="flange 'wrist'"):
+        load_arm("rx60", flange="wrist")

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 
 import jsonschema
 import numpy as np
@@ -41,10 +42,20 @@ def recording(run):
     return file
 
 
+def entries_of(recording):
+    """Its entries, read once: tests ask for those of the same file again and again."""
+    return _entries(recording, recording.stat().st_mtime_ns)
+
+
+@cache
+def _entries(recording, written_at):
+    return tuple(RecordedRun(recording))
+
+
 def changed(recording, out, change):
     """Write the recording anew, with ``change(entry)`` in the place of each entry; None leaves it out."""
     with RunRecording(out, force=True) as copy:
-        for entry in RecordedRun(recording):
+        for entry in entries_of(recording):
             entry = change(entry)
             if isinstance(entry, Attachment):
                 copy.attach(entry.name, "", entry.data)
@@ -56,7 +67,7 @@ def changed(recording, out, change):
 
 
 def messages(recording, topic):
-    return [e.message for e in RecordedRun(recording) if isinstance(e, Recorded) and e.topic == topic]
+    return [e.message for e in entries_of(recording) if isinstance(e, Recorded) and e.topic == topic]
 
 
 def with_message(topic, number, **fields):

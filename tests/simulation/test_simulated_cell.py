@@ -69,6 +69,14 @@ def test_what_a_pixel_shows_lies_on_its_ray(cell, task):
     np.testing.assert_allclose(cell.truth.points_under(joints, pixels), centers, atol=1e-4)
 
 
+def test_a_pixel_that_shows_nothing_has_no_point(cell, task):
+    """Straight up, where nothing stands, and outside the lens."""
+    joints = cell.scene.start_joints
+    up, valid = task.camera.project(cell.scene.world_T_camera(joints).rotation.inv().apply([0.0, 0.0, 1.0]))
+    assert valid
+    assert np.isnan(cell.truth.points_under(joints, np.array([up, [-1e4, -1e4]]))).all()
+
+
 def test_the_cameras_true_pose_is_that_of_the_exposure(cell):
     cell.driver.command([0.3, 0, 0, 0, 0, 0])
     image = next_image(cell.camera, cell.wait)

@@ -50,8 +50,8 @@ class Path:
         return np.array(self.rotation, order="C"), np.array(self.translation, order="C")
 
     def __call__(self, w):
-        quaternion = [np.polyval(row, w) for row in self.rotation]
-        position = [np.polyval(row, w) for row in self.translation]
+        quaternion = np.stack([np.polyval(row, w) for row in self.rotation], axis=-1)
+        position = np.stack([np.polyval(row, w) for row in self.translation], axis=-1)
         return RigidTransform.from_components(position, Rotation.from_quat(quaternion))
 
     def twist(self, w):
@@ -106,6 +106,7 @@ class Loop:
 
     def run(self, tracker, path, seconds, lost=None, start=0.0):
         """Servo; ``lost(step)`` gives the mask of valid points."""
+        progress = []
         for k in range(round(seconds / self.period)):
             time = start + k * self.period
             pixels = self.look()
@@ -118,9 +119,10 @@ class Loop:
                 np.concatenate((twist[3:], twist[:3])) * self.period
             )
             self.positions.append(self.pose.translation)
-            planned = path(tracker.time_law(time + self.period)[0])
-            self.deviations.append(np.linalg.norm(self.pose.translation - planned.translation))
+            progress.append(tracker.time_law(time + self.period)[0])
             self.errors.append(tracker.report.error_px)
             if tracker.done:
                 break
+        off = np.array(self.positions[-len(progress) :]) - path(np.array(progress)).translation
+        self.deviations += np.linalg.norm(off, axis=1).tolist()
         return tracker.report

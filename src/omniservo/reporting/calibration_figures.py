@@ -20,8 +20,9 @@ from omniservo.reporting.style import (
     QUIET,
     REQUIRED,
     Drawing,
+    as_image,
     legend_below,
-    new_figure,
+    new_axes,
     styled,
 )
 
@@ -88,8 +89,7 @@ def _residuals(result: ImageCalibration) -> Drawing:
 
 
 def _against_angle(result: ImageCalibration) -> Drawing:
-    figure = new_figure(6.4, 4.0)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 4.0)
     corners, left = (np.vstack(rows) for rows in zip(*view_residuals(result).values(), strict=True))
     angles, lengths = _angles(result, corners), np.hypot(*left.T)
     angles, lengths = angles[np.isfinite(angles)], lengths[np.isfinite(angles)]
@@ -124,8 +124,7 @@ def _angles(result: ImageCalibration, corners: FloatArray) -> FloatArray:
 
 
 def _rays(result: ImageCalibration) -> Drawing:
-    figure = new_figure(6.4, 4.0)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 4.0)
     found = result.calibration
     angles = np.degrees(found.ray_angles)
     axes.plot(angles, found.ray_deviation_deg, color=EXECUTED, label="of a ray")
@@ -149,8 +148,7 @@ def _rays(result: ImageCalibration) -> Drawing:
 
 def _views(result: ImageCalibration) -> Drawing:
     seen = view_residuals(result)
-    figure = new_figure(max(6.4, 1.2 + 0.22 * len(seen)), 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(max(6.4, 1.2 + 0.22 * len(seen)), 3.8)
     rms = [float(np.sqrt(np.mean(np.sum(left**2, axis=1)))) for _, left in seen.values()]
     places = np.arange(len(rms))
     axes.bar(places, rms, color=EXECUTED, width=0.75)
@@ -164,13 +162,7 @@ def _views(result: ImageCalibration) -> Drawing:
 
 def _image_axes(result: ImageCalibration) -> tuple[Figure, Axes]:
     width, height = result.size
-    figure = new_figure(6.4, 1.0 + 5.6 * height / width)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 1.0 + 5.6 * height / width)
     axes.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, ec=REQUIRED, lw=1.2))
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.02 * width, 1.02 * width)
-    axes.set_ylim(1.02 * height, -0.02 * height)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, width, height)
     return figure, axes

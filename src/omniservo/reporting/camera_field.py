@@ -21,8 +21,9 @@ from omniservo.reporting.style import (
     QUIET,
     REQUIRED,
     Drawing,
+    as_image,
     legend_below,
-    new_figure,
+    new_axes,
     styled,
 )
 
@@ -75,8 +76,7 @@ def _seen(camera: CentralModel, pixels: FloatArray) -> tuple[FloatArray, BoolArr
 
 
 def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Drawing:
-    figure = new_figure(7.4, 1.3 + 5.4 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(7.4, 1.3 + 5.4 * camera.height / camera.width)
     axes.set_facecolor(FORBIDDEN)
     u, v, density = pixel_density(camera)
     mesh = axes.pcolormesh(u, v, density, cmap="viridis", shading="flat", rasterized=True)
@@ -85,13 +85,7 @@ def _over_the_image(camera: CentralModel, unified: UnifiedCamera | None) -> Draw
     _limits(axes, camera)
     _polygon(axes, unified)
     _model_error(axes, camera)
-    axes.set_aspect("equal")
-    edge = 0.02 * camera.width
-    axes.set_xlim(-edge, camera.width + edge)
-    axes.set_ylim(camera.height + edge, -edge)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     legend_below(figure, axes, 4)
     caption = (
         "White: angles from the axis; thick, with a dark border: 90°. Tinted: what is no usable part of "
@@ -186,8 +180,7 @@ def _polygon_in_image(camera: UnifiedCamera, polygon: FloatArray) -> FloatArray:
 
 
 def _against_the_angle(camera: CentralModel) -> Drawing:
-    figure = new_figure(6.4, 3.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 3.6)
     angles = np.linspace(0.002, camera.usable_angle * 0.9999, 400)
     looks = (EXECUTED, "-", "away from the axis"), (PLANNED, "--", "round it")
     for values, (color, dashes, label) in zip(_pixels_a_degree(camera, angles), looks, strict=True):

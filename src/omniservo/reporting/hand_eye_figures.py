@@ -16,7 +16,9 @@ from omniservo.reporting.style import (
     REQUIRED,
     SEVEN,
     Drawing,
+    as_image,
     legend_below,
+    new_axes,
     new_figure,
     styled,
 )
@@ -51,8 +53,7 @@ def _scatter(found: ImageHandEye) -> Drawing:
 def _pixels(found: ImageHandEye) -> Drawing:
     """Root mean square of the corners: own pose, and through the loop."""
     used, views = found.result.used, found.result.views
-    figure = new_figure(max(6.4, 1.6 + 0.3 * len(used)), 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(max(6.4, 1.6 + 0.3 * len(used)), 3.8)
     places = np.arange(len(used))
     axes.bar(places - 0.2, [views[i].own_rms_px for i in used], 0.4, color=QUIET, label="view's own pose")
     axes.bar(places + 0.2, [views[i].loop_rms_px for i in used], 0.4, color=PLANNED, label="robot's pose")
@@ -70,8 +71,7 @@ def _pixels(found: ImageHandEye) -> Drawing:
 def _corners(found: ImageHandEye) -> Drawing:
     """Loop residuals over the image, a colour a view."""
     camera = found.camera
-    figure = new_figure(6.4, 1.0 + 5.6 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(6.4, 1.0 + 5.6 * camera.height / camera.width)
     axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=REQUIRED, lw=1.2))
     used = found.result.used
     longest = max(float(np.hypot(*found.result.views[i].loop_px.T).max()) for i in used)
@@ -81,12 +81,7 @@ def _corners(found: ImageHandEye) -> Drawing:
         arrows = scale * view.loop_px
         axes.quiver(*view.pixels.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, width=0.0018,
                     color=colour)  # fmt: skip
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
-    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     caption = (
         f"Where the robot's pose puts corners, minus the corners, {scale:g} times as long; a colour for "
         "each view. Arrows of a view that agree are the robot's error at that pose."

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting import promise_words as words
-from omniservo.reporting.style import FORBIDDEN, QUIET, SEVEN, Drawing, legend_below, new_figure
+from omniservo.reporting.style import FORBIDDEN, QUIET, SEVEN, Drawing, legend_below, new_axes
 from omniservo.results.run_log import RunLog
 from omniservo.results.run_result import RunResult
 from omniservo.tracking.planned_motion import PlannedMotion
@@ -23,8 +23,7 @@ def joint_positions(result: RunResult) -> Drawing | None:
     motion, w = result.motion, np.linspace(0.0, 1.0, 401)
     low, high = motion.arm.joint_range.T
     share = (2.0 * motion.joints(w) - low - high) / (high - low)
-    figure = new_figure(5.8, 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.8)
     for i, name in enumerate(motion.arm.joint_names):
         span = f"{np.rad2deg(low[i]):.0f} … {np.rad2deg(high[i]):.0f}"
         axes.plot(w, 100.0 * share[:, i], color=SEVEN[i], label=f"{name} ({span})".replace("-", "−"))
@@ -51,8 +50,7 @@ def joint_speeds(result: RunResult) -> Drawing | None:
     end = max(motion.seconds, result.way.seconds)
     times = np.arange(0.0, end + _TICK, _TICK)
     planned = 100.0 * np.abs(result.way.speeds_at(times)) / motion.arm.joint_speed
-    figure = new_figure(5.8, 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.8)
     for i, name in enumerate(motion.arm.joint_names):
         axes.plot(times, planned[:, i], color=SEVEN[i], lw=1.5, label=name)
     top = max(float(planned.max()), _executed(axes, result.log, motion), 1.0)

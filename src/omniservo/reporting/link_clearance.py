@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib as mpl
 
 from omniservo.reporting import promise_words
-from omniservo.reporting.style import CERTIFIED, FORBIDDEN, REQUIRED, Drawing, legend_below, new_figure
+from omniservo.reporting.style import CERTIFIED, FORBIDDEN, REQUIRED, Drawing, legend_below, new_axes
 from omniservo.results.run_result import RunResult
 from omniservo.robots import FARTHEST
 from omniservo.tasks.obstacles import CloudSection
@@ -20,8 +20,7 @@ def link_clearance(result: RunResult) -> Drawing | None:
     if not near:
         return None
     time = result.log.column("time")
-    figure = new_figure(5.8, 4.2)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 4.2)
     colours = mpl.colormaps["viridis"](range(0, 256, max(1, 230 // max(1, len(near) - 1))))
     for link, colour in zip(near, colours, strict=False):
         axes.plot(time, 1e3 * whole.planned[link], color=colour, lw=1.2, ls="--")

@@ -20,7 +20,7 @@ from omniservo.reporting.style import (
     REQUIRED,
     Drawing,
     legend_below,
-    new_figure,
+    new_axes,
 )
 from omniservo.results.run_result import RunResult
 
@@ -33,8 +33,7 @@ def clearance(result: RunResult) -> Drawing | None:
     planned, executed = planned_curve(result), executed_curve(result)
     common = result.task.planning.common_obstacles
     own = [i for i, o in enumerate(obstacles) if o.clearance is not None]
-    figure = new_figure(5.8, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.9)
     _group(axes, planned, executed, own, (QUIET, QUIET), "with a clearance of their own")
     _group(axes, planned, executed, common, (PLANNED, EXECUTED), "")
     _asked_lines(axes, result, common)
@@ -60,8 +59,7 @@ def clearance(result: RunResult) -> Drawing | None:
 def visibility(result: RunResult) -> Drawing:
     """Draw the smallest distance of any dot to the image's limits."""
     planned, executed = planned_curve(result), executed_curve(result)
-    figure = new_figure(5.8, 3.9)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.9)
     if planned is not None:
         axes.plot(planned.w, planned.visibility, color=PLANNED, label="planned")
     x = _abscissa(executed, planned)
@@ -100,8 +98,7 @@ def arm_gap(result: RunResult) -> Drawing | None:
     """Draw the gap between the arm and the obstacles' bodies over time; None without a step or a body."""
     if not result.log.rows or result.truth is None or not result.truth.obstacle_corners:
         return None
-    figure = new_figure(5.8, 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.8)
     gap = 1000.0 * result.log.column("arm_clearance")
     axes.plot(
         result.log.column("time"), gap, ".-", ms=3, lw=1.5, color=EXECUTED, label=promise_words.EXECUTED

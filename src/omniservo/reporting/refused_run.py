@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Cloud, HalfSpace, Plan, worst_moment
 from omniservo.reporting.moment_figure import draw_moment
-from omniservo.reporting.style import CERTIFIED, Drawing, new_figure, styled
+from omniservo.reporting.style import CERTIFIED, Drawing, new_axes, styled
 from omniservo.scenes.scene import Scene
 from omniservo.simulation import OutsideView, World
 from omniservo.whole_arm import ArmSetting
@@ -38,8 +38,7 @@ def draw_refused_run(plan: Plan, scene: Scene, setting: ArmSetting, posture: Flo
     view = OutsideView(World(scene), width=960, height=720)
     title = f"{plan.status}: {plan.reason}"
     with styled():
-        figure = new_figure(9.0, 7.2)
-        axes = figure.subplots()
+        figure, axes = new_axes(9.0, 7.2)
         axes.imshow(view.render(posture))
         axes.set_axis_off()
         figure.suptitle(textwrap.fill(title, 92), x=0.01, ha="left", fontsize=11)

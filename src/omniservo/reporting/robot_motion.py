@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.curves import executed_curve
-from omniservo.reporting.style import THREE, Drawing, legend_below, new_figure
+from omniservo.reporting.style import THREE, Drawing, legend_below, new_axes
 from omniservo.results.run_result import RunResult
 
 _LEAST_SPAN = 0.2
@@ -23,17 +24,13 @@ def translation(result: RunResult) -> Drawing | None:
     if not len(executed):
         return None
     planned = _planned_poses(result, executed.w)
-    figure = new_figure(5.8, 3.6)
-    axes = figure.subplots()
-    _three(
-        axes,
+    figure, _ = _three(
         executed.time,
         1000.0 * robot_position(result, executed.poses),
         None if planned is None else 1000.0 * robot_position(result, planned),
         ("x", "y", "z"),
+        "position of the flange [mm]",
     )
-    axes.set_ylabel("position of the flange [mm]")
-    legend_below(figure, axes, 4)
     return Drawing(
         "translation",
         "Translation of the robot",
@@ -49,18 +46,14 @@ def rotation(result: RunResult) -> Drawing | None:
     if not len(executed):
         return None
     planned = _planned_poses(result, executed.w)
-    figure = new_figure(5.8, 3.6)
-    axes = figure.subplots()
-    _three(
-        axes,
+    figure, axes = _three(
         executed.time,
         np.rad2deg(executed.rotations),
         None if planned is None else np.rad2deg(planned.rotation.as_rotvec()),
         ("about x", "about y", "about z"),
+        "rotation vector [deg]",
     )
     _at_least(axes, _LEAST_SPAN)
-    axes.set_ylabel("rotation vector [deg]")
-    legend_below(figure, axes, 4)
     return Drawing(
         "rotation",
         "Rotation of the robot",
@@ -85,24 +78,19 @@ def _planned_poses(result: RunResult, w: FloatArray) -> RigidTransform | None:
 
 
 def _three(
-    axes: Axes, time: FloatArray, executed: FloatArray, planned: FloatArray | None, names: Sequence[str]
-) -> None:
-    """Draw three components (k, 3): executed thick, planned dashed."""
-    for i, (name, colour) in enumerate(zip(names, THREE, strict=True)):
-        axes.plot(
-            time, executed[:, i], color=colour, lw=2.2, marker="." if len(time) == 1 else "", label=name
-        )
+    time: FloatArray, executed: FloatArray, planned: FloatArray | None, names: Sequence[str], what: str
+) -> tuple[Figure, Axes]:
+    """Draw three components (k, 3) over time: executed thick, planned dashed."""
+    figure, axes = new_axes(5.8, 3.6)
+    dot = "." if len(time) == 1 else ""
+    for name, colour, values in zip(names, THREE, executed.T, strict=True):
+        axes.plot(time, values, color=colour, lw=2.2, marker=dot, label=name)
     if planned is not None:
-        for i in range(3):
-            axes.plot(
-                time,
-                planned[:, i],
-                color="black",
-                lw=1.0,
-                ls=(0, (4, 3)),
-                label="planned" if i == 0 else None,
-            )
+        axes.plot(time, planned, color="black", lw=1.0, ls=(0, (4, 3)), label=["planned", None, None])
     axes.set_xlabel("time [s]")
+    axes.set_ylabel(what)
+    legend_below(figure, axes, 4)
+    return figure, axes
 
 
 def _most(rotations: FloatArray) -> str:

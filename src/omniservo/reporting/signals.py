@@ -17,6 +17,7 @@ from omniservo.reporting.style import (
     THREE,
     Drawing,
     legend_below,
+    new_axes,
     new_figure,
 )
 from omniservo.results.run_result import RunResult
@@ -32,8 +33,7 @@ def image_error(result: RunResult) -> Drawing | None:
     if not log.rows:
         return None
     time = log.column("time")
-    figure = new_figure(5.8, 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.8)
     axes.plot(time, _above_zero(log.column("goal_error_px")), color=EXECUTED, label="to the goal image")
     if result.plan is not None:
         axes.plot(
@@ -85,8 +85,7 @@ def joint_velocities(result: RunResult) -> Drawing | None:
     velocities = np.rad2deg(result.log.column("joint_velocities"))
     arm = scene_of_task(result.task).arm
     limits = np.rad2deg(arm.joint_speed)
-    figure = new_figure(5.8, 3.8)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 3.8)
     names = [f"{name} (at most {limit:.0f})" for name, limit in zip(arm.joint_names, limits, strict=True)]
     _components(axes, time, velocities, SEVEN[: len(names)], names)
     axes.set_xlabel("time [s]")
@@ -110,8 +109,8 @@ def _components(
     names: Sequence[str],
 ) -> None:
     marker = "." if len(time) == 1 else ""
-    for i, (colour, name) in enumerate(zip(colours, names, strict=True)):
-        axes.plot(time, values[:, i], color=colour, lw=1.5, marker=marker, label=name)
+    for column, colour, name in zip(values.T, colours, names, strict=True):
+        axes.plot(time, column, color=colour, lw=1.5, marker=marker, label=name)
 
 
 def _above_zero(values: FloatArray) -> FloatArray:

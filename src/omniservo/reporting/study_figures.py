@@ -22,7 +22,9 @@ from omniservo.reporting.style import (
     SEVEN,
     START,
     Drawing,
+    as_image,
     legend_below,
+    new_axes,
     new_figure,
     styled,
 )
@@ -50,8 +52,7 @@ def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
-    figure = new_figure(9.0, 1.6 + 0.5 * len(found))
-    axes = figure.subplots()
+    figure, axes = new_axes(9.0, 1.6 + 0.5 * len(found))
     middle = np.arange(len(found), dtype=np.float64)
     kinds = (("success", "success", SEVEN[2]), ("collision", "collision", SEVEN[1]),
              ("feature_lost", "feature lost", SEVEN[0]))  # fmt: skip
@@ -161,11 +162,7 @@ def _draw_image(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:
     axes.plot(*pixels[0].T, "o", color=START, ms=3.5)
     axes.plot(*scene.shown(scene.initial_T_goal.inv().apply(scene.points))[0].T, "*", color=GOAL, ms=6)
     axes.add_patch(Rectangle((-0.5, -0.5), camera.width, camera.height, fill=False, ec=QUIET))
-    axes.set_xlim(-0.02 * camera.width, 1.02 * camera.width)
-    axes.set_ylim(1.02 * camera.height, -0.02 * camera.height)
-    axes.set_aspect("equal")
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
 
 
 def _draw_space(axes: Axes, scene: StudyScene, trajectory: Trajectory) -> None:

@@ -98,6 +98,23 @@ def new_figure(width: float, height: float) -> Figure:
     return _ShownFigure(figsize=(width, height), layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06))
 
 
+def new_axes(width: float, height: float) -> tuple[Figure, Axes]:
+    """Return such a figure, and the one coordinate system in it."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots()
+
+
+def as_image(axes: Axes, width: int, height: int) -> None:
+    """Show what lies in an image of that size [px] and a little beyond it, v downwards and without a grid."""
+    edge = 0.02 * width
+    axes.set_xlim(-edge, width + edge)
+    axes.set_ylim(height + edge, -edge)
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.set_xlabel("u [px]")
+    axes.set_ylabel("v [px]")
+
+
 def legend_below(figure: Figure, axes: Axes, columns: int) -> None:
     """Put the legend of ``axes`` under the whole figure, where it covers nothing, in columns that fit it."""
     handles, labels = axes.get_legend_handles_labels()

@@ -17,16 +17,16 @@ from omniservo.reporting.style import (
     QUIET,
     START,
     Drawing,
+    as_image,
     legend_below,
-    new_figure,
+    new_axes,
 )
 from omniservo.results.run_result import RunResult
 
 
 def plane_trajectories(result: RunResult) -> Drawing:
     """Draw the features' trajectories on the virtual plane Z = 1."""
-    figure = new_figure(5.8, 4.6)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 4.6)
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.plane, executed.plane)
     camera = result.task.camera
@@ -48,18 +48,12 @@ def plane_trajectories(result: RunResult) -> Drawing:
 def image_trajectories(result: RunResult) -> Drawing:
     """Draw the features' trajectories in the image, over its border, the lens's circle and the dead zone."""
     camera = result.task.camera
-    figure = new_figure(5.8, 0.9 + 5.2 * camera.height / camera.width)
-    axes = figure.subplots()
+    figure, axes = new_axes(5.8, 0.9 + 5.2 * camera.height / camera.width)
     _image_limits(axes, camera)
     planned, executed = planned_curve(result), executed_curve(result)
     _ways(axes, None if planned is None else planned.pixels, executed.pixels)
     _ends(axes, result.initial_pixels, result.goal_pixels)
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.03 * camera.width, 1.03 * camera.width)
-    axes.set_ylim(camera.height + 0.03 * camera.width, -0.03 * camera.width)
-    axes.grid(visible=False)
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    as_image(axes, camera.width, camera.height)
     legend_below(figure, axes, 4)
     return Drawing(
         "image",

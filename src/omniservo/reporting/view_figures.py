@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.style import EXECUTED, GOAL, QUIET, START, new_figure, styled
+from omniservo.reporting.style import EXECUTED, GOAL, QUIET, START, new_axes, new_figure, styled
 
 _SIDES = (("From above", 0, 2), ("From the right", 2, 1))
 
@@ -38,8 +38,7 @@ def views_figure(points: FloatArray, poses: Sequence[RigidTransform]) -> Figure:
 def residual_figure(residuals: FloatArray) -> Figure:
     """Return residuals (n, 2), projection minus pixel [px], as points round 0."""
     with styled():
-        figure = new_figure(4.2, 3.6)
-        axes = figure.subplots()
+        figure, axes = new_axes(4.2, 3.6)
         axes.axhline(0.0, color=QUIET, lw=0.8)
         axes.axvline(0.0, color=QUIET, lw=0.8)
         axes.plot(*residuals.T, ".", color=EXECUTED, ms=4)

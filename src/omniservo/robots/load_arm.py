@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -34,11 +35,16 @@ def load_arm(
     """
     names = shipped_arms()
     if str(arm) in names:
-        with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{arm}.xml") as path:
-            return Arm(path, flange=flange)
+        return _shipped(str(arm), flange)
     if not is_file(arm):
         raise InputError(
             f"arm {spelled(str(arm))}: neither a file nor one of the shipped arms: {', '.join(names)}"
             f"{did_you_mean(arm, names)}"
         )
     return Arm(arm, flange=flange, packages=packages)
+
+
+@cache  # arms do not change, and a job asks for its arm several times
+def _shipped(name: str, flange: str | None) -> Arm:
+    with resources.as_file(resources.files("omniservo.robots") / "shipped" / f"{name}.xml") as path:
+        return Arm(path, flange=flange)

@@ -78,6 +78,8 @@ class SimulatedRobot:
         gains, dampings = self.world.model.actuator_gainprm[:, 0], -self.world.model.actuator_biasprm[:, 2]
         self._lead = dampings / gains  # [s]: set point ahead by this share of the velocity, so that none lags
         self._stiffness = gains
+        self._most_change = _RAMP * scene.arm.joint_acceleration * TICK
+        self._lowest, self._highest = scene.arm.joint_range.T.copy()
         self.place(scene.start_joints)
 
     def place(self, joints: npt.ArrayLike) -> None:
@@ -219,19 +221,18 @@ class SimulatedRobot:
         return self._exposed[time]
 
     def _step(self) -> None:
-        arm = self._scene.arm
-        limit, before = _RAMP * arm.joint_acceleration * TICK, self._velocity.copy()
-        self._velocity += np.clip(self._command - before, -limit, limit)
+        data, before, change = self._data, self._velocity.copy(), self._most_change
+        self._velocity += np.minimum(np.maximum(self._command - before, -change), change)  # clip takes longer
         here, wanted = self._set_point, self._set_point + self._velocity * TICK
-        self._set_point = np.clip(wanted, arm.joint_range[:, 0], arm.joint_range[:, 1])
+        self._set_point = np.minimum(np.maximum(wanted, self._lowest), self._highest)
         self._velocity[self._set_point != wanted] = 0.0  # a joint that reaches its end stands
         torque = np.empty_like(wanted)  # of the acceleration; without it the arm swings past its limits
-        mujoco.mj_mulM(self.world.model, self._data, torque, (self._velocity - before) / TICK)
-        torque += self._data.qfrc_bias - self._data.qfrc_passive  # what turning links and friction take
-        self._data.ctrl[:] = here + self._lead * self._velocity + torque / self._stiffness
-        mujoco.mj_step(self.world.model, self._data)
-        if self._data.ncon:
-            self._contacts |= self.world.touching(self._data)
+        mujoco.mj_mulM(self.world.model, data, torque, (self._velocity - before) / TICK)
+        torque += data.qfrc_bias - data.qfrc_passive  # what turning links and friction take
+        data.ctrl[:] = here + self._lead * self._velocity + torque / self._stiffness
+        mujoco.mj_step(self.world.model, data)
+        if data.ncon:
+            self._contacts |= self.world.touching(data)
         self._tick += 1
         self._expose()
 

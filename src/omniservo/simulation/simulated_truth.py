@@ -7,9 +7,9 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.simulation.outside_view import OutsideView
-from omniservo.simulation.points_under import points_under
 from omniservo.simulation.ray_caster import MISS, RayCaster
 from omniservo.simulation.simulated_robot import SimulatedRobot
+from omniservo.simulation.true_lens import TrueLens
 from omniservo.simulation.world import World
 
 _SURFACE = 1e-3
@@ -52,7 +52,15 @@ class SimulatedTruth:
             joints: (n,) of the arm [rad].
             pixels: (n, 2) [px].
         """
-        return points_under(self._robot.world, joints, pixels)
+        world = self._robot.world
+        caster = RayCaster(world, sees_camera=False)
+        pose = world.world_T_camera(caster.pose_arm(joints))
+        bearings, valid = TrueLens(world.scene).unproject(pixels)
+        directions = pose.rotation.apply(np.where(valid[:, None], bearings, [0.0, 0.0, 1.0]))
+        origin = np.array(pose.translation)
+        _, distances, _ = caster.cast(origin, np.ascontiguousarray(directions))
+        met = valid & (distances >= 0.0)
+        return np.asarray(np.where(met[:, None], origin + distances[:, None] * directions, np.nan))
 
     def hidden_by(self, joints: FloatArray, points: FloatArray) -> list[str | None]:
         """Return the name of the body that hides each point from the camera; None where none does.

@@ -62,7 +62,7 @@ class Pinhole(FocalModel):
         coefficients[: len(self.distortion)] = self.distortion
         tilt = tilt_matrix(*coefficients[12:])
         distorted, tilted = any(coefficients[:12]), any(coefficients[12:])
-        disc = largest_disc(coefficients, tilt[2] / tilt[2, 2])
+        disc = largest_disc(tuple(coefficients.tolist()), tuple((tilt[2] / tilt[2, 2]).tolist()))
         if most < math.pi / 2:
             disc = min(disc, math.tan(most))
         angle = min(most, math.atan(disc))

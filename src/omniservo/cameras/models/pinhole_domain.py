@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +16,7 @@ from omniservo.geometry.arrays import FloatArray
 _SHORT_OF_THE_END = 1.0 - 1e-6
 _LARGEST_DISTORTED = 1e3
 """‖m‖ that is checked where there is distortion: 89.94° from the axis"""
-_ANGLES = 2000
+_ANGLES, _AT_ONCE = 2000, 50
 _DIRECTIONS = 180
 
 
@@ -30,7 +31,8 @@ def tilt_matrix(tau_x: float, tau_y: float) -> FloatArray:
     return np.asarray(projection @ R)
 
 
-def largest_disc(coefficients: FloatArray, sensor: FloatArray) -> float:
+@lru_cache(maxsize=64)  # a camera is made again of the same lens whenever another of its fields changes
+def largest_disc(distortion: tuple[float, ...], sensor: tuple[float, ...]) -> float:
     """Return the radius of the largest disc in which D is one-to-one and its image in front of the sensor.
 
     That holds on a disc on which the symmetric part of D's Jacobian is positive definite. With k1, k2,
@@ -38,21 +40,25 @@ def largest_disc(coefficients: FloatArray, sensor: FloatArray) -> float:
     directions, in steps of 0.045° from the axis, and the end halved down to the last digit.
 
     Args:
-        coefficients: (14,) in OpenCV's order.
+        distortion: (14,) in OpenCV's order.
         sensor: (3,) what has to be positive for (D(m), 1): the tilted sensor's last row over its last number.
     """
+    coefficients = np.array(distortion)
     if not coefficients.any():
         return math.inf
-    if not coefficients[4:].any():
-        closed = largest_invertible_radius(tuple(coefficients[:4].tolist()))
-        return min(closed, _LARGEST_DISTORTED)
+    k1, k2, p1, p2, *others = distortion
+    if not any(others):
+        return min(largest_invertible_radius((k1, k2, p1, p2)), _LARGEST_DISTORTED)
     pole = first_positive_root([1.0, *coefficients[5:8]])
     end = min(_LARGEST_DISTORTED, math.sqrt(pole) * _SHORT_OF_THE_END)
     radii = np.tan(np.linspace(0.0, math.atan(end), _ANGLES))
-    bad = _worst(coefficients, sensor, radii) <= 0.0
-    if not bad.any():
+    for begin in range(0, _ANGLES, _AT_ONCE):
+        bad = _worst(coefficients, sensor, radii[begin : begin + _AT_ONCE]) <= 0.0
+        if bad.any():
+            break
+    else:
         return end * _SHORT_OF_THE_END
-    first = int(np.argmax(bad))
+    first = begin + int(np.argmax(bad))
     low, high = radii[first - 1], radii[first]
     for _ in range(60):
         half = 0.5 * (low + high)
@@ -102,7 +108,7 @@ def _distorted(c: FloatArray, m: FloatArray) -> FloatArray:
     return np.stack([x * factor + r2 * (p2 + s1 + r2 * s2), y * factor + r2 * (p1 + s3 + r2 * s4)], axis=-1)
 
 
-def _worst(c: FloatArray, sensor: FloatArray, radii: FloatArray) -> FloatArray:
+def _worst(c: FloatArray, sensor: tuple[float, ...], radii: FloatArray) -> FloatArray:
     """Return, for each radius, the least of the eigenvalue and the sensor's distance over all directions."""
     m = radii[:, None, None] * _rays()
     x, y = m[..., 0], m[..., 1]

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, fdtri
-from scipy.stats import norm
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.motion_search import Minimum
@@ -26,7 +25,7 @@ from omniservo.estimation.uncertainty.first_order import linear_response
 from omniservo.estimation.uncertainty.likelihood_region import LEVEL, Stretches, motion_offsets, stretches
 from omniservo.geometry.arrays import FloatArray
 
-BEYOND = float(2.0 * norm.sf(5.0))
+BEYOND = math.erfc(5.0 / math.sqrt(2.0))
 """probability of an error beyond 5 σ"""
 
 MANY = 2 * EIGHT_POINTS
