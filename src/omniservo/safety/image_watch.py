@@ -183,7 +183,7 @@ class ImageWatch:
         itself be the odd one, and is none of them. From what follows for them the jumped image and this are
         off by r₁ and r₂: by δ and δ where a jump by δ stays, by δ and 0 where the jumped image is odd alone,
         in its points or its stamp, and by 0 and 0 where the one before is. So a point stays where it jumped
-        to if r₂ is nearer to r₁ than to 0. It is looked at where |r₁| is beyond ``image_error``.
+        to if r₂ is nearer to r₁ than to 0, and |r₁| is beyond ``image_error``.
         """
         images = (self._seen[-3], self._seen[-2], jumped, now)
         times = [seen.time for seen in images]
