@@ -165,3 +165,40 @@ def test_images_whose_measured_offset_is_wrong_stop_by_the_name_of_the_clock(
 
     stop, _ = run(twist, time_limit=3.0, offset_sigma=sigma)
     assert stop.reason == reason, stop
+
+
+class OnASpot(Commanding):
+    """A controller whose path is where the camera begins."""
+
+    def distance(self, place):
+        return float(np.linalg.norm(place))
+
+    def off_path(self, time, slowing):
+        return 0.0
+
+    def slow_down(self, time, slowing):
+        return time + slowing
+
+    def coast(self, time, acts_at):
+        return np.zeros(6)
+
+    def go_on(self, time, rising):
+        pass
+
+
+@pytest.mark.parametrize("room", [0.02, 0.022, 0.024])
+def test_nothing_is_commanded_where_the_last_reading_has_the_camera_beside_its_path(
+    guard, written, scene, room
+):
+    """The image is older than the reading."""
+    controller = OnASpot(written, scene, lambda k: np.array([0.2, 0, 0, 0, 0, 0]))
+    steps = []
+    stop = servo(
+        guard(path_room=room), controller, Points(written, scene), VisibilityFilter(scene.camera, delay=0.02),
+        on_step=steps.append, time_limit=1.0,
+    )  # fmt: skip
+    assert stop.reason == "off_path"
+    start = scene.world_T_camera(scene.start_joints).translation
+    places = [scene.world_T_camera(step.state.joint_positions).translation for step in steps]
+    beside = np.linalg.norm(np.array(places) - start, axis=1)
+    assert 0.5 * room < beside.max() <= room

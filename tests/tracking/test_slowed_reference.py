@@ -129,3 +129,18 @@ def test_there_is_nothing_to_coast_on_before_the_first_image():
     tracker = PathTracker(plan_of(FRONT), FISHEYE, time_law=LAW)
     with pytest.raises(FeatureLoss, match="no image"):
         tracker.coast(0.1, 0.1)
+
+
+def test_of_a_way_that_was_left_counts_what_was_before():
+    way, left = reference(), 2.0
+    end = LAW(left)[0]
+    rest = CameraPath(*bent_path(bend=(-0.15, 0.0, 0.0)).powers)
+    way.legs.append(Leg(rest, LAW, left))
+    on_both, beyond = PATH(0.6 * end).translation, PATH(0.5 * (1.0 + end)).translation
+    assert way.distance(on_both) < 1e-5
+    assert way.distance(rest(0.7).translation) < 1e-5
+    assert way.distance(beyond) > 0.01
+    way.slow_down(left - 0.1, 0.1)  # it rests before the other way is entered
+    assert way.legs[1].time == np.inf
+    assert way.distance(on_both) < 1e-5
+    assert way.distance(beyond) > 0.01

@@ -41,6 +41,12 @@ def tube_of(task: Task) -> Tube | None:
     return tube
 
 
+def tracking_room_of(task: Task) -> float:
+    """Return what a task's plans keep free because the arm does not follow exactly [m]."""
+    tube = tube_of(task)
+    return task.planning.tracking_margin if tube is None else tube.position
+
+
 def _floor(scene: Scene) -> tuple[Solid, ...]:
     if scene.floor is None:
         return ()

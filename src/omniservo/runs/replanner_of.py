@@ -7,7 +7,7 @@ from dataclasses import replace
 from omniservo.planning import CameraPath, Plan
 from omniservo.risk import RiskPlan
 from omniservo.robots import JointPath
-from omniservo.runs.arm_setting_of import arm_setting_of, tube_of
+from omniservo.runs.arm_setting_of import arm_setting_of, tracking_room_of
 from omniservo.runs.pace import limits_of
 from omniservo.safety import Controller
 from omniservo.scenes.scene import Scene
@@ -48,7 +48,9 @@ def replanner_of(
         plan,
         arm=FollowingArm(setting, motion.joints, kept),
         options=ReplanOptions(
-            ahead=1.5 / task.sensor.rate + task.sensor.latency, tube=_tube(task), seed=seed
+            ahead=1.5 / task.sensor.rate + task.sensor.latency,
+            tube=max(tracking_room_of(task), _LEAST_TUBE),
+            seed=seed,
         ),
     )
 
@@ -58,12 +60,6 @@ def followed_way(replanner: Replanner) -> FollowedWay:
     return FollowedWay(replanner.legs, tuple(joints for joints in replanner.joints if joints is not None))
 
 
-def _tube(task: Task) -> float:
-    """What tracking has room for: an estimate that changes by more leads the camera off the path by more."""
-    tube = tube_of(task)
-    room = task.planning.tracking_margin if tube is None else tube.position
-    return max(room, _LEAST_TUBE)
-
-
 _LEAST_TUBE = 0.003
-"""[m]"""
+"""An estimate that changes by more than tracking has room for leads the camera off the path by more; but by
+no less than this is planned again [m]."""

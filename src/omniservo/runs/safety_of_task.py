@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omniservo.runs.arm_setting_of import tube_of
+from omniservo.runs.arm_setting_of import tracking_room_of
 from omniservo.safety import SafetyOptions
 from omniservo.tasks import Task
 
@@ -22,13 +22,26 @@ def safety_of_task(task: Task) -> SafetyOptions:
 
     What its plan keeps for tracking is what the camera may be off its path while it moves without images.
     """
-    sensor, box = task.sensor, task.planning.workspace
-    default, tube = SafetyOptions(), tube_of(task)
+    sensor, box, default = task.sensor, task.planning.workspace, SafetyOptions()
     return SafetyOptions(
         image_age=max(default.image_age, sensor.latency + FRAMES_MISSED / sensor.rate),
-        blind_room=task.planning.tracking_margin if tube is None else tube.position,
+        blind_room=tracking_room_of(task),
+        path_room=path_room_of(task),
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
         exposure=sensor.exposure,
         readout=sensor.readout,
         workspace=None if box is None else box.bounds + np.array([[-WORKSPACE_ROOM], [WORKSPACE_ROOM]]),
     )
+
+
+def path_room_of(task: Task) -> float | None:
+    """Return how far off its path the joints may have the camera [m]; None: they are not watched for it.
+
+    Every plan, one that is made on the way too, keeps what is for tracking, and besides ``arm_clearance``
+    between the arm's bodies and what stands around: as far off, nothing is touched. Where no bodies are
+    planned for, ``clearance`` stands for the camera's own size and is no room. Where a task knows of nothing
+    around that could be hit, the camera may follow a target that was moved.
+    """
+    planning = task.planning
+    room = tracking_room_of(task) + (planning.arm_clearance or 0.0)
+    return room if room > 0.0 and (planning.obstacles or task.surroundings) else None

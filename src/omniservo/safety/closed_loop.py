@@ -297,7 +297,7 @@ class _Loop:
         seen = SeenPoints(image.time, pixels, valid, controller.points, pose, image.time_sigma)
         self._image_watch.check(seen, supervisor.history, alone=self.blind.waiting)
         if self._path_watch is not None:
-            self._path_watch.check(time)
+            self._path_watch.check(supervisor.history.time - self.start)
         self._delay_watch.check(seen, supervisor.history)
         delay = self._delays.first
         return self._visibility.step(

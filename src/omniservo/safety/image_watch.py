@@ -48,6 +48,9 @@ JITTER = 0.01
 STAMP = 3.0
 """and by so many standard deviations that are stated of them"""
 
+AHEAD = 5.0
+"""What errors make of the motion from one image to the next is taken to go on up to so many times as long."""
+
 STILL_PX = 2.0
 """Points of which half moved by less since an image [px] have stood still since then, but for noise. An image
 is also compared with the oldest of these: that shows soonest that they should have moved. What rotation and
@@ -86,7 +89,9 @@ class ImageWatch:
     times that. Joints and images may
     be off each other in time by any one offset up to ``time_offset``: one for which no more than a quarter of
     the points disagree in any two images in a row of the last `MEMORY`. Where there is none, images or
-    joints are wrong. What the points belong to must stand still.
+    joints are wrong. So they are where an image disagrees with the one before, whatever the offset is, and
+    the next is off by as much (`_lasts`): two images later a fast motion would explain the jump. What the
+    points belong to must stand still.
 
     Args:
         camera: takes the images.
@@ -105,6 +110,8 @@ class ImageWatch:
         self._first: _Seen | None = None
         self._still: _Seen | None = None
         self._seen: deque[_Seen] = deque()
+        self._jumped: _Seen | None = None
+        """the newest image, where it disagrees with the one before for all offsets"""
         about = camera.project(np.array([[0.0, 0.0, 1.0], [1e-3, 0.0, 1.0]]))[0]
         scale = float(np.linalg.norm(about[1] - about[0])) / 1e-3
         self._axis_px = ASIDE * scale if np.isfinite(scale) else 0.0
@@ -142,18 +149,54 @@ class ImageWatch:
         now = _Seen(time, seen, poses[:, :3, :3], poses[:, :3, 3], found.time_sigma)
         if self._still is None or not _stands_still(self._still, now):
             self._still = next((seen for seen in self._seen if _stands_still(seen, now)), now)
-        told = [self._disagreement(before, now, found.points) for before in self._before(now)]
+        if self._jumped is not None and self._lasts(self._jumped, now, found.points):
+            raise InconsistentImage(
+                f"points did not move with the camera: they jumped {time - self._jumped.time:.2f} s ago, and "
+                "this image shows them there, too"
+            )
+        told = {before: self._disagreement(before, now, found.points) for before in self._before(now)}
         self._first = self._first or now
         odd = np.zeros(OFFSETS, dtype=np.bool_)
-        for wrong, _ in told:
+        for wrong, _ in told.values():
             odd |= wrong
+        self._jumped = now if self._jumps(told, time) else None
         if not odd[time - self._refuted > MEMORY].all():  # a single odd image is no reference for the next
             self._seen.append(now)
         self._wrong = np.where(odd, self._wrong + 1, 0)
         refuted = self._wrong >= (1 if alone else IN_A_ROW)
         self._refuted[refuted] = time
         if (time - self._refuted <= MEMORY).all():
-            raise InconsistentImage(next(words for wrong, words in told if (wrong & refuted).any()))
+            raise InconsistentImage(next(words for wrong, words in told.values() if (wrong & refuted).any()))
+
+    def _jumps(self, told: dict[_Seen, tuple[BoolArray, str]], time: float) -> bool:
+        """Return whether an image disagrees with the newest before it, whatever the offset is."""
+        if len(self._seen) < 3:
+            return False
+        possible = time - self._refuted > MEMORY
+        return bool(told[self._seen[-1]][0][possible].all())
+
+    def _lasts(self, jumped: _Seen, now: _Seen, points: FloatArray) -> bool:
+        """Return whether an image is off by what the one before it jumped by, whatever the offset is.
+
+        How far a point is from where the joints have it changes from image to image by nearly the same: by
+        what errors within the bounds make of the motion. Two images tell it; the last before the jump may
+        itself be the odd one, and is none of them. From what follows for them the jumped image and this are
+        off by r₁ and r₂: by δ and δ where a jump by δ stays, by δ and 0 where the jumped image is odd alone,
+        in its points or its stamp, and by 0 and 0 where the one before is. So a point stays where it jumped
+        to if r₂ is nearer to r₁ than to 0, and |r₁| is beyond ``image_error``.
+        """
+        images = (self._seen[-3], self._seen[-2], jumped, now)
+        times = [seen.time for seen in images]
+        if times[3] - times[1] > AHEAD * (times[1] - times[0]):
+            return False
+        off = [seen.pixels - self._projected(points, seen.turns, seen.places) for seen in images]
+        change = (off[1] - off[0]) / (times[1] - times[0])
+        first, second = (off[i] - off[1] - (times[i] - times[1]) * change for i in (2, 3))
+        half = 0.5 * np.sum(first * first, axis=2)
+        stays = (half > 0.5 * self._options.image_error**2) & (np.sum(second * first, axis=2) > half)
+        least = max(LEAST_WRONG, math.floor(GROUP * np.isfinite(half).all(axis=0).sum()) + 1)
+        possible = now.time - self._refuted > MEMORY
+        return bool((stays.sum(axis=1) >= least)[possible].all())
 
     def _before(self, now: _Seen) -> list[_Seen]:
         """Return the images to compare with, each once."""

@@ -169,7 +169,7 @@ class PathTracker:
         return off + float(np.linalg.norm(self._way.places(time, slowing) - seen, axis=1).max())
 
     def distance(self, place: FloatArray) -> float:
-        """Return how far a place of the camera is from the nearest of the ways that were followed [m].
+        """Return how far a place of the camera is from the way, each leg up to where the next begins [m].
 
         Args:
             place: (3,) [m] in the frame of the camera as it stood at time 0.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -88,10 +89,14 @@ class Reference:
             self.legs, self._pause = [leg.paused(pause) for leg in self._before], None
 
     def distance(self, place: FloatArray) -> float:
-        """Return how far a place (3,) [m], in the frame of the pose at time 0, is from the nearest leg."""
+        """Return how far a place (3,) [m], in the frame of the pose at time 0, is from the way.
+
+        That is each leg up to where the next begins: what is beyond may not be free any more.
+        """
         begin = self.pose(0.0)
         there = Rotation.from_quat(begin[:4]).apply(place) + begin[4:]
-        return min(_beside(_line(leg.path), there) for leg in self.legs)
+        ends = [*(leg.law(after.time)[0] for leg, after in pairwise(self.legs)), 1.0]
+        return min(_beside(_line(leg.path, s), there) for leg, s in zip(self.legs, ends, strict=True))
 
     def places(self, time: float, slowing: float) -> FloatArray:
         """Return places (k, 3) [m] up to where it stands if it slows down from ``time`` on so long [s]."""
@@ -110,9 +115,9 @@ def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]
 
 
 @lru_cache(maxsize=16)
-def _line(path: CameraPath) -> FloatArray:
-    """Return places (k, 3) along a path [m]."""
-    return np.ascontiguousarray(path(np.linspace(0.0, 1.0, _LINE)).translation)
+def _line(path: CameraPath, end: float) -> FloatArray:
+    """Return places (k, 3) along a path up to an end [m]."""
+    return np.ascontiguousarray(path(np.linspace(0.0, end, _LINE)).translation)
 
 
 def _beside(line: FloatArray, place: FloatArray) -> float:

@@ -1,0 +1,92 @@
+"""A target that is pushed along the line of sight takes no run of a task off its path into an obstacle."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.runs.changed_task import DrawingRobot, DrawnCell, UnfilmedTruth, shipped, written
+from tests.runs.test_tube_of_task import folder, task_with  # noqa: F401
+
+from omniservo.runs import run_task
+from omniservo.runs.safety_of_task import path_room_of, safety_of_task
+from omniservo.simulation.projected_dots import ProjectedDots
+from omniservo.tasks import load_task
+
+PUSH, BEGIN, TAKES = np.array([0.0, 0.0, 0.09]), 0.3, 2.0
+"""[m] along the line of sight of the initial camera, from when on [s], and in how long [s]"""
+
+
+class PushedTarget(DrawingRobot):
+    """The target is pushed away while the arm moves."""
+
+    def image(self):
+        exposure, scene = self.newest_exposure(), self.world.scene
+        if exposure is not None and exposure.time > BEGIN:
+            share = min((exposure.time - BEGIN) / TAKES, 1.0)
+            by = scene.world_T_camera(scene.start_joints).rotation.apply(share * PUSH)
+            self._dots = ProjectedDots(
+                replace(scene, dots=replace(scene.dots, centers=scene.dots.centers + by))
+            )
+        return super().image()
+
+
+class PushedCell(DrawnCell):
+    """The goal is taught before, in a cell of its own, which has another seed."""
+
+    def __init__(self, task, seed=0):
+        super().__init__(task, seed)
+        if seed == 0:
+            self.robot = PushedTarget(self.robot.world.scene)
+            self.truth = UnfilmedTruth(self.robot)
+
+
+def pushed():
+    return run_task(load_task("whole-arm-2"), PushedCell, filmed=False)
+
+
+def test_a_target_that_is_pushed_along_the_line_of_sight_stops_the_run_by_name_before_anything_is_touched():
+    result = pushed()
+    metrics = result.metrics
+    assert (metrics["status"], result.log.stop_reason, metrics["contacts"]) == ("stopped", "off_path", [])
+    assert "the path keeps 8 mm free" in metrics["reason"]
+    assert metrics["arm_clearance_executed_m"] > 0.0
+
+
+def test_without_the_room_the_same_push_ends_in_a_contact(monkeypatch):
+    monkeypatch.setattr(
+        sys.modules["omniservo.runs.run_task"],
+        "safety_of_task",
+        lambda task: replace(safety_of_task(task), path_room=None),
+    )
+    assert pushed().metrics["contacts"]
+
+
+def changed(tmp_path, planning, **parts):
+    document = shipped("whole-arm-1") | parts
+    document["planning"] |= planning
+    return load_task(written(tmp_path, document))
+
+
+def test_the_room_is_that_of_tracking_and_what_the_bodies_keep():
+    assert path_room_of(load_task("whole-arm-1")) == pytest.approx(0.003 + 0.005)
+    assert path_room_of(load_task("moving-panel")) == pytest.approx(0.006 + 0.005)
+
+
+def test_the_cameras_own_clearance_is_no_room():
+    task = load_task("paper-example-1")
+    assert (task.planning.arm_clearance, task.planning.clearance) == (None, 0.055)
+    assert path_room_of(task) == task.planning.tracking_margin == 0.01
+
+
+def test_of_a_tracking_tube_the_room_is_its_position(folder):  # noqa: F811
+    assert path_room_of(task_with(folder)) == pytest.approx(0.003 + 0.005, rel=0.01)
+
+
+def test_where_nothing_stands_around_or_nothing_is_kept_the_camera_is_not_watched(tmp_path):
+    none = {"obstacles": []}
+    wall = [{"center": [0, 0, 900], "half_extents": [500, 500, 10]}]
+    assert path_room_of(changed(tmp_path, none, obstacles=[])) is None
+    assert path_room_of(changed(tmp_path, none, obstacles=[], surroundings=wall)) == pytest.approx(0.008)
+    assert path_room_of(changed(tmp_path, {"tracking_margin": 0, "arm_clearance": None})) is None
+    assert path_room_of(changed(tmp_path, {"tracking_margin": 0})) == 0.005
