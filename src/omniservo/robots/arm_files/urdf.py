@@ -198,9 +198,9 @@ class _Urdf:
                 ET.SubElement(painted, "color", rgba=self._colours[name])
 
     def _solid(self, link: XmlElement, shape: XmlElement, solid: XmlElement) -> ET.Element | None:
-        """Return the shape's own element; None: only for the eye, and of no size or not to be had."""
+        """Return the shape's own element; None: a box of no size, or for the eye alone and not to be had."""
         fields, place = self._fields, f"{self._fields.place(link)}: {shape.tag}"
-        if (shape.tag, solid.tag) == ("visual", "box") and not fields.numbers(solid, "size", 3).any():
+        if solid.tag == "box" and not fields.numbers(solid, "size", 3).any():
             return None
         if solid.tag in _SHAPES:
             sizes = {name: fields.positive(solid, name, count) for name, count in _SHAPES[solid.tag].items()}
