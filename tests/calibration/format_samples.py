@@ -1,6 +1,7 @@
 """What files of every format say, and the cameras that they are."""
 
 import json
+import math
 
 import yaml
 
@@ -228,7 +229,153 @@ Stereo.T_c1_c2: !!opencv-matrix
 ORBextractor.nFeatures: 1000
 """
 
+EUROC = (
+    "# General sensor definitions.\nsensor_type: camera\ncomment: a camera\n"
+    "T_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+    "rate_hz: 20\nresolution: [640, 480]\ncamera_model: pinhole\n"
+    "intrinsics: [FOCAL, 320.25, 239.5] #fu, fv, cu, cv\ndistortion_model: KIND\n"
+    "distortion_coefficients: VALUES\n"
+)
+
+
+def euroc(kind, focal, values):
+    return EUROC.replace("KIND", kind).replace("FOCAL", focal).replace("VALUES", str(list(values)))
+
+
+MAPLAB_CAMERA = {
+    "label": "cam0",
+    "image_height": 480,
+    "image_width": 640,
+    "type": "pinhole",
+    "intrinsics": {"cols": 1, "rows": 4, "data": [611.0, 612.0, 320.25, 239.5]},
+    "distortion": {
+        "type": "radial-tangential",
+        "parameters": {"cols": 1, "rows": 4, "data": list(RADTAN.distortion)},
+    },
+}
+MAPLAB_SENSORS = [{"sensor_type": "IMU"}, {"sensor_type": "NCAMERA", "cameras": [{"camera": MAPLAB_CAMERA}]}]
+
+REALSENSE = """Device info:
+    Name                          : \tIntel RealSense D4
+Intrinsic Parameters:
+
+ Intrinsic of "Color" / 640x480 / {YUYV/RGB8}
+  Width:      \t640
+  Height:     \t480
+  PPX:        \t320.25
+  PPY:        \t239.5
+  Fx:         \t611
+  Fy:         \t612
+  Distortion: \tInverse Brown Conrady
+  Coeffs:     \t-0.3  \t0.1  \t0.001  \t-0.002  \t0.02
+  FOV (deg):  \t55.3 x 42.9
+
+ Intrinsic of "Fisheye 1" / 640x480 / {Y8}
+  Width:      \t640
+  Height:     \t480
+  PPX:        \t320.25
+  PPY:        \t239.5
+  Fx:         \t311
+  Fy:         \t312
+  Distortion: \tKannala Brandt4
+  Coeffs:     \t0.01  \t-0.02  \t0.003  \t-0.0004  \t0
+  FOV (deg):  \t110 x 80
+
+Extrinsic from "Color"\t  To\t  "Depth" :
+ Rotation Matrix:
+   1 0 0
+"""
+
+METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
+<document version="2.0.0">
+  <chunk label="Chunk 1" enabled="true">
+    <sensors next_id="2">
+      <sensor id="0" label="frame" type="frame">
+        <resolution width="640" height="480"/>
+        <calibration type="frame" class="initial">
+          <resolution width="640" height="480"/>
+          <f>600</f>
+        </calibration>
+        <calibration type="frame" class="adjusted">
+          <resolution width="640" height="480"/>
+          <f>612</f><cx>0.75</cx><cy>0</cy><b1>-1</b1>
+          <k1>-0.3</k1><k2>0.1</k2><k3>0.02</k3><p1>-0.002</p1><p2>0.001</p2>
+        </calibration>
+      </sensor>
+      <sensor id="1" label="wide" type="fisheye">
+        <calibration type="fisheye" class="adjusted">
+          <resolution width="640" height="480"/>
+          <f>312</f><cx>0.75</cx><b1>-1</b1>
+          <k1>0.01</k1><k2>-0.02</k2><k3>0.003</k3><k4>-0.0004</k4>
+        </calibration>
+      </sensor>
+    </sensors>
+  </chunk>
+</document>
+"""
+METASHAPE_ALONE = (
+    '<?xml version="1.0"?><calibration><projection>equidistant_fisheye</projection><width>640</width>'
+    "<height>480</height><f>312</f><cx>0.75</cx><b1>-1</b1><k1>0.01</k1><k2>-0.02</k2><k3>0.003</k3>"
+    "<k4>-0.0004</k4><date>2022-01-01T00:00:00Z</date></calibration>"
+)
+
+NERF = {"w": 640, "h": 480, "fl_x": 611.0, "fl_y": 612.0, "cx": 320.75, "cy": 240.0, "frames": []}
+
+
+def oak(kind, focal, coefficients):
+    return {
+        "cameraType": kind,
+        "width": 640,
+        "height": 480,
+        "intrinsicMatrix": [[focal, 0.0, 320.25], [0.0, focal + 1.0, 239.5], [0.0, 0.0, 1.0]],
+        "distortionCoeff": [*coefficients, *[0.0] * 14][:14],
+    }
+
+
+DEPTHAI = json.dumps(
+    {"cameraData": [[0, oak(0, 611.0, RATIONAL.distortion)], [2, oak(1, 311.0, FISHEYE.k)]], "version": 7}
+)
+
 SAMPLES = {
+    "EuRoC, radial-tangential": (euroc("radial-tangential", "611, 612", RADTAN.distortion), {}, RADTAN),
+    "EuRoC, equidistant": (euroc("equidistant", "311, 312", FISHEYE.k), {}, FISHEYE),
+    "maplab, one camera alone": (json.dumps(MAPLAB_CAMERA), {}, RADTAN),
+    "maplab, a list of sensors": (json.dumps({"sensors": MAPLAB_SENSORS}), {"name": "cam0"}, RADTAN),
+    "RealSense, colour": (REALSENSE, {"name": "Color-640x480"}, BROWN),
+    "RealSense, fisheye": (REALSENSE, {"name": "Fisheye 1-640x480"}, FISHEYE),
+    "Metashape, frame": (METASHAPE, {"name": "frame"}, BROWN),
+    "Metashape, fisheye": (METASHAPE, {"name": "wide"}, FISHEYE),
+    "Metashape, a calibration alone": (METASHAPE_ALONE, {}, FISHEYE),
+    "nerfstudio, OPENCV": (
+        json.dumps({**NERF, "camera_model": "OPENCV", "k1": -0.3, "k2": 0.1, "p1": 1e-3, "p2": -2e-3}),
+        {},
+        RADTAN,
+    ),
+    "nerfstudio, OPENCV_FISHEYE": (
+        json.dumps(
+            {
+                **NERF,
+                "camera_model": "OPENCV_FISHEYE",
+                "fl_x": 311.0,
+                "fl_y": 312.0,
+                **{f"k{i + 1}": FISHEYE.k[i] for i in range(4)},
+            }
+        ),
+        {},
+        FISHEYE,
+    ),
+    "instant-ngp, an angle and no size": (
+        json.dumps({"camera_angle_x": 2.0 * math.atan(0.5), "frames": []}),
+        {"size": (640, 480)},
+        Pinhole(640.0, 640.0, 319.5, 239.5, 640, 480),
+    ),
+    "DepthAI, perspective": (DEPTHAI, {"name": "0"}, RATIONAL),
+    "DepthAI, fisheye": (DEPTHAI, {"name": "2"}, FISHEYE),
+    "ROS fisheye": (
+        ros_file("fisheye", FISHEYE.k),
+        {},
+        KannalaBrandt(611.0, 612.0, 320.25, 239.5, 640, 480, k=FISHEYE.k),
+    ),
     "ORB-SLAM3, the first of a stereo fisheye": (ORB_SLAM, {"name": "Camera1"}, FISHEYE),
     "ORB-SLAM2, five coefficients, size from the caller": (
         "%YAML:1.0\n\nCamera.fx: 611.0\nCamera.fy: 612.0\nCamera.cx: 320.25\nCamera.cy: 239.5\n"

@@ -89,3 +89,18 @@ def test_without_this_board_there_is_a_reason():
     assert nothing.reason == "no marker of DICT_4X4_50 with a number of this board"
     other = find_board(render(camera, APRIL, facing(APRIL, (0, 0, 1), 0.3)), CHARUCO)
     assert not other.found
+
+
+@pytest.mark.parametrize(
+    ("board", "turned"),
+    [(CHARUCO, CharucoBoard(6, 8, 0.03, 0.022, "DICT_4X4_50")), (APRIL, AprilGrid(4, 5, 0.03, 0.3))],
+    ids=["charuco", "aprilgrid"],
+)
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, -0.2), (-0.4, 0.3)])
+def test_a_board_with_columns_and_rows_exchanged_is_not_found_and_said(board, turned, tilt):
+    camera = preset("perspective")
+    image = render(camera, board, facing(board, (0, 0, 1), 0.35, tilt, 0.7))
+    assert find_board(image, board).found
+    view = find_board(image, turned)
+    assert not view.found
+    assert "are columns and rows exchanged?" in view.reason

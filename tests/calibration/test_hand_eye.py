@@ -267,3 +267,14 @@ def test_wrong_calls_are_one_message(good):
     ):
         with pytest.raises(InputError, match=words):
             calibrated(good, **changed)
+
+
+@pytest.mark.parametrize(("views", "seed"), [(6, 2), (7, 2), (7, 4), (7, 10)])
+@pytest.mark.parametrize("noise", [0.0, 3e-3])
+def test_few_views_of_a_camera_that_stands_still_are_never_taken_for_one_in_the_hand(views, seed, noise):
+    drawn = draw_views(np.random.default_rng(seed), FISHEYE, views, position=noise, rotation=3.0 * noise)
+    standing = [pose.inv() for pose in drawn.base_T_flange]
+    found = calibrate_hand_eye(FISHEYE, standing, drawn.pixels, drawn.points)
+    assert found.status == "poses_inverted"
+    assert "flange_T_base" in found.message
+    assert calibrate_hand_eye(FISHEYE, drawn.base_T_flange, drawn.pixels, drawn.points).status == "ok"

@@ -367,6 +367,11 @@ def test_images_sorted_by_letters_are_refused_where_only_their_order_says_whose_
             "line 3: translation: '1,two,3' given; legal: numbers",
         ),
         ("x,y,z,rx,ry,rz\n1,2,3,0,nan,0\n", "line 2: rotation_vector: .*finite"),
+        ("x,y,z,rx,ry,rz\n335,-32,308,0,0,0\n", r"line 2: translation: 456.2 m from the base .*length: mm"),
+        (
+            "x,y,z,rx,ry,rz\n0.3,0,0.3,-178,15,0\n",
+            r"line 2: rotation_vector: a turn by 178.6 rad .*angle: deg",
+        ),
         ("x,y,z,qx,qy,qz,qw\n1,2,3,0,0,0,2\n", "line 2: quaternion: norm 2 given"),
         (TABLE + "a.png,1,2,3,0,0,0,1\n", "line 5: image: 'a.png': given twice"),
         (TABLE + ",1,2,3,0,0,0,1\n", "line 5: image: '': a file's name is needed"),

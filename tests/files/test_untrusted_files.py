@@ -126,3 +126,22 @@ def test_a_quaternion_whose_square_is_no_number_is_refused_without_a_warning(rea
     path.write_text(json.dumps(fields))
     with pytest.raises(InputError, match=r"norm 1e\+200"):
         read(path)
+
+
+def test_yaml_in_braces_is_yaml_and_only_json_files_must_be_json(tmp_path):
+    for name in ("a.yaml", "a.yml"):
+        (tmp_path / name).write_text("{a: 1, b: [2, x]}\n")
+        assert read_document(tmp_path / name) == {"a": 1, "b": [2, "x"]}
+    (tmp_path / "a.json").write_text("{a: 1}")
+    with pytest.raises(InputError, match="line 1: not JSON"):
+        read_document(tmp_path / "a.json")
+    (tmp_path / "b.yaml").write_text("{a: *b}")
+    with pytest.raises(InputError, match="line 1: aliases are not read"):
+        read_document(tmp_path / "b.yaml")
+
+
+def test_a_second_document_in_a_file_is_named(tmp_path):
+    file = tmp_path / "echo.yaml"
+    file.write_text("a: 1\n---\na: 2\n")
+    with pytest.raises(InputError, match="line 2: a second document begins; legal: one"):
+        read_document(file)

@@ -131,17 +131,53 @@ def test_meshes_named_as_files_are_read_where_plain_paths_may_lead(tmp_path, pla
 def test_a_link_whose_only_picture_is_not_read_is_refused(tmp_path):
     text = re.sub(r"<collision>.*?</collision>", "", urdf(), count=1, flags=re.DOTALL)
     text = text.replace(CYLINDER, MESH.format("fancy.ply"), 1)
-    message = (
-        "link 'base_link': visual: mesh 'fancy.ply' given, and nothing else is there to be touched; legal: "
-    )
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match="link 'base_link': visual: mesh 'fancy.ply' given; legal: .stl"):
         read(tmp_path, text)
 
 
-def test_pictures_in_other_formats_are_left_out_with_a_notice(tmp_path):
-    arm = read(tmp_path, urdf(visual=MESH.format("package://not_there/fancy.ply")))
-    assert any("pictures of links left out" in notice and "fancy.ply" in notice for notice in arm.notices)
+@pytest.mark.parametrize(
+    ("mesh", "why"),
+    [
+        ("package://not_there/fancy.ply", "legal: .stl, .obj, .dae"),
+        ("package://not_there/arm.stl", "--package not_there=FOLDER"),
+        ("gone.stl", "no such file in"),
+    ],
+)
+def test_pictures_that_cannot_be_had_are_left_out_with_a_notice(tmp_path, mesh, why):
+    arm = read(tmp_path, urdf(visual=MESH.format(mesh)))
+    notice = next(notice for notice in arm.notices if "pictures of links left out" in notice)
+    assert mesh.rsplit("/", 1)[-1] in notice
+    assert why in notice
     assert [shape.kind for link in arm.links for shape in link.shapes] == ["cylinder"] * 7
+
+
+def test_pictures_of_no_size_and_second_materials_are_left_out(tmp_path):
+    text = urdf().replace(CYLINDER, '<box size="0 0 0"/>', 1)
+    text = text.replace("</material>", '</material><material name="blue"/>')
+    arm = read(tmp_path, text)
+    assert [shape.kind for link in arm.links for shape in link.shapes] == ["cylinder"] * 7
+    with pytest.raises(InputError, match="link 'base_link': box: size: 0 given"):
+        read(tmp_path, urdf().replace(CYLINDER, '<box size="0 1 0"/>', 1))
+
+
+def test_blanks_before_the_xml_declaration_do_not_move_the_lines(tmp_path):
+    assert read(tmp_path, " \n\n" + urdf()).name == "oblique"
+    with pytest.raises(InputError, match="line 7: link 'base_link': inertia: ixx"):
+        read(tmp_path, " \n\n" + urdf().replace('ixx="0.01"', 'ixx="odd"', 1))
+
+
+def test_an_mjcf_without_speeds_moves_slowly_and_says_so(tmp_path):
+    arm = read(tmp_path, mjcf(custom=False))
+    assert np.allclose(arm.joint_speed, np.radians(30.0))
+    assert any("taken: 30 deg/s each" in notice and "joint_speed_deg_s" in notice for notice in arm.notices)
+
+
+@pytest.mark.parametrize("unit", ["", '<compiler angle="radian"/>'])
+def test_hinges_of_an_mjcf_without_a_range_are_continuous_joints(tmp_path, unit):
+    arm = read(tmp_path, mjcf(extra=unit).replace('range="-120 120"', "", 1).replace("-120 120", "-2 2"))
+    np.testing.assert_allclose(arm.joint_range[0], [-2.0 * np.pi, 2.0 * np.pi])
+    np.testing.assert_allclose(arm.joint_range[1], np.array([-2.0, 2.0]) * (1.0 if unit else np.pi / 180))
+    assert any("continuous joints, taken as -360 … 360 deg: joint 1" in notice for notice in arm.notices)
 
 
 def test_links_without_collision_shapes_are_touched_by_their_pictures(tmp_path):
@@ -297,40 +333,40 @@ BAD_URDF = {
     "odd shape": (lambda text: text.replace(CYLINDER, "<cone/>", 1), "<cone> given; legal: box, cylinder"),
     "thin": (lambda text: text.replace('radius="0.04"', 'radius="0"', 1), "radius: 0 given; greater than 0"),
     "lost mesh": (
-        lambda text: text.replace(CYLINDER, MESH.format("gone.stl"), 1),
-        "link 'base_link': visual: mesh 'gone.stl': no such file in ",
+        lambda text: text.replace(CYLINDER, MESH.format("gone.stl")),
+        "link 'base_link': collision: mesh 'gone.stl': no such file in ",
     ),
     "lost package": (
-        lambda text: text.replace(CYLINDER, MESH.format("package://nowhere/m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("package://nowhere/m.stl")),
         "package 'nowhere': not among the 6 folders above the file nor beside them",
     ),
     "lost in package": (
-        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/m.stl")),
         "mesh: 'm.stl': no such file in the package .*arm_box",
     ),
     "out of the package": (
-        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/../m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("package://arm_box/../m.stl")),
         "legal: a relative path inside",
     ),
     "out of the folder": (
-        lambda text: text.replace(CYLINDER, MESH.format("../../m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("../../m.stl")),
         "'../m.stl' given; legal: a relative path inside the file's folder",
     ),
-    "absolute": (lambda text: text.replace(CYLINDER, MESH.format("/m.stl"), 1), "legal: a relative path"),
+    "absolute": (lambda text: text.replace(CYLINDER, MESH.format("/m.stl")), "legal: a relative path"),
     "from the net": (
-        lambda text: text.replace(CYLINDER, MESH.format("http://x/m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("http://x/m.stl")),
         "legal: a path inside the file's folder, or package://NAME/path",
     ),
     "a file elsewhere": (
-        lambda text: text.replace(CYLINDER, MESH.format("file:///etc/m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("file:///etc/m.stl")),
         "mesh 'file:///etc/m.stl' given; a file:///… is read inside .*package://NAME/path",
     ),
     "a file by no path": (
-        lambda text: text.replace(CYLINDER, MESH.format("file://a%00/m.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("file://a%00/m.stl")),
         "mesh 'file://a%00/m.stl' given; a file:///… is read inside ",
     ),
     "a file without a root": (
-        lambda text: text.replace(CYLINDER, MESH.format("file://home/flat.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("file://home/flat.stl")),
         "mesh 'file://home/flat.stl': no such file; legal: file:///FOLDER/FILE",
     ),
     "touched picture": (
@@ -338,23 +374,21 @@ BAD_URDF = {
         "collision: mesh 'm.ply' given; legal: .stl, .obj, .dae",
     ),
     "no mesh in it": (
-        lambda text: text.replace(CYLINDER, MESH.format("text.stl"), 1),
+        lambda text: text.replace(CYLINDER, MESH.format("text.stl")),
         "mesh .*text.stl: no triangles in it",
     ),
-    "flat mesh": (lambda text: text.replace(CYLINDER, MESH.format("flat.stl"), 1), "flat.stl: flat; legal"),
+    "flat mesh": (lambda text: text.replace(CYLINDER, MESH.format("flat.stl")), "flat.stl: flat; legal"),
     "deep": (lambda text: "<a>" * 110 + "</a>" * 110, "nested deeper than 100"),
     "other root": (lambda text: "<sdf/>", "root element 'sdf' given; legal: <robot>"),
 }
 
 BAD_MJCF = {
     "bomb": (BOMB + mjcf(), "line 1: document types"),
-    "no speeds": (mjcf(custom=False), "joint speeds are missing; legal: <custom><numeric name="),
     "five": (mjcf(joints=5), "5 numbers; legal: 6 or 7"),
     "more joints than speeds": (
         mjcf().replace('<joint axis="0 1 0"', '<joint axis="1 0 0" range="0 1"/><joint axis="0 1 0"', 1),
         "6 joint speeds; the arm has 7 joints",
     ),
-    "no range": (mjcf().replace('range="-120 120"', "", 1), "joint 'joint 1': no limits; legal: range="),
     "slide": (
         mjcf().replace("<joint ", '<joint type="slide" ', 1),
         "type 'slide' does not turn",

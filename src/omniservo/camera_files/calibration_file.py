@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from omniservo.camera_files.binary_table import camera_rows
 from omniservo.camera_files.document import LENS, FieldPath, parse_fields
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled, spelled_name
-from omniservo.files import read_text
+from omniservo.files import as_text, read_bytes
 from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
@@ -39,12 +40,15 @@ class CalibrationFile:
     def read(
         cls, path: str | Path, size: tuple[int, int] | None = None, model: str | None = None
     ) -> CalibrationFile:
-        """Read a file of at most 1 MB: JSON, YAML, XML or a table of numbers.
+        """Read a file of at most 1 MB: JSON, YAML, XML, a table of numbers, or one of the others' own.
 
         Raises:
             InputError: unreadable, too large, or none of these.
         """
-        fields, line_of = parse_fields(read_text(path, max_bytes=_MAX_BYTES), str(path))
+        content = read_bytes(path, max_bytes=_MAX_BYTES)
+        if b"\0" in content[:8]:  # no text has one, and every cameras.bin begins with a small number
+            return cls(str(path), camera_rows(content, str(path)), lambda _: 0, size, model)
+        fields, line_of = parse_fields(as_text(content, path), str(path))
         return cls(str(path), fields, line_of, size, model)
 
     def error(self, problem: str, *path: str | int) -> InputError:
@@ -77,7 +81,8 @@ class CalibrationFile:
         """Say whether a field stands in the file."""
         value: Any = self.fields
         for name in path:
-            if not isinstance(value, Mapping) or name not in value:
+            listed = isinstance(value, list) and isinstance(name, int) and name < len(value)
+            if not listed and not (isinstance(value, Mapping) and name in value):
                 return False
             value = value[name]
         return True

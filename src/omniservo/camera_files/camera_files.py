@@ -13,15 +13,21 @@ from omniservo.camera_files.formats import (
     boofcv,
     camodocal,
     colmap,
+    depthai,
+    euroc,
     kalibr,
     mei_toolbox,
+    metashape,
+    nerfstudio,
     ocamcalib,
     opencv,
     orb_slam,
     own,
+    realsense,
     ros,
     svo,
     visp,
+    woodscape,
 )
 from omniservo.camera_files.usual_error import ErrorLike, with_error
 from omniservo.cameras import UnifiedCamera
@@ -75,6 +81,12 @@ _READERS: tuple[_Reader, ...] = (
     mei_toolbox,
     visp,
     orb_slam,
+    euroc,
+    nerfstudio,
+    metashape,
+    realsense,
+    depthai,
+    woodscape,
 )
 
 WRITTEN: dict[str, WrittenFormat] = {
@@ -107,9 +119,7 @@ def load_model(
 ) -> CentralModel:
     """Return the camera of a calibration file as the file has it; its content tells the format.
 
-    Read are our own format, OpenCV's FileStorage, Kalibr chains, CamOdoCal and VINS, Basalt, ROS CameraInfo,
-    OCamCalib, SVO, BoofCV, COLMAP, values of Mei's toolbox, ViSP and settings of ORB-SLAM; docs/camera.md
-    lists what of each.
+    Read are our own format and those of twenty other programs; docs/camera.md lists which, and what of each.
 
     Args:
         path: a file of at most 1 MB. Nothing in it is executed or followed.
@@ -141,8 +151,11 @@ def read_model(
     if reader is None:
         raise InputError(
             f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS"
-            " (model_type), Basalt, ROS CameraInfo, OCamCalib, SVO, BoofCV, COLMAP cameras.txt,"
-            " Mei's toolbox (xi), ViSP, ORB-SLAM settings"
+            " (model_type), Basalt, ROS CameraInfo, OCamCalib, SVO and maplab, BoofCV, COLMAP cameras.txt and"
+            " cameras.bin, Mei's toolbox (xi), ViSP, ORB-SLAM settings, EuRoC sensor.yaml, nerfstudio"
+            " transforms.json, Metashape, RealSense (rs-enumerate-devices -c), DepthAI, WoodScape. Of any"
+            ' other write the numbers under OpenCV\'s names: {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]],'
+            ' "D": […], "image_size": [width, height]}'
         )
     if model is not None and reader is not opencv:
         raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")

@@ -18,14 +18,21 @@ FieldPath = tuple[str | int, ...]
 LENS = "omniservo_lens"
 """where our largest angle, dead zone and mask stand in a foreign file, whose own readers ignore the field"""
 
+STREAMS = "streams of a RealSense camera"
+"""the field under which what ``rs-enumerate-devices -c`` prints is kept"""
+
 _LONGEST_SEARCHED = 2**18
 """characters; in a longer file the line of a field is not looked for, which would take seconds"""
+
+_STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +/? *(\d+x\d+)', flags=re.MULTILINE)
 
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 
 
 def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[FieldPath], int]]:
     """Return the fields of XML, of a table of numbers, of JSON or of YAML, also as OpenCV writes them.
+
+    What ``rs-enumerate-devices -c`` prints is ``{STREAMS: {"Color-640x480": {"Width": …}}}``.
 
     A table's rows are ``{"rows": [[…], …]}``: what stands between blanks. Of its comments one is read,
     ``# omniservo_lens: {…}`` in JSON, as a field.
@@ -39,6 +46,8 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
     if text.lstrip().startswith("<"):
         fields, lines = parse_xml(text, source)
         return fields, lambda path: lines.get(path, 0)
+    if _STREAM.search(text):
+        return {STREAMS: _streams(text)}, lambda _: 0
     rows = _rows(text)
     if rows is not None:
         numbers = [number for number, _ in rows]
@@ -51,8 +60,27 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
     plain = re.sub(r"\n---\s*\Z", "\n", plain)
     fields = parse_document(plain, source)
     if not isinstance(fields, Mapping):
-        raise InputError(f"{source}: {type(fields).__name__} found; a calibration is a mapping of fields")
+        raise InputError(
+            f"{source}: {type(fields).__name__} found; a calibration is a mapping of fields, of a format that"
+            " docs/camera.md lists"
+        )
     return fields, lambda path: _line_in_yaml(plain, path)
+
+
+def _streams(text: str) -> dict[str, dict[str, Any]]:
+    """Return the fields of each stream in each resolution, by the name of both."""
+    starts = [*_STREAM.finditer(text)]
+    streams: dict[str, dict[str, Any]] = {}
+    for start, end in zip(starts, [*(found.start() for found in starts[1:]), len(text)], strict=True):
+        fields = streams.setdefault("-".join(start.groups()), {})
+        for line in text[start.end() : end].splitlines()[1:]:
+            name, colon, said = line.strip().partition(":")
+            if not colon:
+                break
+            words = [number_or_word(word) for word in said.split()]
+            worded = len(words) == 0 or any(isinstance(word, str) for word in words)
+            fields[name] = said.strip() if worded else words if name == "Coeffs" else words[0]
+    return streams
 
 
 def _rows(text: str) -> list[tuple[int, list[Any]]] | None:

@@ -17,7 +17,8 @@ def parse_xml(text: str, source: str) -> tuple[dict[str, Any], dict[tuple[str | 
     """Return ``{root: content}`` and the line of every field, by its path.
 
     An element with elements inside is a dict; elements of one name beside each other, and OpenCV's ``_``, are
-    a list; text is a number, a list of numbers, or a string without its quotes. Attributes are not read.
+    a list; text is a number, a list of numbers, or a string without its quotes. Attributes of elements
+    without text are fields too, with an ``@`` before their names.
 
     Document types are refused, and with them entities and everything else that could refer or grow.
 
@@ -51,12 +52,13 @@ def _content(
 ) -> Any:
     lines[path] = element.line
     children = [child for child in element if isinstance(child, XmlElement)]
+    attributes = {f"@{name}": _value(said) for name, said in element.attrib.items()}
     if not children:
-        return _value(element.text or "")
+        return _value(element.text or "") if (element.text or "").strip() or not attributes else attributes
     names = [child.tag for child in children]
     if set(names) == {"_"}:
         return [_content(child, (*path, i), lines) for i, child in enumerate(children)]
-    fields: dict[str, Any] = {}
+    fields: dict[str, Any] = attributes
     for name in dict.fromkeys(names):
         same = [child for child in children if child.tag == name]
         if len(same) == 1:

@@ -65,8 +65,17 @@ def read_text(path: str | Path, *, max_bytes: int = MAX_BYTES) -> str:
     Raises:
         InputError: missing, a folder, unreadable, larger than ``max_bytes``, or not text.
     """
+    return as_text(read_bytes(path, max_bytes=max_bytes), path)
+
+
+def as_text(content: bytes, path: str | Path) -> str:
+    """Return the text (UTF-8) that a file holds.
+
+    Raises:
+        InputError: it is none.
+    """
     try:
-        return read_bytes(path, max_bytes=max_bytes).decode("utf-8-sig")
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file (UTF-8)") from None
 
@@ -148,7 +157,11 @@ def parse_document(text: str, source: str) -> Any:
     """Return what JSON or YAML text holds; see `read_document`. ``source`` stands first in messages."""
     try:
         if text.lstrip()[:1] in ("{", "["):
-            return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=float)
+            try:
+                return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=float)
+            except json.JSONDecodeError:
+                if not source.lower().endswith((".yaml", ".yml")):  # YAML has braces, too
+                    raise
         if len(text) > MAX_YAML:
             raise InputError(f"{source}: more than {MAX_YAML} bytes of YAML; JSON may have {MAX_BYTES}")
         return yaml.load(text, Loader=_PlainLoader)  # noqa: S506  a SafeLoader with fewer powers
@@ -158,6 +171,8 @@ def parse_document(text: str, source: str) -> Any:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
         problem = getattr(error, "problem", None) or "not YAML"
+        if problem == "but found another document":
+            problem = "a second document begins; legal: one, so cut the file off before this line"
         raise InputError(f"{source}: {where}{problem}") from None
     except RecursionError:
         raise InputError(f"{source}: nested too deeply") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
@@ -11,6 +12,10 @@ from omniservo.errors import InputError
 _MAX_DEPTH = 100
 _MAX_ELEMENTS = 50_000
 _TEXT_AT_ONCE = 2**20
+
+
+_LATE_DECLARATION = re.compile(r"\A\s+<\?xml[^>]*\?>")
+"""<?xml … ?> behind blanks or lines, which many programs read and the standard forbids"""
 
 
 class XmlElement(ET.Element):
@@ -42,10 +47,15 @@ def parse_elements(text: str, source: str) -> XmlElement:
     parser.CharacterDataHandler = builder.words
     parser.StartDoctypeDeclHandler = builder.refuse
     try:
-        parser.Parse(text, True)
+        parser.Parse(_LATE_DECLARATION.sub(_newlines, text, count=1), True)
     except expat.ExpatError as error:
         raise InputError(f"{source}: line {error.lineno}: not XML: {expat.ErrorString(error.code)}") from None
     return builder.root
+
+
+def _newlines(found: re.Match[str]) -> str:
+    """Return as many lines as were found, so that those that follow keep their numbers."""
+    return "\n" * found[0].count("\n")
 
 
 class _Builder:

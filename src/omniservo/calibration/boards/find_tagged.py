@@ -17,6 +17,7 @@ _WITHIN = 0.85  # of a one-coloured strip: what of it belongs to a corner's wind
 _ALONG = 0.65  # squares
 _MOST_OFF = 0.5  # sides of a marker, from where the others say it is
 _LEAST_CORNERS = 4
+_LEAST_AGREEING = 0.5  # share of the markers: with fewer the board is another one
 
 
 def charuco_corners(image: ByteArray, board: CharucoBoard) -> Corners:
@@ -72,9 +73,14 @@ def _roughness(places: FloatArray, pixels: FloatArray) -> float:
 def _measured(
     board: AprilGrid | CharucoBoard, corners: Corners, markers: Markers, places: FloatArray, name: str
 ) -> BoardView:
-    good = _agreeing(places, markers.corners)
-    if not good.any():
+    if not len(places):
         return BoardView.nothing(f"no marker of {name} with a number of this board")
+    good = _agreeing(places, markers.corners)
+    if good.sum() < _LEAST_AGREEING * len(good):
+        return BoardView.nothing(
+            f"{len(good)} markers of {name}, but {int((~good).sum())} of them not where a board of"
+            f" {board.columns}x{board.rows} has them; are columns and rows exchanged?"
+        )
     pixels, _, ok = local_map(
         places[good].reshape(-1, 2), markers.corners[good].reshape(-1, 2), corners.places
     )

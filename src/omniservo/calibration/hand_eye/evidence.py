@@ -27,6 +27,9 @@ _MISFIT = 0.1
 _BETTER = 3.0
 """times that inverted poses must fit better to be what was meant"""
 
+_MANY, _BETTER_OF_MANY = 6, 1.25
+"""views from which on so many times are enough: the median view is then none that three views can fit"""
+
 _OPEN = (0.05, math.radians(5.0))
 """standard deviations [m], [rad] beyond which nothing is determined, or robot and images disagree"""
 
@@ -75,18 +78,22 @@ def judge_rotations(base_T_flange: Sequence[RigidTransform]) -> Refusal | None:
 def judge_start(
     first: HandEyeStart | None, base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
 ) -> Refusal | None:
-    """Refuse a start that most views do not agree with; say whether inverted poses would."""
-    if first is not None and first.misfit < _MISFIT / _BETTER:
-        return None
+    """Refuse a start that most views do not agree with, or that inverted poses would beat.
+
+    Few views may agree by chance with a start of the wrong kind, so inverted poses are always tried.
+    """
+    better = _BETTER if len(poses) < _MANY else _BETTER_OF_MANY
     other = start(base_T_flange.inv(), poses)
     if (
         other is not None
-        and (first is None or other.misfit * _BETTER < first.misfit)
+        and (first is None or other.misfit * better < first.misfit)
         and other.misfit < _MISFIT
     ):
         words = "views agree once every robot pose is inverted: flange_T_base seems given, base_T_flange is"
         return Refusal(
-            "poses_inverted", f"{words} needed (or the camera stands still and the board is on the flange)"
+            "poses_inverted",
+            f"{words} needed (or the camera stands still and the board is on the flange: its pose is found by"
+            " giving flange_T_base, and called flange_T_camera then)",
         )
     if first is not None and first.misfit < _MISFIT:
         return None

@@ -17,7 +17,7 @@ from omniservo.calibration.hand_eye.robot_poses import ROUNDED, pose_from_matrix
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, stated_units
-from omniservo.geometry.arrays import finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array
 from omniservo.renamed import renamed_attribute
 from omniservo.short_repr import short_repr
 
@@ -26,6 +26,11 @@ FORMAT = "omniservo.robot_poses/1"
 _MAX_BYTES = 2**20
 _VISP_LISTS = ("fPe", "rPe")
 _PLACE, _QUATERNION, _VECTOR = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz")
+_FARTHEST = 30.0
+"""[m] of a flange from its base, which may be a hall's corner"""
+_MOST_TURN = 3.0 * math.pi
+"""[rad] by a rotation vector; controllers report at most π"""
+_STATE_UNITS = "state units: {length: mm, angle: deg} in a file of format omniservo.robot_poses/1"
 _ROTATIONS = ("quaternion", "rotation_vector", "matrix")
 
 
@@ -227,10 +232,17 @@ def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:
     if given == ["matrix"]:
         matrix = np.array(finite_array(f"{where}: matrix", value["matrix"], (4, 4)))
         matrix[:3, 3] *= units["length"]
+        _near(matrix[:3, 3], f"{where}: matrix")
         return pose_from_matrix(f"{where}: matrix", matrix)
     translation = units["length"] * finite_array(f"{where}: translation", value["translation"], (3,))
+    _near(translation, f"{where}: translation")
     if given == ["rotation_vector"]:
         vector = units["angle"] * finite_array(f"{where}: rotation_vector", value["rotation_vector"], (3,))
+        if math.hypot(*vector) > _MOST_TURN:
+            raise InputError(
+                f"{where}: rotation_vector: a turn by {math.hypot(*vector):.4g} rad given; legal: at most"
+                f" {_MOST_TURN:.4g} rad; if it is in degrees, {_STATE_UNITS}"
+            )
         return RigidTransform.from_components(translation, Rotation.from_rotvec(vector))
     quaternion = finite_array(f"{where}: quaternion", value["quaternion"], (4,))
     if abs(math.hypot(*quaternion) - 1.0) > ROUNDED:
@@ -238,6 +250,16 @@ def _entry(value: Any, where: str, units: dict[str, float]) -> RigidTransform:
             f"{where}: quaternion: norm {math.hypot(*quaternion):.4g} given; legal: 1 within {ROUNDED:g}"
         )
     return RigidTransform.from_components(translation, Rotation.from_quat(quaternion))
+
+
+def _near(translation: FloatArray, where: str) -> None:
+    """Refuse a flange that is farther from its base than any arm reaches: its unit is another one."""
+    far = math.hypot(*translation)
+    if far > _FARTHEST:
+        raise InputError(
+            f"{where}: {far:.4g} m from the base given; legal: at most {_FARTHEST:g} m; if it is in"
+            f" millimetres, {_STATE_UNITS}"
+        )
 
 
 def _R_and_t(value: Any, where: str) -> RigidTransform:

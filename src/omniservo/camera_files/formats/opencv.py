@@ -22,7 +22,7 @@ from typing import Any
 
 from omniservo.camera_files.calibration_file import CalibrationFile
 from omniservo.camera_files.document import FieldPath
-from omniservo.camera_files.formats import ros
+from omniservo.camera_files.formats import ros, svo
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
 from omniservo.errors import InputError
@@ -52,7 +52,9 @@ _SUFFIX = re.compile(r"(.*?)(\d|left|right|l|r)?")
 def recognises(fields: Any) -> bool:
     """Say whether the fields are an OpenCV storage, or hold a matrix K under one of its names."""
     held = fields.get(STORAGE, fields)
-    return STORAGE in fields or (bool(_matrices(held)) and not ros.recognises(fields))
+    return STORAGE in fields or (
+        bool(_matrices(held)) and not ros.recognises(fields) and not svo.recognises(fields)
+    )
 
 
 def names(file: CalibrationFile) -> list[str]:

@@ -6,9 +6,10 @@
 | distortion | distortion_coefficients {rows, cols, data} | D, d |
 | size | image_width, image_height | width, height |
 
-``distortion_model``: plumb_bob (k1, k2, p1, p2, k3), rational_polynomial (OpenCV's 8, 12 or 14), equidistant
-(Kannala–Brandt, k1…k4); none or no numbers: no distortion. (0, 0) is a pixel's centre. K and D describe the
-image as the camera gives it, and that is what is read; R and P describe the rectified one and are left alone.
+``distortion_model``: plumb_bob (k1, k2, p1, p2, k3), rational_polynomial (OpenCV's 8, 12 or 14), equidistant,
+which some call fisheye (Kannala–Brandt, k1…k4); none or no numbers: no distortion. (0, 0) is a pixel's
+centre. K and D describe the image as the camera gives it, and that is what is read; R and P describe the
+rectified one and are left alone.
 Source: the comments of sensor_msgs/CameraInfo. An image that is binned or a part of the sensor is refused:
 K is the whole sensor's then, and drivers differ on where a binned pixel's centre is.
 """
@@ -29,9 +30,11 @@ _COUNTS = {
     "plumb_bob": (0, 4, 5),
     "rational_polynomial": (0, 8, 12, 14),
     "equidistant": (4,),
+    "fisheye": (4,),
     "none": (0,),
     "": (0,),
 }
+_FISHEYE = ("equidistant", "fisheye")
 _K, _D = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
 _WIDTH, _HEIGHT = ("image_width", "width"), ("image_height", "height")
 
@@ -58,9 +61,9 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     sides = [_first(file, _WIDTH), _first(file, _HEIGHT)]
     given |= file.image_size(tuple(file.number(side, minimum=1.0) for side in sides), sides[0])
     held = any(name in file.fields for name in _D)
-    place = _first(file, _D) if held or kind == "equidistant" else ""
+    place = _first(file, _D) if held or kind in _FISHEYE else ""
     coefficients = file.coefficients(place, legal=_COUNTS[kind]) if place else ()
-    if kind == "equidistant":
+    if kind in _FISHEYE:
         return file.build(KannalaBrandt, **given, k=coefficients)
     return file.build(Pinhole, **given, distortion=coefficients)
 

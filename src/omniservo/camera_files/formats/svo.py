@@ -1,4 +1,6 @@
-"""SVO's camera YAML: a list ``cameras`` of entries with ``type``, ``intrinsics.data`` and ``distortion``.
+"""SVO's and maplab's camera YAML: entries with ``type``, ``intrinsics.data`` and ``distortion``.
+
+They stand in a list ``cameras``; in maplab's also in that of a sensor of a list ``sensors``, or one alone.
 
 - omni: polynomial a0…a4, centre x and y, affine c, d, e, 12 numbers of the inverse polynomial and 2 of a
   mask, which are not read; (u, v) = [[1, e], [d, c]] (x, y) + centre, as in `ocamcalib` after its change of
@@ -14,25 +16,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from omniservo.camera_files.calibration_file import CalibrationFile
+from omniservo.camera_files.document import FieldPath
 from omniservo.cameras.models import CentralModel, KannalaBrandt, OcamPolynomial, Pinhole
 
 _DISTORTIONS = ("none", "radial-tangential", "equidistant")
 
 
 def recognises(fields: Any) -> bool:
-    """Say whether the fields are a list of SVO cameras of any type."""
-    cameras = fields.get("cameras")
-    return isinstance(cameras, list) and all(isinstance(c, Mapping) and "camera" in c for c in cameras)
+    """Say whether the fields are SVO's or maplab's cameras of any type."""
+    return bool(_places(fields))
 
 
 def names(file: CalibrationFile) -> list[str]:
     """Return the cameras' labels, or cam0, cam1, … where there are none."""
-    cameras = file.value("cameras")
-    found = []
-    for index in range(len(cameras)):
-        labelled = file.value("cameras", index, "camera")
-        label = labelled.get("label") if isinstance(labelled, Mapping) else None
-        found.append(str(label or f"cam{index}"))
+    found: list[str] = []
+    for place in _places(file.fields):
+        described = file.value(*place)
+        label = described.get("label", described.get("topic")) if isinstance(described, Mapping) else None
+        found.append(str(label or f"cam{len(found)}"))
     return found
 
 
@@ -42,7 +43,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     Raises:
         InputError: another type of camera or distortion, or a field is missing or not legal.
     """
-    at = ("cameras", names(file).index(name), "camera")
+    at = _places(file.fields)[names(file).index(name)]
     sides = tuple(file.number(*at, side, minimum=1.0) for side in ("image_width", "image_height"))
     size = file.image_size(sides, *at, "image_width")
     kind = file.word(("omni", "pinhole"), *at, "type")
@@ -67,3 +68,18 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     if distortion == "equidistant":
         return file.build(KannalaBrandt, *at, **given, k=four)
     return file.build(Pinhole, *at, **given, distortion=four)
+
+
+def _places(fields: Any) -> list[FieldPath]:
+    """Return where the cameras stand."""
+    if isinstance(fields, Mapping) and {"type", "intrinsics", "image_width"} <= set(fields):
+        return [()]
+    holders: list[tuple[FieldPath, Any]] = [((), fields)]
+    sensors = fields.get("sensors")
+    holders += [(("sensors", i), held) for i, held in enumerate(sensors if isinstance(sensors, list) else ())]
+    found: list[FieldPath] = []
+    for path, held in holders:
+        cameras = held.get("cameras") if isinstance(held, Mapping) else None
+        if isinstance(cameras, list) and all(isinstance(c, Mapping) and "camera" in c for c in cameras):
+            found += [(*path, "cameras", index, "camera") for index in range(len(cameras))]
+    return found

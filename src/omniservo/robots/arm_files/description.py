@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,10 @@ from omniservo.geometry.arrays import FloatArray
 
 LEGAL_COUNTS = (6, 7)
 """Joints that an arm may have."""
+
+
+ENDLESS = 2.0 * math.pi
+"""[rad] range to both sides of a joint without limits: a camera's cable does not turn endlessly"""
 
 
 @dataclass(frozen=True)
@@ -19,8 +24,8 @@ class Description:
     """MJCF or URDF"""
     assets: dict[str, bytes]
     """meshes as STL, by the names that the text calls them"""
-    speed: tuple[float, ...]
-    """[rad/s] from the base outwards"""
+    speed: tuple[float, ...] | None
+    """[rad/s] from the base outwards; None: not stated"""
     acceleration: tuple[float, ...] | None
     """[rad/s²] from the base outwards; None: not stated"""
     notices: tuple[str, ...]
@@ -34,3 +39,9 @@ class Description:
 def held_notice(joints: Sequence[str]) -> str:
     """Say which joints are not the arm's."""
     return f"joints that are not the arm's, held still with what they carry: {', '.join(joints)}"
+
+
+def endless_notice(joints: Sequence[str]) -> str:
+    """Say which joints have no limits."""
+    turns = f"{math.degrees(ENDLESS):.0f}"
+    return f"continuous joints, taken as -{turns} … {turns} deg: {', '.join(joints)}"

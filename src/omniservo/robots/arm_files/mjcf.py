@@ -43,7 +43,7 @@ def read_mjcf(root: XmlElement, file: Path) -> Description:
         file: where it lies; includes and meshes are looked for from there.
 
     Raises:
-        InputError: a part that is refused, a file that cannot be had, or no joint speeds.
+        InputError: a part that is refused, or a file that cannot be had.
     """
     return _Mjcf(root, file).description()
 
@@ -74,17 +74,12 @@ class _Mjcf:
                 )
             kept = ET.SubElement(clean, section.tag, section.attrib)
             self._section(section, kept, folder)
-        if SPEED not in self._rates:
-            raise InputError(
-                f"{self._file}: joint speeds are missing; legal: <custom><numeric name={SPEED!r} "
-                'data="180 180 …"/></custom>, one number a joint'
-            )
         left_out = f"shapes of the world itself left out: {self._left_out}; they do not belong to the arm"
         acceleration = self._rates.get(ACCELERATION)
         return Description(
             ET.tostring(clean, encoding="unicode"),
             self._meshes.assets,
-            self._rates[SPEED],
+            self._rates.get(SPEED),
             acceleration,
             (left_out,) if self._left_out else (),
             self._meshes.vertices,

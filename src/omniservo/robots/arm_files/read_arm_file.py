@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,15 +19,23 @@ from omniservo.files.xml_files import parse_elements
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_model import ArmModel
 from omniservo.robots.arm_files.contacts import choose_contacts, name_shapes
-from omniservo.robots.arm_files.description import Description, held_notice
+from omniservo.robots.arm_files.description import Description, endless_notice, held_notice
 from omniservo.robots.arm_files.drives import add_drives, has_drives
 from omniservo.robots.arm_files.hold_rest import hold_rest
 from omniservo.robots.arm_files.includes import MOST_BYTES
-from omniservo.robots.arm_files.mjcf import read_mjcf
-from omniservo.robots.arm_files.serial_chain import check_joints, find_flange, name_parts
+from omniservo.robots.arm_files.mjcf import SPEED, read_mjcf
+from omniservo.robots.arm_files.serial_chain import (
+    check_joints,
+    find_flange,
+    limit_endless,
+    name_parts,
+)
 from omniservo.robots.arm_files.shapes import paint, share_groups
 from omniservo.robots.arm_files.urdf import read_urdf
 from omniservo.robots.collision.exact_vertices import keep_vertices, on_hull
+
+ASSUMED_SPEED = math.radians(30.0)
+"""[rad/s] of every joint of an MJCF that states no speeds, for which the format has no field"""
 
 SPEEDING_UP = 0.25
 """[s] in which a joint is taken to reach its speed where its acceleration is not stated"""
@@ -104,6 +113,19 @@ def _unreadable(file: Path, error: ValueError) -> InputError:
     return InputError(f"{file}: MuJoCo cannot read it: {' '.join(str(error).split())[:300]}")
 
 
+def _speed(description: Description, joints: int, file: Path, notices: list[str]) -> FloatArray:
+    """Return the joints' speeds [rad/s]: as stated, or assumed, and said."""
+    if description.speed is None:
+        notices.append(
+            f"joint speeds are not stated; taken: {math.degrees(ASSUMED_SPEED):.0f} deg/s each; to state"
+            f' them: <custom><numeric name={SPEED!r} data="180 180 …"/></custom>, one number a joint'
+        )
+        return np.full(joints, ASSUMED_SPEED)
+    if len(description.speed) != joints:
+        raise InputError(f"{file}: {len(description.speed)} joint speeds; the arm has {joints} joints")
+    return np.array(description.speed)
+
+
 def _made_ready(spec: Any, description: Description, file: Path, flange: str | None) -> ArmModel:
     notices = list(description.notices)
     renamed = name_parts(spec)
@@ -116,10 +138,11 @@ def _made_ready(spec: Any, description: Description, file: Path, flange: str | N
     name_shapes(spec)
     _keep_hulls(spec, description.vertices)
     model = _compiled(spec, file)
+    if endless := limit_endless(spec, model):
+        notices.append(endless_notice(endless))
+        model = _compiled(spec, file)
     check_joints(model, str(file))
-    if len(description.speed) != model.njnt:
-        raise InputError(f"{file}: {len(description.speed)} joint speeds; the arm has {model.njnt} joints")
-    speed = np.array(description.speed)
+    speed = _speed(description, model.njnt, file, notices)
     if description.acceleration is None:
         notices.append(f"accelerations are not stated; taken: full speed in {SPEEDING_UP:g} s")
         acceleration = speed / SPEEDING_UP

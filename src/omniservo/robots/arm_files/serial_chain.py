@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, spelled
 from omniservo.robots.arm_files.arm_row import FLANGE_NAMES
+from omniservo.robots.arm_files.description import ENDLESS
 
 _TAKEN = frozenset({"camera", "floor"})
 _WIDEST = 100.0
@@ -34,6 +35,16 @@ def name_parts(spec: Any) -> dict[str, str]:
     for number, joint in enumerate(spec.joints, 1):
         joint.name = joint.name or f"joint {number}"
     return renamed
+
+
+def limit_endless(spec: Any, model: Any) -> list[str]:
+    """Give hinges without a range the one of a continuous joint; return their names."""
+    endless = [model.joint(joint).name for joint in range(model.njnt) if not model.jnt_limited[joint]]
+    most = np.degrees(ENDLESS) if spec.compiler.degree else ENDLESS
+    for name in endless:
+        joint = spec.joint(name)
+        joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, (-most, most)
+    return endless
 
 
 def check_joints(model: Any, source: str) -> None:
@@ -88,8 +99,6 @@ def _carries(model: Any, body: int, carried: int) -> bool:
 
 def _check_range(model: Any, joint: int, source: str) -> None:
     place = f"{source}: joint {_name(model, joint)}"
-    if not model.jnt_limited[joint]:
-        raise InputError(f'{place}: no limits; legal: range="low high"')
     low, high = model.jnt_range[joint]
     if not (np.isfinite([low, high]).all() and -_WIDEST <= low < high <= _WIDEST):
         raise InputError(

@@ -6,26 +6,22 @@ Everything else in the file (transmissions, plugins, textures, MuJoCo's own sett
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError
 from omniservo.files.ros_packages import RosPackages
 from omniservo.files.xml_files import XmlElement
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots.arm_files.arm_row import arm_row
-from omniservo.robots.arm_files.description import Description, held_notice
+from omniservo.robots.arm_files.description import ENDLESS, Description, endless_notice, held_notice
 from omniservo.robots.arm_files.held_joints import axis_of, held_positions, moved_origin, spelled_positions
-from omniservo.robots.arm_files.mesh_assets import READABLE, MeshAssets
+from omniservo.robots.arm_files.mesh_assets import MeshAssets
 from omniservo.robots.arm_files.urdf_tree import read_tree
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 MOST_LINKS = 500
 """Links of one file, fixed ones too."""
-
-_ENDLESS = 2.0 * math.pi
-"""[rad] range to both sides of a continuous joint: a camera's cable does not turn endlessly"""
 
 _SETTINGS = {
     "fusestatic": "false",  # fixed frames stay: the flange is one of them
@@ -65,7 +61,8 @@ class _Urdf:
         self._file = file
         self._fields = XmlFields(file)
         self._meshes = MeshAssets(file, packages)
-        self._undrawn: list[str] = []
+        self._undrawn: dict[str, str] = {}
+        """why a mesh that is only for the eye is left out, by its name"""
         self._colours: dict[str, str] = {}
 
     def description(self) -> Description:
@@ -108,11 +105,10 @@ class _Urdf:
             notices.append(held_notice(spelled_positions(rest, held)))
         endless = [joint.get("name", "") for joint in moving if joint.get("type") == "continuous"]
         if endless:
-            turns = f"{math.degrees(_ENDLESS):.0f}"
-            notices.append(f"continuous joints, taken as -{turns} … {turns} deg: {', '.join(endless)}")
+            notices.append(endless_notice(endless))
         if self._undrawn:
-            legal, names = " and ".join(READABLE), ", ".join(dict.fromkeys(self._undrawn))
-            notices.append(f"pictures of links left out, not {legal}: {names}")
+            why = ", ".join(dict.fromkeys(self._undrawn.values()))
+            notices.append(f"pictures of links left out: {', '.join(self._undrawn)} ({why})")
         return tuple(notices)
 
     def _speed(self, joint: XmlElement) -> float:
@@ -148,7 +144,7 @@ class _Urdf:
 
     def _range(self, joint: XmlElement) -> dict[str, str]:
         fields, limit = self._fields, self._limit(joint)
-        lower, upper = -_ENDLESS, _ENDLESS
+        lower, upper = -ENDLESS, ENDLESS
         if joint.get("type") != "continuous":
             lower, upper = (float(fields.numbers(limit, name, 1)[0]) for name in ("lower", "upper"))
         if lower >= upper:
@@ -165,16 +161,10 @@ class _Urdf:
         inertial = self._fields.only(link, "inertial")
         if inertial is not None:
             self._inertial(inertial, clean)
-        undrawn = len(self._undrawn)
         for visual in self._fields.children(link, "visual"):
             self._shape(link, visual, clean)
         for collision in self._fields.children(link, "collision"):
             self._shape(link, collision, clean)
-        if len(self._undrawn) > undrawn and clean.find("visual") is None and clean.find("collision") is None:
-            raise InputError(
-                f"{self._fields.place(link)}: visual: mesh {spelled(self._undrawn[-1])} given, and nothing "
-                f"else is there to be touched; legal: {', '.join(READABLE)} (convert it)"
-            )
         return clean
 
     def _inertial(self, inertial: XmlElement, clean: ET.Element) -> None:
@@ -200,8 +190,7 @@ class _Urdf:
         kept = ET.SubElement(clean, shape.tag)
         self._origin(shape, kept)
         ET.SubElement(kept, "geometry").append(shown)
-        material = fields.only(shape, "material") if shape.tag == "visual" else None
-        if material is not None:
+        for material in fields.children(shape, "material")[:1] if shape.tag == "visual" else ():
             self._learn_colour(material)
             name = material.get("name", "")
             if name in self._colours:
@@ -209,18 +198,23 @@ class _Urdf:
                 ET.SubElement(painted, "color", rgba=self._colours[name])
 
     def _solid(self, link: XmlElement, shape: XmlElement, solid: XmlElement) -> ET.Element | None:
-        """Return the shape's own element; None where it is only for the eye and cannot be read."""
+        """Return the shape's own element; None: a box of no size, or for the eye alone and not to be had."""
         fields, place = self._fields, f"{self._fields.place(link)}: {shape.tag}"
+        if solid.tag == "box" and not fields.numbers(solid, "size", 3).any():
+            return None
         if solid.tag in _SHAPES:
             sizes = {name: fields.positive(solid, name, count) for name, count in _SHAPES[solid.tag].items()}
             return ET.Element(solid.tag, {name: _words(values) for name, values in sizes.items()})
         if solid.tag != "mesh":
             raise InputError(f"{place}: <{solid.tag}> given; legal: {', '.join([*_SHAPES, 'mesh'])}")
         reference = fields.text(solid, "filename")
-        if shape.tag == "visual" and Path(reference).suffix.lower() not in READABLE:
-            self._undrawn.append(reference.rsplit("/", 1)[-1])
+        try:
+            mesh = {"filename": self._meshes.add(place, reference)}
+        except InputError as error:
+            if shape.tag == "collision" or link.find("collision") is None:
+                raise
+            self._undrawn[reference.rsplit("/", 1)[-1]] = str(error).removeprefix(f"{place}: ")
             return None
-        mesh = {"filename": self._meshes.add(place, reference)}
         if solid.get("scale") is not None:
             scale = fields.numbers(solid, "scale", 3)
             if not scale.all():
