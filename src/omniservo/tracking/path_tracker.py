@@ -49,7 +49,8 @@ class PathTracker:
         camera: the camera that takes the images, of any model; pixels are those of its own images.
         goal_pixels: (n, 2) [px], the points in the goal image; None: where the plan's end sees them.
         initial_pixels: (n, 2) [px], the points in the initial image; with them and goal pixels the points
-            are refined on the way, as `StructureRefinement` says.
+            are refined on the way, as `StructureRefinement` says. None: the points of a target whose shape
+            is known keep it.
         options: see TrackerOptions.
         time_law: w(t); None: rest to rest in 4 s.
 
