@@ -31,7 +31,7 @@ class LikelyError(NamedTuple):
     error: ModelError
     pulls: FloatArray
     """(f, 9) what each independent error of a field, one σ, adds to ∂cost/∂θ, the poses being free: with S
-    their information, θ is off by S⁻¹pull. Of the longest ℓ that is not told apart from the best: it moves
+    their information, θ is off by S⁻¹pull. Of the longest ℓ that is as likely as the best (95%): it moves
     the camera most, and residuals show it least"""
 
 
@@ -43,7 +43,7 @@ LONGER = (1 / 3.5,)
 """not stated, but what it does to the camera counts where the residuals allow it"""
 
 _UNDECIDED = 1.92
-"""of ln(likelihood): lengths within that are not told apart (95%)"""
+"""of ln(likelihood): lengths within that are as likely (95%)"""
 
 _SPACING = 0.9
 """of the grid, in ℓ"""
